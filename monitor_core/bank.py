@@ -1,0 +1,179 @@
+"""A bank of axes of equal structure: owns their state, runs blocks of their samples through the kernel."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.assembly import Assembly, fill
+from monitor_core.episodes import DIRECTIONS, Calm, Crossing
+from monitor_core.kernel.block import Samples, Trace, run_axes, run_side_by_side
+from monitor_core.kernel.cusum import CALM, Events
+from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
+from monitor_core.kernel.tables import Floats, constant_rows
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+FEWEST_LANES = 8
+"""From so many axes on, lanes side by side are faster than axis by axis (measured by ``make bench``)."""
+
+CALM_MEMORIES = 3
+SLOW_MEMORIES = 10
+
+
+class Bank:
+    """Monitors of several axes with the same drive structure and the same monitored parameters.
+
+    Raises:
+        ValueError: no axis, structures that differ, or settings that do not fit the drive.
+    """
+
+    def __init__(self, models: Sequence[AxisModel], settings: Sequence[Settings]) -> None:
+        if not models or len(models) != len(settings):
+            raise ValueError(f"{len(models)} models and {len(settings)} settings: need one each, at least one")
+        first = models[0]
+        for model in models:
+            if (model.drive, model.monitored) != (first.drive, first.monitored):
+                raise ValueError("the axes of a bank must share the drive and the monitored parameters")
+        self.models, self.settings = tuple(models), tuple(settings)
+        assembly = Assembly(first.drive, first.monitored)
+        self._tables = t = assembly.tables
+        W = len(models)
+        rows = constant_rows(t.n, t.p, t.row.size, t.term_slot.size, int(t.ends[0]))
+        self._constants = np.zeros((rows, W))
+        float_rows, int_rows = state_rows(t.n, t.p, t.m)
+        self._floats = np.zeros((float_rows, W))
+        self._ints = np.zeros((int_rows, W), dtype=np.int64)
+        for a, (model, setting) in enumerate(zip(models, settings, strict=True)):
+            fill(constant_views(self._constants, t), a, _constants(assembly, model, setting))
+            self._start(a, model, setting)
+
+    def _start(self, a: int, model: AxisModel, s: Settings) -> None:
+        st = self.state
+        st.theta[:, a] = model.theta0
+        st.t[a] = NEVER
+        st.onset[:, :, a] = NEVER
+        st.lam0_running[a] = s.lam0
+        st.seed_left[a] = s.seed_updates
+        certain = s.P0 or (1 + s.lam) * model.scale**2 / s.lam0
+        if np.shape(certain) != model.scale.shape:
+            raise ValueError(f"P0 has {len(s.P0)} entries, {len(model.scale)} parameters are monitored")
+        np.fill_diagonal(st.P[:, :, a], certain)
+
+    @property
+    def state(self) -> State:
+        """Named views into the state, axis last.  Writing to them changes the monitors."""
+        return state_views(self._floats, self._ints, self._tables.n, self._tables.p, self._tables.m)
+
+    def run(
+        self, t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None = None
+    ) -> list[tuple[int, Crossing | Calm]]:
+        """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
+
+        Returns the events with the index of their axis, axis by axis in order of time.
+
+        Raises:
+            ValueError: shapes that do not fit.
+        """
+        return self._run(t_us, u, y, count, _trace(0, self._tables.p, len(self.models)))
+
+    def run_traced(
+        self, t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None = None
+    ) -> tuple[list[tuple[int, Crossing | Calm]], Trace]:
+        """As ``run``, with the recursion's values at every sample."""
+        trace = _trace(len(t_us), self._tables.p, len(self.models))
+        return self._run(t_us, u, y, count, trace), trace
+
+    def _run(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        count: NDArray[np.int64] | None,
+        trace: Trace,
+    ) -> list[tuple[int, Crossing | Calm]]:
+        samples = _samples(t_us, u, y, count, len(self.models))
+        events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
+        run = run_axes if len(self.models) < FEWEST_LANES else run_side_by_side
+        reset = not self.settings[0].run_on
+        run(self._tables, self._constants, self._floats, self._ints, samples, reset, events, trace)
+        return sorted(self._named(events), key=lambda pair: pair[0])
+
+    def _named(self, events: Events) -> Iterator[tuple[int, Crossing | Calm]]:
+        for k in range(int(events.count[0])):
+            kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
+            theta, P_ii = events.value[:, k]
+            name = self.models[a].monitored[i]
+            if kind == CALM:
+                yield a, Calm(name, t_us)
+            else:
+                size = float(theta - self.models[a].theta0[i])
+                sd = standard_deviation(self.settings[a], float(P_ii))
+                yield a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, size, sd)
+
+    def column(self, a: int) -> tuple[Floats, NDArray[np.int64]]:
+        """A copy of the whole state of one axis: floats and integers."""
+        return self._floats[:, a].copy(), self._ints[:, a].copy()
+
+    def restore(self, a: int, floats: Floats, ints: NDArray[np.int64]) -> None:
+        """Put back what ``column`` gave.
+
+        Raises:
+            ValueError: the arrays have another shape, or hold values no state can have.
+        """
+        if floats.shape != self._floats[:, a].shape or ints.shape != self._ints[:, a].shape:
+            raise ValueError(f"a state of {floats.size} + {ints.size} numbers does not fit this model")
+        if not np.isfinite(floats).all():
+            raise ValueError("a state with values that are not finite")
+        self._floats[:, a] = floats
+        self._ints[:, a] = ints
+
+    def thresholds(self, a: int) -> Floats:
+        """h (p,) of axis a."""
+        return constant_views(self._constants, self._tables).h[:, a].copy()
+
+
+def standard_deviation(s: Settings, P_ii: float) -> float:
+    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda))."""
+    return math.sqrt(s.lam0 * P_ii / (1 + s.lam))
+
+
+def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:
+    numbers = {
+        "lam": s.lam,
+        "lam0": s.lam0,
+        "alpha1": s.alpha1,
+        "lam_slow": 1 - (1 - s.lam) / SLOW_MEMORIES,
+        "speed_scale": s.speed_scale,
+        "delay": s.delay_s,
+        "gap_us": round(s.max_gap_s * 1e6),
+        "settle_us": round(s.settle_s * 1e6),
+        "seed": s.seed_updates,
+        "calm": round(CALM_MEMORIES * s.memory),
+    }
+    vectors = {"K": s.gain(len(model.drive.states)), "h": s.alpha2 * model.scale}
+    return assembly.model_constants(model) | vectors | {k: np.array(float(v)) for k, v in numbers.items()}
+
+
+def _samples(
+    t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None, W: int
+) -> Samples:
+    t = np.ascontiguousarray(t_us, dtype=np.int64)
+    if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
+        raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N, {W}) each")
+    n = np.full(W, len(t)) if count is None else np.asarray(count, dtype=np.int64)
+    if n.shape != (W,) or (n < 0).any() or (n > len(t)).any():
+        raise ValueError(f"count = {n}: need {W} numbers from 0 to {len(t)}")
+    return Samples(t, np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float), n)
+
+
+def _events(most_per_sample: int, samples: int) -> Events:
+    capacity = most_per_sample * samples
+    return Events(np.zeros(1, np.int64), np.empty((5, capacity), np.int64), np.empty((2, capacity)))
+
+
+def _trace(N: int, p: int, W: int) -> Trace:
+    return Trace(
+        np.full((N, W), np.nan), np.empty((N, p, W)), np.empty((N, p, W)), np.empty((N, p, W)), np.empty((N, 2, p, W))
+    )

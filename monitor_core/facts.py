@@ -1,0 +1,55 @@
+"""What a monitor knows about its axis now: plain values, units beside them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    """State of the estimate of a parameter."""
+
+    WAITING = "waiting"  # no sample yet
+    SETTLING = "settling"  # the predictor has just (re)started
+    SEEDING = "seeding"  # P(0) is being found
+    TRACKING = "tracking"
+    ALARM = "alarm"  # an alarm episode is open
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterFacts:
+    """One monitored parameter, in its own unit."""
+
+    name: str
+    unit: str
+    meaning: str
+    nominal: float
+    estimate: float
+    standard_deviation: float
+    """sqrt(lambda_0 P_ii / (1 + lambda))"""
+    p_diagonal: float
+    """P_ii of eq. 13"""
+    g_up: float
+    """CUSUM for an increase; in the parameter's unit times samples"""
+    g_down: float
+    h: float
+    """Threshold of both"""
+    nu: float
+    """Deviation per sample that is tolerated"""
+    status: Status
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFacts:
+    """One axis at the time of its last sample (microseconds since 1970, None before the first)."""
+
+    time_us: int | None
+    parameters: tuple[ParameterFacts, ...]
+    innovation_variance: float
+    """Running estimate of lambda_0, in the output's unit squared"""
+    counters: Mapping[str, int]
+    """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
+
+    @property
+    def samples(self) -> int:
+        """Samples received, whatever became of them."""
+        return sum(v for k, v in self.counters.items() if k not in ("projected",))

@@ -1,0 +1,9 @@
+"""The numeric kernel: one source of the arithmetic, compiled for one axis and for lanes of axes.
+
+Every function takes ``lanes`` as its first argument.  For one axis it is the tuple ``(0,)``: its length is
+part of its type, so the loops over axes vanish when Numba compiles that shape.  For many axes it is an array,
+and the same loops become the inner, vectorised ones.  No function reassociates a sum, so both shapes give the
+same bits.
+
+Read in this order: tables, state, laurent, propagate, recursion, cusum, block.
+"""

@@ -1,0 +1,115 @@
+"""The state of a bank of axes: one array of floats and one of integers, a column per axis.
+
+The whole state of a monitor is these two columns, so a checkpoint is two arrays and a lane can be moved,
+copied or compared without knowing what is in it.  ``state_views`` is the only place that knows the order.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from monitor_core.kernel.tables import Constants, Floats, Ints, Tables
+
+NEVER = np.iinfo(np.int64).min
+"""Time stamp of something that has not happened."""
+
+SCHEMA = 1
+"""Version of the order below; part of the key of every checkpoint."""
+
+COUNTERS = ("used", "seeding", "settling", "not_finite", "not_increasing", "gap", "diverged", "projected")
+"""What became of the samples: the rows of ``State.counts``."""
+USED, SEEDING, SETTLING, NOT_FINITE, NOT_INCREASING, GAP, DIVERGED, PROJECTED = range(len(COUNTERS))
+
+
+class State(NamedTuple):
+    """Views into the two arrays; letters as in the paper."""
+
+    x: Floats  # (n, W) state of the predictor, at the last sample, after its correction
+    z: Floats  # (p, n, W) dx/dtheta_i
+    theta: Floats  # (p, W)
+    P: Floats  # (p, p, W)
+    g: Floats  # (2, p, W) CUSUM for an increase and for a decrease
+    u: Floats  # (m, W) inputs held since the last sample
+    du: Floats  # (p, m, W) their derivatives (friction of the predicted speed)
+    torque_before: Floats  # (W,) torque of the sample before, acts during the delay
+    lam0_running: Floats  # (W,) running innovation variance
+    P_sum: Floats  # (p, W) diagonal of P, summed while P(0) is found
+    t: NDArray[np.int64]  # (W,) time of the last sample, us
+    settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
+    seed_left: NDArray[np.int64]  # (W,) updates left of the run that finds P(0)
+    calm: NDArray[np.int64]  # (p, W) consecutive samples with |d| <= nu
+    onset: NDArray[np.int64]  # (2, p, W) time at which g was last zero, us
+    counts: NDArray[np.int64]  # (len(COUNTERS), W)
+
+
+@njit(cache=True, nogil=True)
+def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:  # noqa: E741
+    """Name the rows of a bank's state: F (float_rows, W) and I (int_rows, W), both C-contiguous."""
+    W = F.shape[1]
+    a = n
+    b = a + p * n
+    c = b + p
+    d = c + p * p
+    e = d + 2 * p
+    f = e + m
+    g = f + p * m
+    q = 3 + p
+    r = q + 2 * p
+    return State(
+        F[:a],
+        F[a:b].reshape(p, n, W),
+        F[b:c],
+        F[c:d].reshape(p, p, W),
+        F[d:e].reshape(2, p, W),
+        F[e:f],
+        F[f:g].reshape(p, m, W),
+        F[g],
+        F[g + 1],
+        F[g + 2 : g + 2 + p],
+        I[0],
+        I[1],
+        I[2],
+        I[3:q],
+        I[q:r].reshape(2, p, W),
+        I[r:],
+    )
+
+
+def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
+    """Rows of the float array and of the integer array."""
+    return n + p * n + p + p * p + 2 * p + m + p * m + 2 + p, 3 + 3 * p + len(COUNTERS)
+
+
+@njit(cache=True, nogil=True)
+def constant_views(c: Floats, tables: Tables) -> Constants:
+    """Name the rows of a bank's constants (constant_rows, W)."""
+    n, p = tables.n, tables.p
+    s = tables.row.size
+    t = s + tables.term_slot.size
+    w = t + tables.ends[0]
+    k = w + n
+    r = k + n
+    b = r + 4 * p
+    return Constants(
+        c[:s],
+        c[s:t],
+        c[t:w],
+        c[w:k],
+        c[k:r],
+        c[r : r + p],
+        c[r + p : r + 2 * p],
+        c[r + 2 * p : r + 3 * p],
+        c[r + 3 * p : b],
+        c[b],
+        c[b + 1],
+        c[b + 2],
+        c[b + 3],
+        c[b + 4],
+        c[b + 5],
+        c[b + 6],
+        c[b + 7],
+        c[b + 8],
+        c[b + 9],
+    )

@@ -1,0 +1,194 @@
+"""The numeric model of a drive: named parameters with units, and A, B, C as sums of Laurent terms.
+
+    x' = A(theta) x + B(theta) u,      y = C(theta) x
+
+``Drive`` is the structure of a family of axes (library.py has the three-mass drive of the paper), ``AxisModel`` is
+one axis of it: nominal values and the parameters to be monitored.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import scipy.linalg as sla
+
+from monitor_core.kernel.tables import Floats
+
+Matrix = Literal["A", "B", "C", "rest"]
+Output = Literal["speed", "angle"]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A physical parameter.  ``positive``: zero or a negative value makes no sense (inertias, springs)."""
+
+    name: str
+    unit: str
+    meaning: str
+    positive: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """``coefficient * prod parameter^exponent``, added to one entry of a matrix."""
+
+    matrix: Matrix
+    row: int
+    col: int
+    coefficient: float
+    powers: tuple[tuple[str, int], ...]
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """The term at the given parameter values; complex values pass through."""
+        return self.coefficient * math.prod(values[name] ** e for name, e in self.powers)
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Name and unit of a state or an input."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The structure of a drive.
+
+    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ONE).  ``rest`` terms give the state of the
+    drive moving rigidly with output 1, from which a predictor starts after a gap.
+    """
+
+    name: str
+    output: Output
+    states: tuple[Quantity, ...]
+    inputs: tuple[int, ...]
+    parameters: tuple[Parameter, ...]
+    terms: tuple[Term, ...]
+    speed_state: int
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name, or of ``1/name``.
+
+        Raises:
+            KeyError: the drive has no such parameter.
+        """
+        base, inverse = split_name(name)
+        for candidate in self.parameters:
+            if candidate.name == base:
+                return _inverted(candidate) if inverse else candidate
+        known = ", ".join(p.name for p in self.parameters)
+        raise KeyError(f"the drive {self.name!r} has no parameter {base!r}; it has {known}")
+
+    def matrix(self, which: Matrix, values: Mapping[str, float]) -> Floats:
+        """A (n, n), B (n, m), C (1, n) or rest (n, 1) at the given parameter values."""
+        n, m = len(self.states), len(self.inputs)
+        shape = {"A": (n, n), "B": (n, m), "C": (1, n), "rest": (n, 1)}[which]
+        kind = complex if any(isinstance(v, complex) for v in values.values()) else float
+        out = np.zeros(shape, dtype=kind)
+        for term in self.terms:
+            if term.matrix == which:
+                out[term.row, term.col] += term.value(values)
+        return out
+
+
+def split_name(name: str) -> tuple[str, bool]:
+    """``"1/Ja"`` is the reciprocal of the parameter ``Ja``: ("Ja", True)."""
+    return (name[2:].strip(), True) if name.startswith("1/") else (name, False)
+
+
+def _inverted(p: Parameter) -> Parameter:
+    unit = "1" if p.unit == "1" else f"1/({p.unit})"
+    return Parameter(f"1/{p.name}", unit, f"reciprocal of: {p.meaning}", p.positive)
+
+
+@dataclass(frozen=True)
+class AxisModel:
+    """One axis: a drive, its nominal values (SI), and the parameters theta that are to be tracked.
+
+    A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a parameter
+    whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine theta; default for a
+    positive parameter: a tenth to ten times its nominal value.
+
+    Raises:
+        KeyError: a name that the drive does not have, or a nominal value that is missing.
+        ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice.
+    """
+
+    drive: Drive
+    nominal: Mapping[str, float]
+    monitored: tuple[str, ...]
+    scales: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for p in self.drive.parameters:
+            if p.name not in self.nominal:
+                raise KeyError(f"no nominal value for {p.name} ({p.meaning}, {p.unit})")
+        for name, value in self.nominal.items():
+            p = self.drive.parameter(name)
+            if not math.isfinite(value) or (p.positive and value <= 0):
+                need = "finite and greater than zero" if p.positive else "finite"
+                raise ValueError(f"nominal {name} = {value}: {p.meaning} must be {need}")
+        bases = [split_name(name)[0] for name in self.monitored]
+        for name in self.monitored:
+            self.drive.parameter(name)
+            if bases.count(split_name(name)[0]) > 1:
+                raise ValueError(f"{split_name(name)[0]} is monitored twice")
+        for name, scale in zip(self.monitored, self.scale, strict=True):
+            if not scale > 0:
+                raise ValueError(f"{name} has the nominal value 0: give its scale, which sets its threshold")
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The monitored parameters, reciprocals written as such."""
+        return tuple(self.drive.parameter(name) for name in self.monitored)
+
+    @cached_property
+    def theta0(self) -> Floats:
+        """Nominal theta (p,)."""
+        return np.array([self._nominal(name) for name in self.monitored])
+
+    @cached_property
+    def scale(self) -> Floats:
+        """Size s_i of each theta_i (p,): |theta0_i|, or as given."""
+        sizes = [self.scales.get(name, abs(self._nominal(name))) for name in self.monitored]
+        return np.array(sizes)
+
+    @cached_property
+    def limits(self) -> Floats:
+        """Lower and upper bounds of theta (2, p)."""
+        pairs = [self._limits(name) for name in self.monitored]
+        return np.array(pairs).reshape(-1, 2).T
+
+    def values(self, theta: Sequence[float] | Floats) -> dict[str, float]:
+        """All parameter values with theta in place of the nominal ones."""
+        values = dict(self.nominal)
+        for name, value in zip(self.monitored, theta, strict=True):
+            base, inverse = split_name(name)
+            values[base] = 1 / value if inverse else value
+        return values
+
+    def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
+        """A (n, n), B (n, m) and C (1, n) at theta (p,), by default at nominal."""
+        values = self.nominal if theta is None else self.values(theta)
+        return self.drive.matrix("A", values), self.drive.matrix("B", values), self.drive.matrix("C", values)
+
+    def balance(self) -> Floats:
+        """The diagonal d (n,) of powers of two that balances A at nominal: D^-1 A D."""
+        _, (d, _) = sla.matrix_balance(self.matrices()[0], permute=False, separate=True)
+        return np.asarray(d, dtype=float)
+
+    def _nominal(self, name: str) -> float:
+        base, inverse = split_name(name)
+        return 1 / self.nominal[base] if inverse else self.nominal[base]
+
+    def _limits(self, name: str) -> tuple[float, float]:
+        if name in self.bounds:
+            return self.bounds[name]
+        if not self.drive.parameter(name).positive:
+            return (-math.inf, math.inf)
+        return (0.1 * self._nominal(name), 10 * self._nominal(name))

@@ -1,0 +1,80 @@
+"""How an axis is monitored: predictor, forgetting, detector, gaps."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monitor_core.kernel.tables import Floats
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of one axis; the defaults are the paper's.
+
+    Raises:
+        ValueError: a value outside its range.
+    """
+
+    interval_s: float
+    """Nominal sample interval."""
+    lam: float = 0.995
+    """Forgetting factor lambda, per sample."""
+    lam0: float = 1.0
+    """Innovation variance lambda_0, in the output's unit squared, used by nu and by standard deviations."""
+    alpha1: float = 3.0
+    alpha2: float = 20.0
+    K: tuple[float, ...] = ()
+    """Filter gain of the innovations form, one number per state; empty is K = 0, the paper's output error."""
+    delay_s: float = 0.0
+    """Time by which the torque acts later than its sample, at most one interval."""
+    max_gap_s: float = 0.05
+    """A longer interval between samples re-initialises the predictor."""
+    settle_s: float = 1.0
+    """No update of theta for so long after the predictor started."""
+    speed_scale: float = 1.0
+    """Speed of tanh(speed / speed_scale), rad/s."""
+    P0: tuple[float, ...] = field(default=())
+    """Diagonal of P(0); empty: found from the first samples by the paper's recipe."""
+    run_on: bool = False
+    """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "interval_s": (self.interval_s, 0 < self.interval_s < math.inf),
+            "lam": (self.lam, 0.5 <= self.lam < 1),
+            "lam0": (self.lam0, 0 < self.lam0 < math.inf),
+            "alpha1": (self.alpha1, 0 <= self.alpha1 < math.inf),
+            "alpha2": (self.alpha2, 0 < self.alpha2 < math.inf),
+            "delay_s": (self.delay_s, 0 <= self.delay_s <= self.interval_s),
+            "max_gap_s": (self.max_gap_s, self.interval_s <= self.max_gap_s < math.inf),
+            "settle_s": (self.settle_s, 0 <= self.settle_s < math.inf),
+            "speed_scale": (self.speed_scale, 0 < self.speed_scale < math.inf),
+            "K": (self.K, all(math.isfinite(k) for k in self.K)),
+            "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),
+        }
+        for name, (value, good) in ranges.items():
+            if not good:
+                raise ValueError(f"{name} = {value} is out of range")
+
+    @property
+    def memory(self) -> float:
+        """Memory length 1 / (1 - lambda), in samples."""
+        return 1 / (1 - self.lam)
+
+    @property
+    def seed_updates(self) -> int:
+        """Length of the run that finds P(0): ten memory lengths, of which the second half is averaged."""
+        return 0 if self.P0 else 2 * round(5 * self.memory)
+
+    def gain(self, n: int) -> Floats:
+        """K as a vector (n,).
+
+        Raises:
+            ValueError: K has another number of states.
+        """
+        if not self.K:
+            return np.zeros(n)
+        if len(self.K) != n:
+            raise ValueError(f"K has {len(self.K)} entries, the drive {n} states")
+        return np.array(self.K)

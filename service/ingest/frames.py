@@ -1,0 +1,20 @@
+"""What flows through ingest: frames as received, values decoded from them, samples paired from values."""
+
+from typing import NamedTuple
+
+
+class Frame(NamedTuple):
+    """A CAN frame as received.  Time in whole microseconds since 1970, rounded once, here."""
+
+    t_us: int
+    can_id: int
+    extended: bool
+    data: bytes
+
+
+class Sample(NamedTuple):
+    """Torque and motion of one axis at one time, SI units on the motor side."""
+
+    t_us: int
+    torque: float  # N m
+    motion: float  # rad or rad/s
