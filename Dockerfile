@@ -1,0 +1,40 @@
+# axiswatch in a container.
+#   tools/build-image.sh
+#   docker run --network host -v /etc/axiswatch:/etc/axiswatch:ro -v axiswatch:/var/lib/axiswatch axiswatch
+# --network host: SocketCAN interfaces belong to the host's network namespace.
+
+# Any image with python3 (3.11 or newer), venv and pip.
+ARG BASE_IMAGE=python:3.11-slim
+
+FROM ${BASE_IMAGE} AS build
+WORKDIR /src
+RUN python3 -m venv /opt/axiswatch
+COPY requirements-runtime.lock ./
+RUN /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --require-hashes -r requirements-runtime.lock
+COPY pyproject.toml README.md ./
+COPY monitor_core monitor_core
+COPY service service
+COPY config config
+# numba knows a compiled kernel by its source's modification time, and image layers keep whole seconds only:
+# round first, then compile.
+RUN /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --no-deps . \
+ && find /opt/axiswatch -name '*.py' -exec touch -d "@$(date +%s)" {} + \
+ && /opt/axiswatch/bin/python -m compileall -q -j 0 /opt/axiswatch/lib
+
+FROM ${BASE_IMAGE}
+COPY --from=build /opt/axiswatch /opt/axiswatch
+RUN useradd --system --no-create-home --home-dir /var/lib/axiswatch --shell /usr/sbin/nologin axiswatch \
+ && install -d -o axiswatch -g axiswatch /var/lib/axiswatch && install -d /etc/axiswatch
+ENV PATH=/opt/axiswatch/bin:$PATH \
+    PYTHONUNBUFFERED=1 \
+    NUMBA_CACHE_DIR=/var/lib/axiswatch/numba \
+    OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+USER axiswatch
+WORKDIR /var/lib/axiswatch
+# Compiled for the processor that builds the image; on another kind the first start compiles again.
+RUN axiswatch warm
+VOLUME /var/lib/axiswatch
+EXPOSE 8080
+HEALTHCHECK --interval=10s --timeout=5s --start-period=60s --retries=3 \
+  CMD ["python", "-c", "import urllib.request as r; r.urlopen('http://127.0.0.1:8080/healthz', timeout=4)"]
+CMD ["axiswatch", "run", "--config", "/etc/axiswatch/axiswatch.toml"]

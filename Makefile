@@ -1,0 +1,70 @@
+# A fresh machine needs make and python3 (3.11 or newer); `make help` lists what can be made.
+# Extra arguments: make run ARGS="--port 9000", make test ARGS="-k cusum".
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+ARGS   ?=
+
+# One thread for each process: on small matrices threaded BLAS only costs, and timings scatter.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+export MKL_NUM_THREADS := 1
+export NUMBA_NUM_THREADS := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help run test bench soak lint format docs lock image clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+run: $(READY) ## start the demo: a simulated robot on an embedded bus, dashboard in the browser
+	@$(BIN)/axiswatch demo $(ARGS)
+
+test: lint ## everything that CI checks: lint, tests, tests on real SocketCAN devices
+	@tools/install-test-packages.sh
+	@tools/run-tests.sh $(ARGS)
+
+bench: $(READY) ## measure speed
+	@$(BIN)/python -m pytest -m bench $(ARGS)
+
+soak: $(READY) ## the long runs
+	@$(BIN)/python -m pytest -m soak $(ARGS)
+
+lint: $(READY) ## ruff and mypy
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+format: $(READY) ## let ruff correct what it can
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+docs: $(READY) ## write the generated part of docs/ (the API schema), if docs/build.py is there
+	@if [ -f docs/build.py ]; then $(BIN)/python docs/build.py $(ARGS); \
+	else echo "docs/build.py is not there: nothing is generated"; fi
+
+lock: $(READY) ## pin again: newest versions that pyproject.toml admits, for every Python and platform
+	@tools/lock.sh $(ARGS)
+
+image: ## build the container image with docker or buildah
+	@tools/build-image.sh $(ARGS)
+
+clean: ## remove the environment, caches and builds
+	rm -rf $(VENV) .cache .hypothesis .benchmarks .ruff_cache dist build
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The environment follows the lock; hashes are checked. Editable: the sources here are what runs.
+$(READY): pyproject.toml requirements.lock
+	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found: install Python 3.11 or newer" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "$(PYTHON) is $$($(PYTHON) -V): axiswatch needs 3.11 or newer (make PYTHON=python3.12 ...)" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv" >&2; exit 1; }
+	@echo "setting up $(VENV) from requirements.lock"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@

@@ -1,0 +1,89 @@
+"""What every test may use: a seed, the measured records, programs from outside, compiled kernels kept."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+CI = os.environ.get("CI") == "true"
+
+# Before anything imports numpy or numba, which read these once.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".cache" / "numba"))
+
+SEED = int(os.environ.get("AXISWATCH_SEED") or secrets.randbits(32))
+_REPEAT = f"axiswatch seed: {SEED} (AXISWATCH_SEED={SEED} repeats this run)"
+
+DEBIAN_PACKAGE = {
+    "promtool": "prometheus",
+    "prometheus": "prometheus",
+    "amtool": "prometheus-alertmanager",
+    "chromium": "chromium",
+    "ip": "iproute2",
+    "systemd-analyze": "systemd",
+    "git": "git",
+}
+
+
+def pytest_report_header() -> str:
+    return _REPEAT
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    if terminalreporter.stats.get("failed") or terminalreporter.stats.get("error"):
+        terminalreporter.write_line(_REPEAT)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if item.get_closest_marker("vcan") and not Path("/sys/class/net/vcan0").exists():
+        _unavailable("no SocketCAN device vcan0: run inside tools/with-vcan.sh")
+
+
+def _unavailable(reason: str) -> None:
+    """Skips the test on a developer's machine; in CI everything must really run."""
+    if CI:
+        pytest.fail(f"CI=true, but {reason}", pytrace=False)
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def seed() -> int:
+    """A fresh seed for each run, printed in the header."""
+    return SEED
+
+
+@pytest.fixture(scope="session")
+def records_dir() -> Path:
+    """The folder of measured records, beside the repository unless AXISWATCH_DATA says otherwise."""
+    folder = Path(os.environ.get("AXISWATCH_DATA") or ROOT.parent / "shared" / "data")
+    if not folder.is_dir():
+        _unavailable(f"the measured records are missing: no folder {folder} (set AXISWATCH_DATA)")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def need() -> Callable[[str], str]:
+    """need("promtool") is the path of that program, or the end of the test where it is missing."""
+
+    def path_of(tool: str) -> str:
+        # Some packages are only unpacked, see tools/install-test-packages.sh; a user's PATH may lack sbin.
+        places = [
+            str(ROOT / ".cache" / "test-packages" / "bin"),
+            os.environ.get("PATH", ""),
+            "/usr/sbin",
+            "/sbin",
+        ]
+        found = shutil.which(tool, path=os.pathsep.join(places))
+        if found is None:
+            _unavailable(f"{tool} is missing: install Debian package {DEBIAN_PACKAGE.get(tool, tool)}")
+        assert found is not None
+        return found
+
+    return path_of

@@ -1,0 +1,144 @@
+"""The layers hold: the engine stays pure, each outside library has one home, no machine's name leaks."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# --- monitor_core: arrays in, arrays out --------------------------------------------------------------
+
+PURE = {"numpy", "scipy", "numba", "monitor_core"} | {
+    *("__future__", "collections", "dataclasses", "enum", "fractions", "functools", "itertools", "math"),
+    *("types", "typing"),
+}
+SYMBOLIC = {"sympy", "pymoca"}  # in monitor_core/modeling only
+IMPURE_CALLS = {"open", "print", "input", "exec", "eval", "__import__", "breakpoint"}
+
+# --- service: one home for each library of the outside world ------------------------------------------
+
+HOMES = {
+    "can": "service/ingest/",
+    "cantools": "service/ingest/",
+    "pyarrow": "service/ingest/",
+    "sqlite3": "service/store/",
+    "fastapi": "service/web/",
+    "prometheus_client": "service/web/",
+    "uvicorn": "service/web/",
+    "matplotlib": "service/reports/",
+}
+
+# --- the repository: a path of one machine, or the host of a package registry --------------------------
+# Put together from pieces, so that this file does not hold what it looks for.
+
+_HOMES_OF_USERS = "|".join(["work", "home", "root", "Users"])
+_REGISTRIES = ["pypi" + ".org", "python" + "hosted", "registry.npm" + "js", "deb.debian" + ".org"]
+LEAK = re.compile(r"(?<![\w.~$})-])/(?:" + _HOMES_OF_USERS + ")/|" + "|".join(map(re.escape, _REGISTRIES)))
+
+
+def python_files(folder: str) -> list[Path]:
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def imports(source: str, package: str) -> Iterator[tuple[int, str]]:
+    """Line and absolute name of every import, wherever in the file it stands; package: where the file is."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            yield node.lineno, ".".join([*above, *([node.module] if node.module else [])])
+
+
+def imports_of(path: Path) -> Iterator[tuple[int, str]]:
+    return imports(path.read_text(encoding="utf-8"), relative(path.parent).replace("/", "."))
+
+
+def impurities(source: str, package: str) -> Iterator[str]:
+    allowed = PURE | (SYMBOLIC if f"{package}.".startswith("monitor_core.modeling.") else set())
+    for line, name in imports(source, package):
+        if name.split(".")[0] not in allowed:
+            yield f"{line}: imports {name or 'from above its package'}"
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in IMPURE_CALLS:
+            yield f"{node.lineno}: calls {node.func.id}()"
+
+
+@pytest.mark.parametrize("path", python_files("monitor_core"), ids=relative)
+def test_engine_is_pure(path: Path) -> None:
+    package = relative(path.parent).replace("/", ".")
+    assert list(impurities(path.read_text(encoding="utf-8"), package)) == []
+
+
+def test_library_is_imported_only_at_home() -> None:
+    strays = [
+        f"{relative(path)}:{line}: imports {name}, whose home is {HOMES[name.split('.')[0]]}"
+        for path in python_files("service")
+        for line, name in imports_of(path)
+        if not relative(path).startswith(HOMES.get(name.split(".")[0], ""))
+    ]
+    assert strays == []
+
+
+@pytest.mark.parametrize(
+    ("source", "package", "impure"),
+    [
+        ("import numpy as np, math", "monitor_core", False),
+        ("from .model import Model", "monitor_core", False),
+        ("from ..model import Model", "monitor_core.modeling", False),
+        ("from scipy.linalg import expm", "monitor_core", False),
+        ("import sympy", "monitor_core.modeling", False),
+        ("from collections.abc import Iterator", "monitor_core", False),
+        ("import sympy", "monitor_core", True),
+        ("from ..service import config", "monitor_core", True),
+        ("from service import config", "monitor_core", True),
+        ("def f():\n    import time", "monitor_core", True),
+        ("import os.path", "monitor_core", True),
+        ("print(1)", "monitor_core", True),
+        ("with open('x') as f: pass", "monitor_core.modeling", True),
+    ],
+)
+def test_the_purity_test_sees(source: str, package: str, impure: bool) -> None:
+    assert bool(list(impurities(source, package))) == impure
+
+
+def test_no_file_names_a_machine_or_a_registry(need: Callable[[str], str]) -> None:
+    listing = subprocess.run(
+        [need("git"), "-c", "safe.directory=*", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False
+    )
+    if listing.returncode:
+        pytest.skip("not a git checkout")
+    leaks = []
+    for name in filter(None, listing.stdout.decode().split("\0")):
+        try:
+            text = (ROOT / name).read_text(encoding="utf-8")
+        except (UnicodeDecodeError, FileNotFoundError, IsADirectoryError):
+            continue  # a picture or a recording; deleted here but not yet in the index; a submodule
+        for number, line in enumerate(text.splitlines(), 1):
+            if found := LEAK.search(line):
+                leaks.append(f"{name}:{number}: {found.group()}")
+    assert leaks == []
+
+
+@pytest.mark.parametrize(
+    ("line", "leaks"),
+    [
+        ("cd " + "/wo" + "rk/main", True),
+        ('"' + "/ho" + 'me/someone/x"', True),
+        ("net/wo" + "rk/driver", False),
+        ("docs/ho" + "me/index.html", False),
+        ("https://files.python" + "hosted.x/y", True),
+    ],
+)
+def test_the_leak_test_sees(line: str, leaks: bool) -> None:
+    assert bool(LEAK.search(line)) == leaks

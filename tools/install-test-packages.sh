@@ -1,0 +1,66 @@
+#!/usr/bin/env bash
+#
+# Debian packages that the tests use: only what is missing, only where it is possible. With CI=true what
+# cannot be had is an error; elsewhere it is a message, and the tests concerned are skipped.
+#
+#   chromium               installed with apt-get (needs root)
+#   iproute2, util-linux   likewise: with-vcan.sh's ip, unshare, setpriv, taskset
+#   promtool, prometheus   unpacked into .cache/test-packages, not installed: Debian's package would start
+#                          a service, make a user and listen on a port
+
+set -u
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
+TREE=$PWD/.cache/test-packages
+
+have() { PATH="$PATH:/usr/sbin:/sbin" command -v "$1" >/dev/null; }
+fail() {
+  echo "install-test-packages: $*" >&2
+  [ "${CI:-}" != true ] || exit 1
+}
+apt() { DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300 "$@"; }
+quietly() { # show a command's output only when it fails
+  local log rc
+  log=$(mktemp); "$@" >"$log" 2>&1; rc=$?
+  [ $rc = 0 ] || tail -n 20 "$log" >&2
+  rm -f "$log"; return $rc
+}
+updated=''
+refresh() { # a fresh machine has no package lists; an old one may have stale ones
+  [ -z "$updated" ] && [ "$(id -u)" = 0 ] || return 1
+  updated=1; quietly apt update
+}
+
+missing=()
+have chromium || missing+=(chromium)
+have ip || missing+=(iproute2)
+{ have unshare && have setpriv && have taskset && have flock; } || missing+=(util-linux)
+if [ ${#missing[@]} -gt 0 ]; then
+  if ! have apt-get; then fail "missing: ${missing[*]}; no apt-get here to install them"
+  elif [ "$(id -u)" != 0 ]; then fail "missing; as root: apt-get install ${missing[*]}"
+  else
+    echo "installing for the tests: ${missing[*]}"
+    quietly apt install -y --no-install-recommends "${missing[@]}" ||
+      { refresh && quietly apt install -y --no-install-recommends "${missing[@]}"; } ||
+      fail "could not install ${missing[*]}"
+  fi
+fi
+
+unpack_prometheus() (
+  set -e
+  tmp=$(mktemp -d); trap 'rm -rf "$tmp"' EXIT
+  chmod 755 "$tmp"; cd "$tmp"
+  apt -o APT::Sandbox::User=root download prometheus
+  dpkg-deb --fsys-tarfile ./prometheus_*.deb | tar -x -f - ./usr/bin/promtool ./usr/bin/prometheus
+  usr/bin/promtool --version
+  mkdir -p "$TREE/bin"
+  mv usr/bin/prometheus usr/bin/promtool "$TREE/bin/" # promtool last: it is the sign that all is there
+)
+if ! have promtool && [ ! -x "$TREE/bin/promtool" ]; then
+  if ! have apt-get || ! have dpkg-deb; then fail "promtool is missing; it comes with Prometheus"
+  else
+    echo "unpacking for the tests: prometheus (promtool)"
+    quietly unpack_prometheus || { refresh && quietly unpack_prometheus; } ||
+      fail "promtool is missing, and Debian's package prometheus could not be fetched"
+  fi
+fi
+exit 0

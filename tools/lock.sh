@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+#
+# lock.sh [UV PIP COMPILE ARGUMENT...]      for example: lock.sh --upgrade-package numpy
+#
+# Writes requirements.lock (everything) and requirements-runtime.lock (the part the container image needs, at
+# the same versions): exact versions and hashes, with markers where Pythons or platforms differ.
+
+set -eu
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+[ $# -gt 0 ] || set -- --upgrade
+compile() {
+  .venv/bin/uv pip compile pyproject.toml --quiet --universal --python-version 3.11 --generate-hashes \
+    --no-emit-index-url --custom-compile-command "make lock" "$@"
+}
+compile --extra dev --output-file requirements.lock "$@"
+compile --constraints requirements.lock --output-file requirements-runtime.lock --upgrade

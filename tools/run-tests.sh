@@ -1,0 +1,43 @@
+#!/usr/bin/env bash
+#
+# run-tests.sh [PYTEST ARGUMENT...]
+#
+# Two pytest runs: the tests that run anywhere, then those marked `vcan`, inside with-vcan.sh, where real
+# SocketCAN devices exist. Where those cannot be had: a failure with CI=true, else they are skipped.
+
+set -u
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
+PYTEST=(.venv/bin/python -m pytest)
+NOTHING_RAN=5 # pytest's exit status
+
+"${PYTEST[@]}" "$@"
+main=$?
+
+echo
+echo "SocketCAN tests, on vcan0 and vcan1:"
+# A cache of its own: the virtual kernel shows modification times in whole seconds, so that the two sides
+# would throw away each other's compiled kernels.
+vcan() { NUMBA_CACHE_DIR=$PWD/.cache/numba-vcan tools/with-vcan.sh "$@"; }
+# Everything is slow in there, imports above all: without a selection, collect only the files concerned.
+if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests); else files=(); fi
+vcan "${PYTEST[@]}" "$@" -m vcan "${files[@]}"
+sock=$?
+
+if [ "$sock" = 125 ] && ! vcan true; then
+  if [ "${CI:-}" = true ]; then
+    echo "no SocketCAN devices, and CI=true: failed" >&2
+    exit 1
+  fi
+  echo "No SocketCAN devices here. With root on a kernel that has them: modprobe vcan." >&2
+  echo "Without: on Debian (amd64), apt-get install iproute2 util-linux; the rest is fetched." >&2
+  "${PYTEST[@]}" "$@" -m vcan "${files[@]}" # skips them, and says so
+  sock=$?
+fi
+
+# A selection (make test ARGS="-k ...") may leave one of the two runs without tests. Without one, none may be.
+if [ $# -gt 0 ] && [ "$main" != "$sock" ]; then
+  [ "$main" != $NOTHING_RAN ] || main=0
+  [ "$sock" != $NOTHING_RAN ] || sock=0
+fi
+[ "$main" = 0 ] || exit "$main"
+exit "$sock"
