@@ -8,12 +8,11 @@
 # Settings (environment):
 #   IMAGE=axiswatch         name, with or without a tag
 #   BUILDER=docker|buildah  which one; default: docker where its engine answers, else buildah
-#   BUILDAH_FLAGS           for buildah inside a container: "--isolation chroot --storage-driver vfs"
+#   BUILDAH_ISOLATION=chroot STORAGE_DRIVER=vfs   buildah's own, for building inside a container
 
 set -eu
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 IMAGE=${IMAGE:-axiswatch}
-read -ra flags <<<"${BUILDAH_FLAGS:-}"
 
 if [ -z "${BUILDER:-}" ]; then
   if docker info >/dev/null 2>&1; then BUILDER=docker
@@ -25,6 +24,6 @@ if [ -z "${BUILDER:-}" ]; then
 fi
 case $BUILDER in
   docker) exec docker build -t "$IMAGE" "$@" . ;;
-  buildah) exec buildah bud --format docker "${flags[@]}" -t "$IMAGE" "$@" . ;; # OCI has no HEALTHCHECK
+  buildah) exec buildah bud --format docker -t "$IMAGE" "$@" . ;; # OCI has no HEALTHCHECK
   *) echo "build-image: BUILDER is docker or buildah, not $BUILDER" >&2; exit 1 ;;
 esac
