@@ -25,9 +25,9 @@ quietly() { # show a command's output only when it fails
   rm -f "$log"; return $rc
 }
 updated=''
-refresh() { # a fresh machine has no package lists; an old one may have stale ones
-  [ -z "$updated" ] && [ "$(id -u)" = 0 ] || return 1
-  updated=1; quietly apt update
+listed() { compgen -G '/var/lib/apt/lists/*Packages*' >/dev/null; } # a fresh machine has no package lists
+refresh() {                                                        # an old one may have stale ones
+  if [ -z "$updated" ] && [ "$(id -u)" = 0 ]; then updated=1; quietly apt update; fi
 }
 
 missing=()
@@ -39,27 +39,32 @@ if [ ${#missing[@]} -gt 0 ]; then
   elif [ "$(id -u)" != 0 ]; then fail "missing; as root: apt-get install ${missing[*]}"
   else
     echo "installing for the tests: ${missing[*]}"
-    quietly apt install -y --no-install-recommends "${missing[@]}" ||
-      { refresh && quietly apt install -y --no-install-recommends "${missing[@]}"; } ||
+    listed || refresh
+    apt install -y --no-install-recommends "${missing[@]}" >/dev/null 2>&1 ||
+      { refresh; quietly apt install -y --no-install-recommends "${missing[@]}"; } ||
       fail "could not install ${missing[*]}"
   fi
 fi
 
-unpack_prometheus() (
-  set -e
-  tmp=$(mktemp -d); trap 'rm -rf "$tmp"' EXIT
-  chmod 755 "$tmp"; cd "$tmp"
-  apt -o APT::Sandbox::User=root download prometheus
-  dpkg-deb --fsys-tarfile ./prometheus_*.deb | tar -x -f - ./usr/bin/promtool ./usr/bin/prometheus
-  usr/bin/promtool --version
-  mkdir -p "$TREE/bin"
-  mv usr/bin/prometheus usr/bin/promtool "$TREE/bin/" # promtool last: it is the sign that all is there
-)
+unpack_prometheus() {
+  local tmp rc
+  tmp=$(mktemp -d) || return 1
+  (
+    # Not set -e: bash ignores it in what stands before || or &&.
+    cd "$tmp" && apt -o APT::Sandbox::User=root download prometheus &&
+      dpkg-deb --fsys-tarfile ./prometheus_*.deb | tar -x -f - ./usr/bin/promtool ./usr/bin/prometheus &&
+      usr/bin/promtool --version && mkdir -p "$TREE/bin" &&
+      mv usr/bin/prometheus usr/bin/promtool "$TREE/bin/" # promtool last: the sign that all is there
+  )
+  rc=$?
+  rm -rf "$tmp"; return $rc
+}
 if ! have promtool && [ ! -x "$TREE/bin/promtool" ]; then
   if ! have apt-get || ! have dpkg-deb; then fail "promtool is missing; it comes with Prometheus"
   else
     echo "unpacking for the tests: prometheus (promtool)"
-    quietly unpack_prometheus || { refresh && quietly unpack_prometheus; } ||
+    listed || refresh
+    unpack_prometheus >/dev/null 2>&1 || { refresh; quietly unpack_prometheus; } ||
       fail "promtool is missing, and Debian's package prometheus could not be fetched"
   fi
 fi

@@ -29,7 +29,7 @@ if [ "$sock" = 125 ] && ! vcan true; then
     exit 1
   fi
   echo "No SocketCAN devices here. With root on a kernel that has them: modprobe vcan." >&2
-  echo "Without: on Debian (amd64), apt-get install iproute2 util-linux; the rest is fetched." >&2
+  echo "Without: on Debian (amd64), apt-get update && apt-get install iproute2 util-linux; the rest is fetched." >&2
   "${PYTEST[@]}" "$@" -m vcan "${files[@]}" # skips them, and says so
   sock=$?
 fi
