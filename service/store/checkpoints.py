@@ -1,0 +1,167 @@
+"""Checkpoints: the last state of every monitor, kept with a key that says what it belongs to."""
+
+import hashlib
+import sqlite3
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.store.arrays import Arrays, UnreadableError, pack, unpack
+from service.store.database import Database
+
+MIGRATIONS = (
+    """
+    CREATE TABLE checkpoint (
+        axis TEXT PRIMARY KEY,
+        key TEXT NOT NULL,
+        at_us INTEGER NOT NULL,
+        arrays BLOB NOT NULL,
+        checksum BLOB NOT NULL
+    ) STRICT;
+    CREATE TABLE set_aside (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        axis TEXT NOT NULL,
+        key TEXT NOT NULL,
+        at_us INTEGER NOT NULL,
+        arrays BLOB NOT NULL,
+        checksum BLOB NOT NULL,
+        set_aside_us INTEGER NOT NULL,
+        reason TEXT NOT NULL
+    ) STRICT;
+    """,
+)
+
+_SAVE = "INSERT OR REPLACE INTO checkpoint VALUES (?, CAST(? AS TEXT), ?, ?, ?)"
+
+# The key as bytes: a damaged one need not be text.
+_LAST = "SELECT axis, CAST(key AS BLOB), at_us, arrays, checksum FROM checkpoint WHERE axis = ?"
+
+_MOVE = """
+    INSERT INTO set_aside (axis, key, at_us, arrays, checksum, set_aside_us, reason)
+    SELECT axis, key, at_us, arrays, checksum, ?, ? FROM checkpoint WHERE axis = ?
+"""
+
+
+class AxisState(NamedTuple):
+    """State of a monitor to be saved.  ``key``: states of equal keys are interchangeable."""
+
+    axis: str
+    key: str
+    arrays: Mapping[str, NDArray[np.generic]]
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """A saved state; ``at_us`` is when it was saved, microseconds since 1970."""
+
+    axis: str
+    at_us: int
+    arrays: Arrays
+
+
+@dataclass(frozen=True, slots=True)
+class SetAside:
+    """A saved state that cannot be used and was kept aside; ``message`` is for the operator."""
+
+    axis: str
+    at_us: int
+    reason: str
+
+    @property
+    def message(self) -> str:
+        """What happened, in a sentence."""
+        return f"{self.axis}: its checkpoint is not used and kept aside: {self.reason}"
+
+
+class Checkpoints:
+    """The last checkpoint of each axis in an SQLite file, one writer.
+
+    Every method raises StoreError where the file cannot be read or written.
+
+    Raises:
+        StoreInUseError: another daemon writes to this file.
+        StoreError: the file cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._db = Database(path, MIGRATIONS, "NORMAL")
+        self.messages = self._db.messages
+
+    def save(self, axis: str, key: str, arrays: Mapping[str, NDArray[np.generic]], at_us: int) -> None:
+        """Save the state of one axis in place of its last one."""
+        self.save_many([AxisState(axis, key, arrays)], at_us)
+
+    def save_many(self, states: Iterable[AxisState], at_us: int) -> None:
+        """As ``save`` for several axes, all or none of them.
+
+        Raises:
+            ValueError: an array holds Python objects.
+        """
+        rows = [_row(state, at_us) for state in states]
+        with self._db.write() as connection:
+            connection.executemany(_SAVE, rows)
+
+    def load(self, axis: str, key: str, now_us: int) -> Checkpoint | SetAside | None:
+        """The last state of an axis, or None when there is none.
+
+        One that is damaged, or belongs to another key, is kept aside at time ``now_us``,
+        and the answer says why.
+        """
+        with self._db.write() as connection:
+            row = connection.execute(_LAST, (axis,)).fetchone()
+            if row is None:
+                return None
+            found = _examined(row, key)
+            if isinstance(found, SetAside):
+                _move(connection, axis, found.reason, now_us)
+            return found
+
+    def set_aside(self, axis: str, reason: str, now_us: int) -> None:
+        """Keep the last state of an axis aside, e.g. because the monitor does not accept it."""
+        with self._db.write() as connection:
+            _move(connection, axis, reason, now_us)
+
+    def kept_aside(self) -> list[SetAside]:
+        """All states that were kept aside, oldest first."""
+        with self._db.read() as connection:
+            rows = connection.execute("SELECT axis, at_us, reason FROM set_aside ORDER BY id")
+            return [SetAside(*row) for row in rows]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+
+_Row = tuple[str, bytes, int, bytes, bytes]
+
+
+def _row(state: AxisState, at_us: int) -> _Row:
+    data, key = pack(state.arrays), state.key.encode()
+    return state.axis, key, at_us, data, _checksum(state.axis, key, at_us, data)
+
+
+def _checksum(axis: str, key: bytes, at_us: int, data: bytes) -> bytes:
+    """Over the whole row, so that no part of it can be taken for another's."""
+    head = repr((axis, hashlib.sha256(key).hexdigest(), at_us))
+    return hashlib.sha256(head.encode() + data).digest()
+
+
+def _examined(row: _Row, key: str) -> Checkpoint | SetAside:
+    axis, saved_key, at_us, data, checksum = row
+    if checksum != _checksum(axis, saved_key, at_us, data):
+        return SetAside(axis, at_us, "it is damaged (its checksum does not fit)")
+    if saved_key != key.encode():
+        return SetAside(axis, at_us, "it was saved with another model, other parameters or other settings")
+    try:
+        return Checkpoint(axis, at_us, unpack(data))
+    except UnreadableError as error:
+        return SetAside(axis, at_us, f"it cannot be read ({error})")
+
+
+def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:
+    connection.execute(_MOVE, (now_us, reason, axis))
+    connection.execute("DELETE FROM checkpoint WHERE axis = ?", (axis,))

@@ -1,0 +1,207 @@
+"""One SQLite file: opened in WAL mode, locked for one writer, migrated, set aside when it is damaged."""
+
+import fcntl
+import os
+import queue
+import sqlite3
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Literal
+
+Synchronous = Literal["FULL", "NORMAL"]
+"""FULL: a commit outlives a power failure.  NORMAL: it outlives the process; about eight times as fast."""
+
+BUSY_TIMEOUT_S = 5.0
+_DAMAGE = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
+_COMPANIONS = ("-wal", "-shm")
+
+
+class StoreError(Exception):
+    """The file cannot be opened, read or written; the text names it and says why."""
+
+
+class StoreInUseError(StoreError):
+    """Another process, or another object of this one, has the file open for writing."""
+
+
+class _DamagedError(StoreError):
+    """The file was damaged and has been set aside."""
+
+
+class Database:
+    """A file with one writing connection and as many reading ones as there are readers at a time.
+
+    ``messages`` are for the operator, e.g. that a damaged file was set aside.  Nothing is ever deleted.
+
+    Raises:
+        StoreInUseError: someone else writes to it.
+        StoreError: it cannot be opened, or a newer version of the program wrote it.
+    """
+
+    def __init__(self, path: Path, migrations: Sequence[str], synchronous: Synchronous) -> None:
+        self.path = path
+        self.messages: tuple[str, ...] = ()
+        self._lock = threading.Lock()
+        self._closed = False
+        self._idle: queue.SimpleQueue[sqlite3.Connection] = queue.SimpleQueue()
+        self._owner = _claim(path)
+        try:
+            self._writer = self._open(migrations, synchronous)
+        except BaseException:
+            self._owner.close()
+            raise
+
+    def _open(self, migrations: Sequence[str], synchronous: Synchronous) -> sqlite3.Connection:
+        with _explained(self.path):
+            try:
+                return _opened(self.path, migrations, synchronous)
+            except _DamagedError as error:
+                self.messages = (str(error),)
+                return _opened(self.path, migrations, synchronous)
+
+    @contextmanager
+    def write(self) -> Iterator[sqlite3.Connection]:
+        """One transaction of the writer: committed when the block ends, undone when it raises.
+
+        Raises:
+            StoreError: it could not be committed; nothing of it was written.
+        """
+        with self._lock, _explained(self.path):
+            self._writer.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._writer
+                self._writer.execute("COMMIT")
+            except BaseException:
+                if self._writer.in_transaction:
+                    self._writer.execute("ROLLBACK")
+                raise
+
+    @contextmanager
+    def read(self) -> Iterator[sqlite3.Connection]:
+        """One consistent view of the file, from any thread, at the same time as a writer.
+
+        Raises:
+            StoreError: it could not be read.
+        """
+        with _explained(self.path):
+            connection = self._reader()
+            try:
+                connection.execute("BEGIN")
+                yield connection
+                connection.execute("COMMIT")
+            except BaseException:
+                connection.close()
+                raise
+            self._put_back(connection)
+
+    def _reader(self) -> sqlite3.Connection:
+        try:
+            return self._idle.get_nowait()
+        except queue.Empty:
+            return _connect(f"{self.path.resolve().as_uri()}?mode=ro")
+
+    def _put_back(self, connection: sqlite3.Connection) -> None:
+        with self._lock:
+            if self._closed:
+                connection.close()
+            else:
+                self._idle.put(connection)
+
+    def close(self) -> None:
+        """Close the file; a transaction that is under way finishes first."""
+        with self._lock:
+            self._closed = True
+            while not self._idle.empty():
+                self._idle.get_nowait().close()
+            self._writer.close()
+            self._owner.close()
+
+
+def _claim(path: Path) -> IO[str]:
+    """A lock on ``NAME.lock`` that ends with the process, however it ends."""
+    lock_path = path.with_name(path.name + ".lock")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        owner = lock_path.open("a+", encoding="ascii")
+    except OSError as error:
+        raise StoreError(f"{lock_path}: {error.strerror}") from error
+    try:
+        fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        owner.seek(0)
+        process = owner.read().strip() or "unknown"
+        owner.close()
+        message = f"{path} is in use by process {process}; let each daemon have its own state directory"
+        raise StoreInUseError(message) from error
+    owner.truncate(0)
+    owner.write(str(os.getpid()))
+    owner.flush()
+    return owner
+
+
+def _connect(uri: str) -> sqlite3.Connection:
+    # Transactions are begun by hand (isolation_level None); connections go from thread to thread, one at a
+    # time.
+    return sqlite3.connect(
+        uri, uri=True, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
+    )
+
+
+def _opened(path: Path, migrations: Sequence[str], synchronous: Synchronous) -> sqlite3.Connection:
+    connection = _connect(path.resolve().as_uri())
+    try:
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute(f"PRAGMA synchronous={synchronous}")
+        _check(connection)
+        _migrate(connection, path, migrations)
+    except BaseException as error:
+        # Renamed before it is closed: closing would write the log back and remove it.
+        damage = _set_aside(path, error) if _is_damage(error) else error
+        connection.close()
+        raise damage from None
+    return connection
+
+
+def _check(connection: sqlite3.Connection) -> None:
+    findings = [row[0] for row in connection.execute("PRAGMA quick_check(1)")]
+    if findings != ["ok"]:
+        error = sqlite3.DatabaseError(findings[0].strip())
+        error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+        raise error
+
+
+def _migrate(connection: sqlite3.Connection, path: Path, migrations: Sequence[str]) -> None:
+    version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    if version > len(migrations):
+        raise StoreError(f"{path} was written by a newer version of axiswatch (its schema is {version})")
+    for number in range(version, len(migrations)):
+        connection.executescript(
+            f"BEGIN IMMEDIATE; {migrations[number]}; PRAGMA user_version={number + 1}; COMMIT;"
+        )
+
+
+def _is_damage(error: BaseException) -> bool:
+    # The low byte is the kind of error, the rest says more about it.
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGE
+
+
+def _set_aside(path: Path, error: BaseException) -> _DamagedError:
+    """Rename the file and its companions, so that they still belong together; what to tell the operator."""
+    aside = path.with_name(f"{path.name}.damaged-{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}")
+    for suffix in ("", *_COMPANIONS):
+        companion = path.with_name(path.name + suffix)
+        if companion.exists():
+            companion.rename(aside.with_name(aside.name + suffix))
+    return _DamagedError(f"{path} is damaged ({error}); it is kept as {aside.name}, and a new one was begun")
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Errors of SQLite and of the file system as StoreError, naming the file."""
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        raise StoreError(f"{path}: {error}") from error

@@ -1,0 +1,197 @@
+"""Checkpoints: bit-equal when they come back, kept aside when they cannot be used."""
+
+import random
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Settings
+from service.store.arrays import Arrays, UnreadableError, pack, unpack
+from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, SetAside
+
+ROOT = Path(__file__).resolve().parents[3]
+FILE = "checkpoints.sqlite"
+
+
+@pytest.fixture
+def checkpoints(tmp_path: Path) -> Iterator[Checkpoints]:
+    opened = Checkpoints(tmp_path / FILE)
+    yield opened
+    opened.close()
+
+
+def arrays(seed: int) -> Arrays:
+    rng = np.random.default_rng(seed)
+    floats = np.concatenate([rng.normal(size=50), [np.nan, np.inf, -0.0, 5e-324]])
+    return {"floats": floats, "ints": rng.integers(-(2**63), 2**63 - 1, 20), "none": np.empty((0, 6))}
+
+
+def assert_equal(a: Arrays, b: Arrays) -> None:
+    assert a.keys() == b.keys()
+    for name in a:
+        assert (a[name].dtype, a[name].shape) == (b[name].dtype, b[name].shape)
+        assert a[name].tobytes() == b[name].tobytes()
+
+
+def test_arrays_come_back_bit_by_bit(checkpoints: Checkpoints, seed: int) -> None:
+    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    found = checkpoints.load("demo.axis1", "key", now_us=6)
+    assert isinstance(found, Checkpoint)
+    assert found.at_us == 5
+    assert_equal(found.arrays, arrays(seed))
+
+
+def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: int) -> None:
+    def monitor() -> AxisMonitor:
+        model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
+        return AxisMonitor.alone(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
+
+    rng = np.random.default_rng(seed)
+    t, u, y = np.arange(400) * 5000, rng.normal(size=400), rng.normal(size=400)
+    whole, first, second = monitor(), monitor(), monitor()
+    whole.run(t, u, y)
+    first.run(t[:200], u[:200], y[:200])
+    checkpoints.save("demo.axis1", first.key, first.to_arrays(), at_us=1)
+    found = checkpoints.load("demo.axis1", second.key, now_us=2)
+    assert isinstance(found, Checkpoint)
+    second.from_arrays(found.arrays)
+    second.run(t[200:], u[200:], y[200:])
+    assert second.facts() == whole.facts()
+
+
+def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -> None:
+    for at_us in (1, 2):
+        states = [AxisState(f"demo.axis{k}", "key", arrays(seed + k + at_us)) for k in range(3)]
+        checkpoints.save_many(states, at_us)
+    for k in range(3):
+        found = checkpoints.load(f"demo.axis{k}", "key", now_us=3)
+        assert isinstance(found, Checkpoint)
+        assert_equal(found.arrays, arrays(seed + k + 2))
+    assert checkpoints.load("demo.axis9", "key", now_us=3) is None
+
+
+def test_another_key_is_kept_aside_once(checkpoints: Checkpoints, seed: int) -> None:
+    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    found = checkpoints.load("demo.axis1", "other key", now_us=6)
+    assert isinstance(found, SetAside)
+    assert "demo.axis1" in found.message
+    assert "another model" in found.message
+    assert checkpoints.load("demo.axis1", "key", now_us=7) is None
+    assert checkpoints.kept_aside() == [found]
+
+
+def test_what_the_monitor_refuses_can_be_kept_aside(checkpoints: Checkpoints, seed: int) -> None:
+    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.set_aside("demo.axis1", "no array 'ints'", now_us=6)
+    assert checkpoints.load("demo.axis1", "key", now_us=7) is None
+    assert [kept.reason for kept in checkpoints.kept_aside()] == ["no array 'ints'"]
+
+
+@pytest.mark.parametrize("column", ["arrays", "key", "checksum"])
+def test_a_flipped_bit_is_noticed(column: str, tmp_path: Path, seed: int) -> None:
+    checkpoints = Checkpoints(tmp_path / FILE)
+    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.close()
+    flip_a_bit(tmp_path / FILE, column, random.Random(seed))
+    checkpoints = Checkpoints(tmp_path / FILE)
+    found = checkpoints.load("demo.axis1", "key", now_us=6)
+    assert isinstance(found, SetAside)
+    assert "damaged" in found.message
+    assert len(checkpoints.kept_aside()) == 1
+    checkpoints.close()
+
+
+def flip_a_bit(path: Path, column: str, random_: random.Random) -> None:
+    connection = sqlite3.connect(path)
+    (value,) = connection.execute(f"SELECT CAST({column} AS BLOB) FROM checkpoint").fetchone()
+    flipped = bytearray(value)
+    flipped[random_.randrange(len(flipped))] ^= 1 << random_.randrange(8)
+    kind = "TEXT" if column == "key" else "BLOB"
+    connection.execute(f"UPDATE checkpoint SET {column} = CAST(? AS {kind})", (bytes(flipped),))
+    connection.commit()
+    connection.close()
+
+
+def test_a_time_of_another_checkpoint_is_noticed(tmp_path: Path, seed: int) -> None:
+    checkpoints = Checkpoints(tmp_path / FILE)
+    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.close()
+    connection = sqlite3.connect(tmp_path / FILE)
+    connection.execute("UPDATE checkpoint SET at_us = at_us + 1")
+    connection.commit()
+    connection.close()
+    checkpoints = Checkpoints(tmp_path / FILE)
+    assert isinstance(checkpoints.load("demo.axis1", "key", now_us=7), SetAside)
+    checkpoints.close()
+
+
+class Pickled:
+    ran = False
+
+    def __reduce__(self) -> tuple[type, tuple[()]]:
+        return type(self), ()
+
+    def __init__(self) -> None:
+        Pickled.ran = True
+
+
+def test_objects_are_refused_and_pickles_never_run(tmp_path: Path) -> None:
+    objects = np.array([Pickled()], dtype=object)
+    with pytest.raises(ValueError, match=r"[Oo]bject"):
+        pack({"evil": objects})
+    np.savez(tmp_path / "evil.npz", evil=objects)
+    Pickled.ran = False
+    with pytest.raises(UnreadableError, match="allow_pickle"):
+        unpack((tmp_path / "evil.npz").read_bytes())
+    assert not Pickled.ran
+
+
+def test_bytes_that_were_not_packed_are_unreadable(seed: int) -> None:
+    random_ = random.Random(seed)
+    good = pack(arrays(seed))
+    for data in (b"", random_.randbytes(100), good[: random_.randrange(len(good) - 1)]):
+        with pytest.raises(UnreadableError):
+            unpack(data)
+
+
+_WRITER = """
+import sys
+from pathlib import Path
+import numpy as np
+from service.store.checkpoints import AxisState, Checkpoints
+checkpoints = Checkpoints(Path(sys.argv[1]))
+k = 0
+while True:
+    k += 1
+    states = [AxisState(f"demo.axis{a}", "key", {"k": np.full(200, k)}) for a in range(4)]
+    checkpoints.save_many(states, k)
+    print(k, flush=True)
+"""
+
+
+def test_kill_9_leaves_the_last_saved_states_of_all_axes(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / FILE
+    with subprocess.Popen(
+        [sys.executable, "-c", _WRITER, str(path)], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    ) as process:
+        assert process.stdout is not None
+        for _ in range(20 + seed % 30):
+            assert process.stdout.readline()
+        process.kill()
+        saved = process.stdout.read().splitlines()
+    last = int(saved[-1]) if saved else 20 + seed % 30
+    checkpoints = Checkpoints(path)
+    found = [checkpoints.load(f"demo.axis{a}", "key", now_us=0) for a in range(4)]
+    checkpoints.close()
+    numbers = {int(c.arrays["k"][0]) for c in found if isinstance(c, Checkpoint)}
+    assert len(numbers) == 1
+    assert numbers <= {last, last + 1}
+    assert not any(isinstance(c, SetAside) or c is None for c in found)

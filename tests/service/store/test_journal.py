@@ -1,0 +1,227 @@
+"""The journal: what was acknowledged is there, whatever happens."""
+
+import math
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from monitor_core.episodes import Direction, Episode
+from service.store.database import StoreError, StoreInUseError
+from service.store.journal import Entry, Journal
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def episode(parameter: str = "fm", direction: Direction = "up", raised_us: int = 2_000_000) -> Episode:
+    return Episode(
+        parameter=parameter,
+        direction=direction,
+        onset_us=raised_us - 500_000,
+        raised_us=raised_us,
+        updated_us=raised_us,
+        ended_us=None,
+        size=0.018,
+        size_sd=0.002,
+        crossings=1,
+    )
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Iterator[Journal]:
+    opened = Journal(tmp_path / "state" / "alarms.sqlite")
+    yield opened
+    opened.close()
+
+
+def raised(journal: Journal, e: Episode, axis: str = "demo.axis1") -> int:
+    return journal.record(axis, "N m s/rad", 0.06, e)
+
+
+def test_an_alarm_is_inserted_then_updated_then_ended(journal: Journal) -> None:
+    first = raised(journal, episode())
+    again = replace(episode(), updated_us=3_000_000, size=0.02, size_sd=0.001, crossings=2)
+    assert raised(journal, again) == first
+    assert journal.open_episodes("demo.axis1") == [again]
+    assert raised(journal, replace(again, ended_us=9_000_000)) == first
+    assert journal.open_episodes("demo.axis1") == []
+    alarm = journal.get(first)
+    assert alarm is not None
+    assert (alarm.unit, alarm.nominal, alarm.size, alarm.crossings) == ("N m s/rad", 0.06, 0.02, 2)
+    assert (alarm.onset_us, alarm.raised_us, alarm.ended_us) == (1_500_000, 2_000_000, 9_000_000)
+    assert not alarm.active
+
+
+def test_other_axes_parameters_and_directions_are_other_alarms(journal: Journal) -> None:
+    ids = {
+        raised(journal, episode()),
+        raised(journal, episode(direction="down")),
+        raised(journal, episode("kT")),
+        raised(journal, episode(), axis="demo.axis2"),
+    }
+    assert len(ids) == 4
+
+
+def test_after_the_end_a_new_crossing_is_a_new_alarm(journal: Journal) -> None:
+    first = raised(journal, replace(episode(), ended_us=4_000_000))
+    assert raised(journal, episode(raised_us=8_000_000)) != first
+
+
+def test_a_monitor_that_lost_its_state_continues_the_open_alarm(journal: Journal) -> None:
+    first = raised(journal, replace(episode(), crossings=7))
+    assert raised(journal, episode(raised_us=5_000_000)) == first
+    alarm = journal.get(first)
+    assert alarm is not None
+    assert (alarm.onset_us, alarm.raised_us, alarm.updated_us) == (1_500_000, 2_000_000, 5_000_000)
+    assert alarm.crossings == 7
+
+
+def test_recording_an_ended_alarm_again_leaves_a_later_one_open(journal: Journal) -> None:
+    ended = replace(episode(), ended_us=4_000_000)
+    first = raised(journal, ended)
+    second = raised(journal, episode(raised_us=8_000_000))
+    assert raised(journal, ended) == first
+    assert [a.id for a in journal.query(active=True)[0]] == [second]
+
+
+def test_a_batch_is_written_as_a_whole_or_not_at_all(journal: Journal) -> None:
+    broken = replace(episode("kT"), direction="sideways")  # type: ignore[arg-type]
+    entries = [Entry("a", "1", 1.0, episode()), Entry("a", "1", 1.0, broken)]
+    with pytest.raises(StoreError, match=r"alarms\.sqlite"):
+        journal.record_many(entries)
+    assert journal.query() == ([], 0)
+    assert len(journal.record_many(entries[:1])) == 1
+
+
+def test_sizes_that_are_not_numbers_do_not_lose_the_alarm(journal: Journal) -> None:
+    alarm = journal.get(raised(journal, replace(episode(), size=math.inf, size_sd=math.nan)))
+    assert alarm is not None
+    assert alarm.size == math.inf
+    assert math.isnan(alarm.size_sd)
+
+
+def test_query_filters_and_pages(journal: Journal) -> None:
+    for k in range(10):
+        e = replace(episode(raised_us=k * 1_000_000 + 1), ended_us=k * 1_000_000 + 2 if k < 9 else None)
+        raised(journal, e, axis=f"demo.axis{k % 2}")
+    assert journal.query(limit=0)[1] == 10
+    page, total = journal.query(limit=3, offset=2)
+    assert total == 10
+    assert [a.raised_us // 1_000_000 for a in page] == [7, 6, 5]
+    assert [a.raised_us for a in journal.query(active=True)[0]] == [9_000_001]
+    assert journal.query(active=False)[1] == 9
+    assert journal.query(axis="demo.axis1", active=False)[1] == 4
+    assert journal.query(parameter="kT") == ([], 0)
+    assert journal.query(since_us=3_000_001, until_us=5_000_001)[1] == 2
+    assert journal.query(axis="' OR 1=1 --") == ([], 0)
+
+
+def test_alarms_of_parameters_no_longer_monitored_end(journal: Journal) -> None:
+    stale = raised(journal, episode("Ja"))
+    kept = raised(journal, episode("fm"))
+    closed = journal.close_unmonitored("demo.axis1", ["kT", "fm"], at_us=7_000_000)
+    assert [(a.id, a.ended_us) for a in closed] == [(stale, 7_000_000)]
+    assert [a.id for a in journal.query(active=True)[0]] == [kept]
+
+
+def test_alarms_outlive_closing(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.sqlite"
+    for number in range(3):
+        journal = Journal(path)
+        assert journal.messages == ()
+        assert journal.query()[1] == number
+        raised(journal, replace(episode(raised_us=number), ended_us=number))
+        journal.close()
+
+
+def test_a_second_writer_is_told_who_has_the_journal(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.sqlite"
+    holder = f"""
+from pathlib import Path
+from service.store.journal import Journal
+journal = Journal(Path({str(path)!r}))
+print("open", flush=True)
+input()
+"""
+    command = [sys.executable, "-c", holder]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "open\n"
+        with pytest.raises(StoreInUseError, match=rf"alarms.sqlite is in use by process {process.pid};"):
+            Journal(path)
+        process.kill()
+    Journal(path).close()
+
+
+def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal) -> None:
+    done = threading.Event()
+    odd: list[int] = []
+
+    def read() -> None:
+        while not done.is_set():
+            alarms, total = journal.query(limit=1000)
+            if total % 2 or len(alarms) != total:
+                odd.append(total)
+
+    readers = [threading.Thread(target=read) for _ in range(3)]
+    for reader in readers:
+        reader.start()
+    for k in range(100):
+        pair = [
+            Entry("demo.axis1", "1", 1.0, replace(episode(p, raised_us=k), ended_us=k)) for p in ("fm", "kT")
+        ]
+        journal.record_many(pair)
+    done.set()
+    for reader in readers:
+        reader.join()
+    assert odd == []
+    assert journal.query()[1] == 200
+
+
+_WRITER = """
+import sys
+from pathlib import Path
+from monitor_core.episodes import Episode
+from service.store.journal import Journal
+journal = Journal(Path(sys.argv[1]))
+k = journal.query()[1]
+while True:
+    k += 1
+    ended = k if k % 3 else None
+    e = Episode(f"p{k}", "up", k, k, k, ended, 0.5, 0.1, 1)
+    print(journal.record("demo.axis1", "1", float(k), e), flush=True)
+"""
+
+
+def test_no_acknowledged_alarm_is_lost_by_kill_9(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "alarms.sqlite"
+    acknowledged = 0
+    for round_number in range(3):
+        acknowledged += written_until_killed(path, 5 + (seed >> round_number) % 40)
+        journal = Journal(path)
+        alarms, total = journal.query(limit=10_000)
+        journal.close()
+        assert journal.messages == ()
+        # One more than acknowledged may have been committed in each round.
+        assert acknowledged <= total <= acknowledged + 1
+        assert [a.nominal for a in reversed(alarms)] == [float(k) for k in range(1, total + 1)]
+        assert all(a.active == (a.id % 3 == 0) for a in alarms)
+        acknowledged = total
+
+
+def written_until_killed(path: Path, at_least: int) -> int:
+    """Number of alarms acknowledged by a writer that is killed at some moment after ``at_least``."""
+    command = [sys.executable, "-c", _WRITER, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout is not None
+        for _ in range(at_least):
+            assert process.stdout.readline()
+        process.kill()
+        rest = process.stdout.read()
+    return at_least + rest.count("\n")
