@@ -1,0 +1,38 @@
+"""The configuration file: its schema, its rules, and every problem with file, line, key and value."""
+
+from service.config.drives import DRIVES
+from service.config.loading import load
+from service.config.problems import ConfigErrors, Problem
+from service.config.schema import (
+    AxisConfig,
+    BusConfig,
+    Config,
+    DetectorConfig,
+    EstimatorConfig,
+    ModelConfig,
+    NamedAxis,
+    RobotConfig,
+    ServiceConfig,
+    SignalConfig,
+    TimeConfig,
+    WebConfig,
+)
+
+__all__ = [
+    "DRIVES",
+    "AxisConfig",
+    "BusConfig",
+    "Config",
+    "ConfigErrors",
+    "DetectorConfig",
+    "EstimatorConfig",
+    "ModelConfig",
+    "NamedAxis",
+    "Problem",
+    "RobotConfig",
+    "ServiceConfig",
+    "SignalConfig",
+    "TimeConfig",
+    "WebConfig",
+    "load",
+]

@@ -1,0 +1,85 @@
+"""Rules between the configuration and the DBC files it names."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from service.config.positions import Path
+from service.config.schema import AxisConfig, Config
+from service.config.tables import present
+from service.config.wording import Finding
+from service.ingest.dbc import DbcError, find_message, find_signal, read_dbc
+
+
+class _Wanted(NamedTuple):
+    """A signal that an axis asks for: the paths and values of its two names."""
+
+    bus: str
+    message_path: Path
+    message: str
+    signal_path: Path
+    signal: str
+
+
+def dbc_files(config: Config) -> Iterator[Finding]:
+    """The DBC of each bus can be read."""
+    for i, bus in enumerate(config.bus):
+        try:
+            read_dbc(bus.dbc) if present(bus, "dbc") else None
+        except DbcError as error:
+            yield Finding(("bus", i, "dbc"), str(error))
+
+
+def dbc_names(config: Config) -> Iterator[Finding]:
+    """Each message and each signal is in the DBC of the axis's bus."""
+    files = {bus.name: bus.dbc for bus in config.bus if present(bus, "name", "dbc")}
+    for wanted in _wanted(config):
+        try:
+            database = read_dbc(files[wanted.bus])
+        except (KeyError, DbcError):  # reported with the bus
+            continue
+        try:
+            message = find_message(database, wanted.message)
+        except DbcError as error:
+            yield Finding(wanted.message_path, str(error))
+            continue
+        try:
+            find_signal(message, wanted.signal)
+        except DbcError as error:
+            yield Finding(wanted.signal_path, str(error))
+
+
+def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
+    """No signal is the torque or the motion of two axes, nor both of one."""
+    first: dict[tuple[str, str, str], Path] = {}
+    for wanted in _wanted(config):
+        if wanted.signal_path[-1] == "signal":  # many axes may share a counter
+            name = (wanted.bus, wanted.message, wanted.signal)
+            taken = first.setdefault(name, wanted.signal_path)
+            if taken != wanted.signal_path:
+                yield Finding(
+                    wanted.signal_path, f"{wanted.message}.{wanted.signal} is already used by", taken
+                )
+
+
+DBC_RULES = (dbc_files, dbc_names, one_axis_for_each_signal)
+
+
+def _wanted(config: Config) -> Iterator[_Wanted]:
+    for i, robot in enumerate(config.robot):
+        for k, axis in enumerate(robot.axis if present(robot, "axis") else ()):
+            if present(axis, "bus"):
+                yield from _of_axis(axis, ("robot", i, "axis", k))
+
+
+def _of_axis(axis: AxisConfig, path: Path) -> Iterator[_Wanted]:
+    for quantity in ("torque", "angle", "speed"):
+        signal = getattr(axis, quantity) if present(axis, quantity) else None
+        if signal is not None and present(signal, "message", "signal"):
+            where = (*path, quantity)
+            yield _Wanted(axis.bus, (*where, "message"), signal.message, (*where, "signal"), signal.signal)
+    if not present(axis, "time") or not present(axis.time, "counter_message", "counter_signal"):
+        return
+    message, signal = axis.time.counter_message, axis.time.counter_signal
+    if message is not None and signal is not None:
+        where = (*path, "time")
+        yield _Wanted(axis.bus, (*where, "counter_message"), message, (*where, "counter_signal"), signal)

@@ -1,0 +1,63 @@
+"""Environment variables over the file: AXISWATCH_WEB__PORT=9000 stands for port = 9000 in [web].
+
+The names are those of pydantic-settings (prefix, section, two underscores, key, any case), for the scalars of
+[service] and [web].  pydantic-settings itself reads only the process's own environment and cannot say which
+variable was wrong.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from service.config.positions import Path
+from service.config.schema import Config
+from service.config.wording import Finding, table_in
+from service.words import did_you_mean
+
+PREFIX = "AXISWATCH_"
+SECTIONS = ("service", "web")
+
+Overrides = dict[Path, tuple[str, Any]]
+"""For each path the variable that sets it, as the user wrote it, and the value."""
+
+
+def overrides(environ: Mapping[str, str]) -> Overrides:
+    """The keys that the environment sets; sections may be unknown, which ``unknown_sections`` finds."""
+    return {path: (name, _number(path, value)) for name, value in environ.items() if (path := _path(name))}
+
+
+def apply(values: dict[str, Any], over: Overrides) -> None:
+    """Write the overrides of known sections into the values of the file, in place."""
+    for (section, key), (_, value) in ((path, v) for path, v in over.items() if path[0] in SECTIONS):
+        table = values.setdefault(str(section), {})
+        if isinstance(table, dict):
+            table[str(key)] = value
+
+
+def unknown_sections(over: Overrides) -> Iterator[Finding]:
+    """Variables for sections that the environment cannot set."""
+    for path in over:
+        if path[0] not in SECTIONS:
+            known = [f"{PREFIX}{section.upper()}__..." for section in SECTIONS]
+            yield Finding(path, f"no such setting: {did_you_mean(over[path][0], known)}")
+
+
+def _path(name: str) -> Path | None:
+    """("web", "port") for AXISWATCH_WEB__PORT; None for other variables, such as AXISWATCH_DATA."""
+    section, separator, key = name.upper().removeprefix(PREFIX).lower().partition("__")
+    return (section, key) if name.upper().startswith(PREFIX) and separator else None
+
+
+def _number(path: Path, text: str) -> Any:
+    """A number where the key is one; the text itself where it is none, for the schema to complain about."""
+    section = Config.model_fields.get(str(path[0]))
+    table = table_in(section.annotation) if section else None
+    field = table.model_fields.get(str(path[1])) if table else None
+    kind = field.annotation if field else str
+    if kind not in (int, float):
+        return text
+    try:
+        return TypeAdapter(kind).validate_strings(text)
+    except ValidationError:
+        return text

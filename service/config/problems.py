@@ -1,0 +1,77 @@
+"""What is wrong with a configuration, for its user: where, which key, which value, what would be right."""
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_LONGEST_VALUE = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One problem.  ``key`` is dotted and counts array elements from 1: robot[1].axis[2].torque.message.
+
+    ``line`` is None where the whole file is meant.  ``file`` is None for the environment: then ``key`` is the
+    variable.  ``value`` is as TOML would write it, None for a key that is missing.
+    """
+
+    file: Path | None
+    line: int | None
+    key: str
+    value: str | None
+    message: str
+    column: int | None = None
+
+    @property
+    def place(self) -> str:
+        """File, line and, in syntax errors, column: robot.toml:12; or "environment"."""
+        if self.file is None:
+            return "environment"
+        parts = [str(self.file), *(str(n) for n in (self.line, self.column) if n is not None)]
+        return ":".join(parts)
+
+    def __str__(self) -> str:
+        value = "" if self.value is None else f" = {self.value}"
+        key = f"{self.key}{value}: " if self.key else ""
+        return f"{self.place}: {key}{self.message}"
+
+
+class ConfigErrors(Exception):  # noqa: N818 - several errors
+    """A configuration that cannot be used, with every problem found in it."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        super().__init__("\n".join(map(str, problems)))
+        self.problems = list(problems)
+
+
+def dotted(path: Sequence[str | int]) -> str:
+    """A path as TOML would write its key, elements of arrays counted from 1."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            name = part if _BARE.fullmatch(part) else json.dumps(part, ensure_ascii=False)
+            text += f".{name}" if text else name
+    return text
+
+
+def shown(value: object) -> str:
+    """A value as TOML would write it, cut where it is long."""
+    text = _toml(value)
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{dotted([str(key)])} = {_toml(entry)}" for key, entry in value.items()) + "}"
+    return str(value)

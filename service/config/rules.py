@@ -1,0 +1,138 @@
+"""Rules beyond single values: names that must differ or exist, values that must fit together.
+
+Each rule takes a table of a lenient reading and yields findings with paths relative to that table.  Where a
+rule asks for a value that is itself wrong, ``Absent`` ends it: that value has been reported.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TypeVar
+
+from service.config.crosschecks import DBC_RULES
+from service.config.model_rules import MODEL_RULES
+from service.config.positions import Path
+from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
+from service.config.tables import Absent, present
+from service.config.wording import Finding
+from service.ingest.interfaces import interface_names
+from service.words import did_you_mean
+
+T = TypeVar("T")
+Rule = Callable[[T], Iterator[Finding]]
+
+
+def broken(config: Config) -> Iterator[Finding]:
+    """All findings of all rules in a lenient reading of the file."""
+    yield from _run(FILE_RULES, config, ())
+    for i, bus in enumerate(config.bus if present(config, "bus") else ()):
+        yield from _run(BUS_RULES, bus, ("bus", i))
+    for i, robot in enumerate(config.robot if present(config, "robot") else ()):
+        yield from _run(ROBOT_RULES, robot, ("robot", i))
+        for k, axis in enumerate(robot.axis if present(robot, "axis") else ()):
+            yield from _run(AXIS_RULES, axis, ("robot", i, "axis", k))
+
+
+def _run(rules: Iterable[Rule[T]], table: T, path: Path) -> Iterator[Finding]:
+    for rule in rules:
+        try:
+            for finding in rule(table):
+                yield finding.inside(path)
+        except Absent:
+            continue
+
+
+def bus_names(config: Config) -> Iterator[Finding]:
+    """No two buses have one name."""
+    return _same_names("bus", config.bus)
+
+
+def robot_names(config: Config) -> Iterator[Finding]:
+    """No two robots have one name."""
+    return _same_names("robot", config.robot)
+
+
+def axis_names(robot: RobotConfig) -> Iterator[Finding]:
+    """No two axes of a robot have one name."""
+    return _same_names("axis", robot.axis)
+
+
+def bus_references(config: Config) -> Iterator[Finding]:
+    """Every axis names a bus of the file."""
+    known = [bus.name for bus in config.bus if present(bus, "name")]
+    for i, robot in enumerate(config.robot):
+        for k, axis in enumerate(robot.axis if present(robot, "axis") else ()):
+            if present(axis, "bus") and axis.bus not in known:
+                yield Finding(("robot", i, "axis", k, "bus"), f"no such bus: {did_you_mean(axis.bus, known)}")
+
+
+def interface(bus: BusConfig) -> Iterator[Finding]:
+    """The interface is one that python-can has."""
+    if bus.interface not in interface_names():
+        hint = did_you_mean(bus.interface, interface_names())
+        yield Finding(("interface",), f"python-can has no such interface: {hint}")
+
+
+def bus_options(bus: BusConfig) -> Iterator[Finding]:
+    """Options do not repeat what has its own key."""
+    for key in ("interface", "channel"):
+        if key in bus.options:
+            yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
+
+
+def one_motion(axis: AxisConfig) -> Iterator[Finding]:
+    """Exactly one of angle and speed."""
+    if axis.angle is not None and axis.speed is not None:
+        yield Finding(("speed",), "an axis has either angle or speed: remove one; there is", ("angle",))
+    if axis.angle is None and axis.speed is None:
+        yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
+
+
+def torque_delay(axis: AxisConfig) -> Iterator[Finding]:
+    """The torque is at most one interval late."""
+    return _at_most_an_interval(axis, "torque_delay_s", axis.torque_delay_s)
+
+
+def pairing_tolerance(axis: AxisConfig) -> Iterator[Finding]:
+    """A wider tolerance would pair values of different samples."""
+    return _at_most_an_interval(axis, "pairing_tolerance_s", axis.pairing_tolerance_s)
+
+
+def maximum_gap(axis: AxisConfig) -> Iterator[Finding]:
+    """The normal interval is no gap."""
+    if axis.maximum_gap_s < axis.sample_interval_s:
+        limit = (
+            f"must be at least sample_interval_s = {axis.sample_interval_s}: every interval would be a gap"
+        )
+        yield Finding(("maximum_gap_s",), limit)
+
+
+def counter(axis: AxisConfig) -> Iterator[Finding]:
+    """Message and signal of the counter come together."""
+    pair = {"counter_message": axis.time.counter_message, "counter_signal": axis.time.counter_signal}
+    if len([value for value in pair.values() if value is None]) == 1:
+        missing = next(key for key, value in pair.items() if value is None)
+        yield Finding(("time", missing), "missing: counter_message and counter_signal go together")
+
+
+def _same_names(key: str, tables: Sequence[BusConfig | RobotConfig | AxisConfig]) -> Iterator[Finding]:
+    first: dict[str, int] = {}
+    for i, table in enumerate(tables):
+        if present(table, "name") and first.setdefault(table.name, i) != i:
+            yield Finding((key, i, "name"), "must differ from the name of", (key, first[table.name]))
+
+
+def _at_most_an_interval(axis: AxisConfig, key: str, value: float) -> Iterator[Finding]:
+    if value > axis.sample_interval_s:
+        yield Finding((key,), f"must be at most sample_interval_s = {axis.sample_interval_s}")
+
+
+FILE_RULES: tuple[Rule[Config], ...] = (bus_names, robot_names, bus_references, *DBC_RULES)
+BUS_RULES: tuple[Rule[BusConfig], ...] = (interface, bus_options)
+ROBOT_RULES: tuple[Rule[RobotConfig], ...] = (axis_names,)
+AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
+    one_motion,
+    torque_delay,
+    pairing_tolerance,
+    maximum_gap,
+    counter,
+    *MODEL_RULES,
+)

@@ -1,0 +1,227 @@
+"""Every key of the configuration file, with its unit, its bounds and its default.
+
+Attributes have the names of the TOML keys.  SI units; torque, angle and speed are those of the motor.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BeforeValidator, Field, ValidationInfo
+
+from monitor_core.model import Output
+from service.config.tables import ABSENT, Absent, Reading, Table
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+Text = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+
+
+def _from_folder(value: object, info: ValidationInfo) -> object:
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise ValueError("must be a path in quotes")
+    return info.context.folder / value if isinstance(info.context, Reading) else value
+
+
+FilePath = Annotated[Path, BeforeValidator(_from_folder)]
+
+
+def _intervals(count: float) -> Callable[[dict[str, Any]], Any]:
+    """A default of so many sample intervals."""
+
+    def default(validated: dict[str, Any]) -> Any:
+        interval = validated["sample_interval_s"]
+        return ABSENT if interval is ABSENT else count * interval
+
+    return default
+
+
+class ServiceConfig(Table):
+    """[service]: what the daemon keeps."""
+
+    state_dir: FilePath = Field(
+        Path("state"),
+        validate_default=True,
+        description="folder of the alarm journal and the checkpoints, relative to the configuration file",
+    )
+    checkpoint_interval_s: Positive = Field(60.0, le=86400, description="time between checkpoints [s]")
+    history_interval_s: Positive = Field(1.0, le=3600, description="time between points of the history [s]")
+    history_length_s: Positive = Field(
+        3600.0, le=604800, description="length of the history kept in memory [s]"
+    )
+
+
+class WebConfig(Table):
+    """[web]: where REST, metrics and the page are served."""
+
+    host: Text = Field("127.0.0.1", description="address to listen on; 0.0.0.0 for all interfaces")
+    port: Annotated[int, Field(strict=True)] = Field(
+        8080, ge=0, le=65535, description="TCP port; 0 for any free one"
+    )
+
+
+class BusConfig(Table):
+    """[[bus]]: one CAN bus."""
+
+    name: Name = Field(description="name by which axes refer to the bus: letters, digits, - and _")
+    interface: Text = Field("socketcan", description="python-can interface: socketcan, virtual, pcan, ...")
+    channel: Text = Field(description="channel of that interface, e.g. can0")
+    dbc: FilePath = Field(description="DBC file of the messages on the bus, relative to this file")
+    queue_frames: Annotated[int, Field(strict=True)] = Field(
+        100_000,
+        ge=100,
+        le=10_000_000,
+        description="frames that may wait for the worker before some are dropped",
+    )
+    options: dict[str, Any] = Field(
+        default_factory=dict, description="passed to python-can as they are: bitrate, fd, ..."
+    )
+
+
+class SignalConfig(Table):
+    """[robot.axis.torque], .angle, .speed: where a quantity comes from."""
+
+    message: Text = Field(description="name of the message in the DBC")
+    signal: Text = Field(description="name of the signal in that message")
+    factor: Real = Field(1.0, description="SI value = factor * signal + offset; negative turns the direction")
+    offset: Real = Field(0.0, description="SI value = factor * signal + offset")
+    column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
+
+
+class TimeConfig(Table):
+    """[robot.axis.time]: where the time of a sample comes from."""
+
+    column: Text | None = Field(
+        None, description="column of the time [s] in records; without it rows are sample_interval_s apart"
+    )
+    counter_message: Text | None = Field(None, description="message that carries the sample counter")
+    counter_signal: Text | None = Field(
+        None, description="sample counter; with it sample times are whole intervals, free of receipt jitter"
+    )
+
+
+class ModelConfig(Table):
+    """[robot.axis.model]: the drive, its nominal values, and what is watched."""
+
+    drive: Text = Field("three-mass", description="structure of the drive")
+    monitor: tuple[Text, ...] = Field(
+        min_length=1, description='parameters to estimate, e.g. ["kT", "1/Ja", "fm"]'
+    )
+    friction_speed_scale: Positive = Field(
+        1.0, description="Coulomb friction is fc tanh(speed / friction_speed_scale) [rad/s]"
+    )
+    nominal: dict[str, Real] = Field(description="value of every parameter of the drive, SI")
+    scales: dict[str, Positive] = Field(
+        default_factory=dict, description="size of a monitored parameter, where |nominal| is not it"
+    )
+    bounds: dict[str, tuple[Real, Real]] = Field(
+        default_factory=dict, description="name = [lower, upper]: the estimate stays between them"
+    )
+
+
+class EstimatorConfig(Table):
+    """[robot.axis.estimator]: the recursive prediction error method."""
+
+    predictor: Literal["innovations", "output-error"] = Field(
+        "innovations", description='"innovations" (Kalman gain) or "output-error" (the paper; speed only)'
+    )
+    forgetting: Real = Field(0.995, gt=0.5, lt=1, description="lambda, per sample; memory is 1/(1 - lambda)")
+    torque_noise: Positive | None = Field(
+        None, description="standard deviation of the torque per sample [N m], for the Kalman gain"
+    )
+    output_noise: Positive | None = Field(
+        None, description="standard deviation of the measured angle [rad] or speed [rad/s]"
+    )
+    innovation_variance: Positive | None = Field(
+        None, description="lambda_0 [rad^2 or (rad/s)^2]; default from the noises"
+    )
+    gain: tuple[Real, ...] = Field(
+        (), description="filter gain K, one number per state; default from the noises"
+    )
+    initial_p: dict[str, Positive] = Field(
+        default_factory=dict, description="diagonal of P(0) by parameter; default from the first samples"
+    )
+
+
+class DetectorConfig(Table):
+    """[robot.axis.detector]: the CUSUM test."""
+
+    alpha_1: Real = Field(3.0, ge=0, description="drift nu = alpha_1 standard deviations")
+    alpha_2: Positive = Field(20.0, description="threshold h = alpha_2 times the size of the parameter")
+
+
+class AxisConfig(Table):
+    """[[robot.axis]]: one axis, where its samples come from and how they are watched."""
+
+    name: Name = Field(description="name of the axis: letters, digits, - and _")
+    bus: Text = Field(description="name of a [[bus]]")
+    sample_interval_s: Positive = Field(ge=1e-5, le=1, description="nominal sample interval [s]")
+    pairing_tolerance_s: Positive = Field(
+        default_factory=_intervals(0.4),
+        description="torque and angle (or speed) further apart than this are no sample [s]",
+    )
+    maximum_gap_s: Positive = Field(
+        default_factory=_intervals(10), description="a longer interval starts the predictor afresh [s]"
+    )
+    settling_time_s: Annotated[Real, Field(ge=0)] | None = Field(
+        None, description="no estimation for so long after such a start [s]; default from the model"
+    )
+    torque_delay_s: Real = Field(
+        0.0, ge=0, description="torque acts so much later than its sample [s], at most one interval"
+    )
+    torque: SignalConfig = Field(description="motor torque; factor and offset make it N m")
+    angle: SignalConfig | None = Field(None, description="motor angle; factor and offset make it rad")
+    speed: SignalConfig | None = Field(None, description="motor speed; factor and offset make it rad/s")
+    time: TimeConfig = Field(default_factory=TimeConfig, description="time of the samples")
+    model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
+    estimator: EstimatorConfig = Field(description="recursive estimator")
+    detector: DetectorConfig = Field(default_factory=DetectorConfig, description="change detector")
+
+    @property
+    def motion(self) -> SignalConfig:
+        """The signal of the angle or of the speed."""
+        motion = self.speed if self.angle is None else self.angle
+        if motion is None:
+            raise Absent("angle or speed")
+        return motion
+
+    @property
+    def output(self) -> Output:
+        """What is measured besides torque."""
+        return "speed" if self.angle is None else "angle"
+
+
+class RobotConfig(Table):
+    """[[robot]]: a name for a group of axes."""
+
+    name: Name = Field(description="name of the robot: letters, digits, - and _")
+    axis: tuple[AxisConfig, ...] = Field(min_length=1, description="axes of the robot, [[robot.axis]]")
+
+
+class NamedAxis(NamedTuple):
+    """An axis with the name it has everywhere outside, "robot.axis"."""
+
+    id: str
+    robot: str
+    config: AxisConfig
+
+
+class Config(Table):
+    """The whole file."""
+
+    service: ServiceConfig = Field(
+        default_factory=lambda: ServiceConfig.model_validate({}), description="what the daemon keeps"
+    )
+    web: WebConfig = Field(default_factory=WebConfig, description="where it is served")
+    bus: tuple[BusConfig, ...] = Field(min_length=1, description="CAN buses, [[bus]]")
+    robot: tuple[RobotConfig, ...] = Field(min_length=1, description="robots, [[robot]]")
+
+    @property
+    def axes(self) -> tuple[NamedAxis, ...]:
+        """All axes in the order of the file."""
+        return tuple(
+            NamedAxis(f"{robot.name}.{axis.name}", robot.name, axis)
+            for robot in self.robot
+            for axis in robot.axis
+        )

@@ -1,0 +1,89 @@
+"""Validation errors of pydantic in the words of the file format, with the meaning of the key beside them."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, get_args
+
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from service.config.positions import Path
+from service.config.schema import Config
+from service.config.tables import Table
+from service.words import did_you_mean
+
+
+class Finding(NamedTuple):
+    """Something wrong at a path of the file; where ``other`` is given, the message ends with that place."""
+
+    path: Path
+    message: str
+    other: Path | None = None
+
+    def inside(self, table: Path) -> "Finding":
+        """The same, seen from outside the table."""
+        return Finding((*table, *self.path), self.message, self.other and (*table, *self.other))
+
+
+_RULES = {
+    "missing": "missing",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "finite_number": "must be a finite number",
+    "string_type": "must be a text in quotes",
+    "string_too_short": "must not be empty",
+    "string_pattern_mismatch": "must consist of letters, digits, - and _",
+    "greater_than": "must be greater than {gt}",
+    "greater_than_equal": "must be at least {ge}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be at most {le}",
+    "too_short": "must have at least {min_length}",
+    "too_long": "must have at most {max_length}",
+    "literal_error": "must be {expected}",
+    "model_type": "must be a table",
+    "dict_type": "must be a table",
+    "tuple_type": "must be a list",
+    "value_error": "{error}",
+}
+
+
+def findings(errors: Iterable[ErrorDetails]) -> list[Finding]:
+    """The errors of a validation of ``Config``, without those that only follow from others."""
+    return [Finding(error["loc"], _message(error)) for error in errors if not _follows(error)]
+
+
+def _follows(error: ErrorDetails) -> bool:
+    if error["type"] == "default_factory_not_called":
+        return True
+    # Elements that are wrong themselves are not counted by pydantic: a list seems too short.
+    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
+
+
+def _message(error: ErrorDetails) -> str:
+    field, table = _schema_at(error["loc"])
+    if error["type"] == "extra_forbidden" and table is not None:
+        return f"unknown key: {did_you_mean(str(error['loc'][-1]), table.model_fields)}"
+    rule = _RULES.get(error["type"], error["msg"]).format_map(error.get("ctx", {}))
+    return f"{rule} ({field.description})" if field is not None and field.description else rule
+
+
+def _schema_at(path: Sequence[str | int]) -> tuple[FieldInfo | None, type[Table] | None]:
+    """The innermost field of a path, and the table that it belongs to."""
+    field: FieldInfo | None = None
+    table: type[Table] | None = None
+    inner: type[Table] | None = Config
+    for part in path:
+        if isinstance(part, int) or inner is None:
+            continue
+        table, field = inner, inner.model_fields.get(part)
+        inner = table_in(field.annotation) if field else None
+    return field, table
+
+
+def table_in(annotation: Any) -> type[Table] | None:
+    """The table that an annotation such as ``tuple[AxisConfig, ...]`` speaks of."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return annotation
+    return next(filter(None, map(table_in, get_args(annotation))), None)
