@@ -33,7 +33,7 @@ def three_mass(output: Output) -> Drive:
     Output speed: five states, y = phi_m'.  Output angle: an integrator is added, six states, y = phi_m.
     """
     speed_output = output == "speed"
-    states = _SPRING_STATES + _SPEED_STATES
+    states: tuple[Quantity, ...] = _SPRING_STATES + _SPEED_STATES
     if not speed_output:
         states += (Quantity("phi_m", "rad"),)
     return Drive(
