@@ -1,0 +1,92 @@
+"""Axes, settings and records that the tests of the engine share."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.excitation import multisine
+from monitor_core.kalman import filter_gain
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel, Output
+from monitor_core.reference import NOISE, Record
+from monitor_core.settings import Settings
+from monitor_core.simulation import SimulatedAxis
+
+FRICTION = {**REFERENCE_VALUES, "fc": 0.4, "tau0": 0.1}
+H = 0.005
+
+
+class Case(NamedTuple):
+    """An axis that is monitored in a certain way."""
+
+    name: str
+    output: Output
+    monitored: tuple[str, ...]
+    values: Mapping[str, float] = FRICTION
+    torque_noise: float = 0.05
+    delay_s: float = 0.0
+    zero: tuple[str, ...] = ()  # parameters whose nominal value is zero though the true one is not
+
+    @property
+    def model(self) -> AxisModel:
+        nominal = {k: 0.0 if k in self.zero else v for k, v in self.values.items()}
+        scales = {name: abs(self.values[name]) for name in self.zero}
+        return AxisModel(three_mass(self.output), nominal, self.monitored, scales)
+
+    def settings(self, relative_sd: float = 0.01, **changes: float | bool | tuple[float, ...]) -> Settings:
+        """Settings with this standard deviation (relative) of theta at the start."""
+        gain, lam0 = filter_gain(self.model, H, self.torque_noise, NOISE[self.output])
+        start = (relative_sd * self.model.scale) ** 2 / lam0
+        own = {
+            "K": tuple(gain) if self.torque_noise else (),
+            "lam0": lam0,
+            "delay_s": self.delay_s,
+            "max_gap_s": 0.05,
+            "settle_s": 0.3,
+            "P0": tuple(start),
+        }
+        return Settings(H, **(own | changes))  # type: ignore[arg-type]
+
+
+PAPER = ("kT", "1/Ja", "fm")
+CASES = (
+    Case("paper", "speed", PAPER, REFERENCE_VALUES, torque_noise=0.0),
+    Case("speed-output-error-late", "speed", ("Jm", "fc", "tau0"), torque_noise=0.0, delay_s=0.0013),
+    Case("speed-zero-nominals", "speed", ("fc", "fm", "tau0"), zero=("fc", "tau0")),
+    Case("speed-springs", "speed", ("1/Jm", "kg", "ka"), delay_s=0.005),
+    Case("angle-paper", "angle", PAPER, REFERENCE_VALUES, torque_noise=0.01),
+    Case("angle-friction", "angle", ("fc", "tau0", "1/kT"), zero=("fc", "tau0"), delay_s=0.002),
+    Case("angle-gear", "angle", ("r", "Jg", "da")),
+    Case("angle-alone", "angle", ("fc",), torque_noise=0.2),
+)
+BY_NAME = {case.name: case for case in CASES}
+
+
+def as_columns(rec: Record) -> Record:
+    """A record as the samples of a bank of one axis."""
+    return Record(rec.t_us[:, np.newaxis], rec.u[:, np.newaxis], rec.y[:, np.newaxis])
+
+
+def record(
+    seed: int,
+    case: Case,
+    samples: int,
+    *,
+    jitter: float = 0.0,
+    gaps: int = 0,
+    true: Mapping[str, float] | None = None,
+) -> Record:
+    """A record with noise; the share ``jitter`` of its intervals is anything from 1 to 50 ms.
+
+    The plant knows no torque delay; ``true`` are its values, by default those of the case.
+    """
+    rng = np.random.default_rng(seed)
+    h_us = np.where(rng.random(samples) < jitter, rng.integers(1000, 50_001, samples), round(H * 1e6))
+    h_us[rng.choice(np.arange(10, samples), gaps, replace=False)] = 300_000
+    u = multisine(rng, samples, H, (0.0, 30.0), 1.23)
+    axis = SimulatedAxis(true or case.values)
+    motion = [axis.step(torque, h * 1e-6) for torque, h in zip(u[:-1], h_us[1:], strict=True)]
+    y = np.array([(0.0, 0.0), *motion])[:, 0 if case.output == "angle" else 1]
+    t_us = np.cumsum(h_us) - h_us[0]
+    return Record(t_us.astype(np.int64), u, y + NOISE[case.output] * rng.standard_normal(samples))

@@ -1,0 +1,203 @@
+"""The paper, transcribed: one axis, a sample at a time, numpy and the exponential of the whole system.
+
+Slow and plain on purpose, and without a line in common with the kernel.  Equation numbers are the paper's.
+Innovations form, friction, offset, torque delay and the rules for gaps as in the documentation of Settings.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm, matrix_balance
+
+from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+Array = NDArray[np.float64]
+STEP = 1e-30  # of the complex step; far below rounding, so that the derivative is exact
+
+
+def derivatives(model: AxisModel, which: str, theta: Array) -> list[Array]:
+    """d(matrix)/dtheta_i for each i, by the complex step."""
+    out = []
+    for i in range(len(theta)):
+        h = STEP * max(1.0, abs(theta[i]))
+        shifted = theta + 1j * h * np.eye(len(theta))[i]
+        matrix = model.drive.matrix(which, model.values(shifted))  # type: ignore[arg-type]
+        out.append(np.imag(matrix) / h)
+    return out
+
+
+def held_over(F: NDArray[np.generic], f: NDArray[np.generic], w: NDArray[np.generic], h: float) -> Array:
+    """w(h) of  w' = F w + f  with f constant: one exponential of the system with f as a further column.
+
+    Balanced first: springs on the arm side and inertias on the motor side differ by 1e8: four digits.
+    """
+    size = len(w)
+    M = np.zeros((size + 1, size + 1), dtype=np.result_type(F, f))
+    M[:size, :size], M[:size, size] = F, f
+    balanced, (d, _) = matrix_balance(M, permute=False, separate=True)
+    return np.asarray((d * (expm(balanced * h) @ (np.append(w, 1.0) / d)))[:size])
+
+
+@dataclass
+class Log:
+    """What happened at each sample; NaN where there was no update."""
+
+    eps: list[float] = field(default_factory=list)
+    psi: list[Array] = field(default_factory=list)
+    theta: list[Array] = field(default_factory=list)
+    P: list[Array] = field(default_factory=list)
+    g: list[Array] = field(default_factory=list)
+    alarms: list[tuple[int, int, int, int]] = field(default_factory=list)  # way, parameter, time, onset
+
+
+class Paper:
+    """Recursive identification and CUSUM of one axis."""
+
+    def __init__(self, model: AxisModel, s: Settings, P_start: Array | None = None) -> None:
+        self.model, self.s = model, s
+        n, p, m = len(model.drive.states), len(model.theta0), len(model.drive.inputs)
+        self.theta = model.theta0.copy()
+        self.P = np.diag(s.P0) if P_start is None else P_start.copy()
+        self.x, self.z = np.zeros(n), np.zeros((p, n))
+        self.u, self.du = np.zeros(m), np.zeros((p, m))
+        self.torque = self.torque_before = 0.0
+        self.g = np.zeros((2, p))
+        self.onset = np.zeros((2, p), dtype=np.int64)
+        self.t: int | None = None
+        self.settled = 0
+        self.diagonals: list[Array] = []  # of the run that finds P(0)
+        self.log = Log()
+
+    def run(self, t_us: NDArray[np.int64], u: Array, y: Array) -> Log:
+        for sample in zip(t_us, u, y, strict=True):
+            self._sample(int(sample[0]), float(sample[1]), float(sample[2]))
+        return self.log
+
+    def _sample(self, t: int, u: float, y: float) -> None:
+        eps, psi = math.nan, np.full(len(self.theta), math.nan)
+        gap = round(self.s.max_gap_s * 1e6)
+        unusable = not (math.isfinite(u) and math.isfinite(y))
+        repeated = self.t is not None and self.t - gap <= t <= self.t
+        if not unusable and not repeated:
+            if self.t is None or t < self.t or t - self.t > gap:
+                self._restart(t, u, y)
+            else:
+                eps, psi = self._move(t, u, y)
+        self.log.eps.append(eps)
+        self.log.psi.append(psi)
+        self.log.theta.append(self.theta.copy())
+        self.log.P.append(self.P.copy())
+        self.log.g.append(self.g.copy())
+
+    def _restart(self, t: int, u: float, y: float) -> None:
+        self.x = self.model.drive.matrix("rest", self.model.nominal)[:, 0] * y
+        self.z[:] = 0.0
+        self.t, self.settled = t, t + round(self.s.settle_s * 1e6)
+        self._hold(u, y)
+        self.torque_before = u
+
+    def _hold(self, u: float, y: float) -> None:
+        """Inputs from this sample on, and their derivatives where friction hangs on the predicted speed."""
+        speed_measured = self.model.drive.output == "speed"
+        k = self.model.drive.speed_state
+        friction = math.tanh((y if speed_measured else self.x[k]) / self.s.speed_scale)
+        slope = 0.0 if speed_measured else (1 - friction**2) / self.s.speed_scale
+        self.torque_before, self.torque = self.torque, u
+        for c, kind in enumerate(self.model.drive.inputs):
+            self.u[c] = {TORQUE: u, COULOMB: friction, ONE: 1.0}[kind]
+            self.du[:, c] = slope * self.z[:, k] if kind == COULOMB else 0.0
+
+    def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
+        assert self.t is not None
+        h = (t - self.t) * 1e-6
+        late = min(self.s.delay_s, h)
+        self._propagate(late, self.torque_before)
+        self._propagate(h - late, self.torque)
+        C = self.model.matrices(self.theta)[2][0]
+        dC = derivatives(self.model, "C", self.theta)
+        eps = y - C @ self.x  # (11)
+        psi = np.array([C @ z + d[0] @ self.x for z, d in zip(self.z, dC, strict=True)])  # (16)
+        self.t = t
+        used = t >= self.settled
+        if used:
+            self._update(eps, psi)
+        K = self.s.gain(len(self.x))
+        self.x = self.x + K * eps
+        self.z = self.z - np.outer(psi, K)
+        self._hold(u, y)
+        return (eps, psi) if used else (math.nan, psi)
+
+    def _propagate(self, h: float, torque: float) -> None:
+        """The extended system (18-19), all of it: w = (z_1 .. z_p, x)."""
+        n, p = len(self.x), len(self.theta)
+        A, B, _ = self.model.matrices(self.theta)
+        dA, dB = (derivatives(self.model, which, self.theta) for which in "AB")
+        u = np.where(np.array(self.model.drive.inputs) == TORQUE, torque, self.u)
+        F, f = np.kron(np.eye(p + 1), A), np.zeros((p + 1, n))
+        for i in range(p):
+            F[i * n : (i + 1) * n, p * n :] = dA[i]
+            f[i] = dB[i] @ u + B @ self.du[i]
+        f[p] = B @ u
+        w = held_over(F, f.ravel(), np.append(self.z.ravel(), self.x), h)
+        self.z, self.x = w[: p * n].reshape(p, n), w[p * n :]
+
+    def _update(self, eps: float, psi: Array) -> None:
+        lam = self.s.lam
+        S = lam + psi @ self.P @ psi
+        L = self.P @ psi / S  # (12)
+        self.P = (self.P - np.outer(self.P @ psi, psi @ self.P) / S) / lam  # (13)
+        if len(self.diagonals) < self.s.seed_updates:
+            self._seed()
+            return
+        self.theta = np.clip(self.theta + L * eps, *self.model.limits)
+        self._cusum()
+
+    def _seed(self) -> None:
+        """P(0): theta stays nominal while P settles; the average of the steady half of its diagonal."""
+        self.diagonals.append(np.diag(self.P))
+        if len(self.diagonals) == self.s.seed_updates:
+            self.P = np.diag(np.mean(self.diagonals[self.s.seed_updates // 2 :], axis=0))
+
+    def _cusum(self) -> None:
+        """(21-23), both directions; after an alarm from zero again."""
+        assert self.t is not None
+        d = self.theta - self.model.theta0
+        nu = self.s.alpha1 * np.sqrt(self.s.lam0 * np.diag(self.P))
+        for way, sign in enumerate((1, -1)):
+            for i in range(len(d)):
+                self.g[way, i] = max(0.0, self.g[way, i] + sign * d[i] - nu[i])
+                if self.g[way, i] == 0:
+                    self.onset[way, i] = self.t
+                if self.g[way, i] > self.s.alpha2 * self.model.scale[i]:
+                    self.log.alarms.append((way, i, self.t, int(self.onset[way, i])))
+                    if not self.s.run_on:
+                        self.g[way, i], self.onset[way, i] = 0.0, self.t
+
+
+def prediction(
+    model: AxisModel,
+    s: Settings,
+    theta: NDArray[np.generic],
+    t_us: NDArray[np.int64],
+    u: Array,
+    y: Array,
+) -> NDArray[np.generic]:
+    """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
+    values = model.values(theta)  # type: ignore[arg-type]
+    A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
+    K, k = s.gain(len(A)), model.drive.speed_state
+    x = model.drive.matrix("rest", model.nominal)[:, 0] * y[0] + 0 * A[0]
+    yhat, before, friction = [C[0] @ x], u[0], np.tanh((y[0] if len(A) == 5 else x[k]) / s.speed_scale)
+    for j in range(1, len(u)):
+        h = (t_us[j] - t_us[j - 1]) * 1e-6
+        late = min(s.delay_s, h)
+        for piece, torque in ((late, before), (h - late, u[j - 1])):
+            x = held_over(A, B @ np.array([torque, friction, 1.0]), x, piece)
+        yhat.append(C[0] @ x)
+        x = x + K * (y[j] - yhat[-1])
+        before, friction = u[j - 1], np.tanh((y[j] if len(A) == 5 else x[k]) / s.speed_scale)
+    return np.array(yhat)

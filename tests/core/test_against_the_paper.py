@@ -1,0 +1,140 @@
+"""The kernel computes what the paper says: against the plain transcription, sample by sample."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from monitor_core import bank as bank_module
+from monitor_core.bank import Bank
+from monitor_core.episodes import DIRECTIONS, Crossing
+from monitor_core.kernel.block import Trace
+from monitor_core.monitor import AxisMonitor
+from monitor_core.reference import Record
+from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
+from tests.core.oracle import Log, Paper, prediction
+
+TOLERANCE = 1e-9
+SAMPLES = 2000
+
+
+def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[float]) -> float:
+    """Largest difference, relative to the largest value of each column."""
+    reference = np.array(paper).reshape(kernel.shape)
+    assert (np.isnan(kernel) == np.isnan(reference)).all()
+    scale = np.nanmax(np.abs(reference), axis=0)
+    return float(np.nanmax(np.abs(kernel - reference) / np.where(scale > 0, scale, 1)))
+
+
+def worst(trace: Trace, log: Log) -> dict[str, float]:
+    moved = ~np.isnan(np.array(log.psi)[:, 0])
+    diagonal = [np.diag(P) for P in log.P]
+    return {
+        "eps": apart(trace.eps, log.eps),
+        "psi": apart(trace.psi[moved], list(np.array(log.psi)[moved])),
+        "theta": apart(trace.theta, log.theta),
+        "P": apart(trace.P, diagonal),
+        "g": apart(trace.g, log.g),
+    }
+
+
+@pytest.fixture(params=["scalar", "lanes"])
+def shape(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each test runs with both shapes of the kernel."""
+    monkeypatch.setattr(bank_module, "FEWEST_LANES", 1 if request.param == "lanes" else 1000)
+
+
+@pytest.fixture(scope="module")
+def results(seed: int) -> dict[str, tuple[Record, Paper]]:
+    """The transcription's results, which are slow, by case; filled as they are asked for."""
+    return {}
+
+
+def by_the_paper(case: Case, seed: int, known: dict[str, tuple[Record, Paper]]) -> tuple[Record, Paper]:
+    if case.name not in known:
+        rec = record(seed, case, SAMPLES, jitter=0.3, gaps=3)
+        paper = Paper(case.model, case.settings(alpha1=0.5, alpha2=0.5))
+        paper.run(*rec)
+        known[case.name] = rec, paper
+    return known[case.name]
+
+
+@pytest.mark.usefixtures("shape")
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_kernel_equals_the_transcription(
+    case: Case, seed: int, results: dict[str, tuple[Record, Paper]]
+) -> None:
+    rec, paper = by_the_paper(case, seed, results)
+    bank = Bank([case.model], [paper.s])
+    events, trace = bank.run_traced(*as_columns(rec))
+    differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
+    assert max(differences.values()) < TOLERANCE, differences
+    assert np.abs(bank.state.P[:, :, 0] / paper.P - 1).max() < TOLERANCE
+    found = [
+        (DIRECTIONS.index(e.direction), case.monitored.index(e.parameter), e.time_us)
+        for _, e in events
+        if isinstance(e, Crossing)
+    ]
+    assert sorted(found) == sorted(alarm[:3] for alarm in paper.log.alarms)
+
+
+@pytest.mark.usefixtures("shape")
+def test_alarms_and_their_onsets(seed: int) -> None:
+    case = BY_NAME["paper"]
+    rec = record(seed, case, SAMPLES, true={**case.values, "kT": 1.1, "fm": 0.03})
+    settings = case.settings(alpha1=0.5, alpha2=2.0)
+    log = Paper(case.model, settings).run(*rec)
+    bank = Bank([case.model], [settings])
+    events = bank.run(*as_columns(rec))
+    found = [
+        (DIRECTIONS.index(e.direction), case.monitored.index(e.parameter), e.time_us, e.onset_us)
+        for _, e in events
+        if isinstance(e, Crossing)
+    ]
+    assert len({alarm[:2] for alarm in found}) >= 2
+    assert sorted(found) == sorted(log.alarms)
+
+
+def test_run_on_keeps_g(seed: int) -> None:
+    case = BY_NAME["paper"]
+    rec = record(seed, case, 800, true={**case.values, "kT": 1.3})
+    settings = case.settings(alpha1=0.5, alpha2=0.5, run_on=True)
+    paper = Paper(case.model, settings)
+    paper.run(*rec)
+    monitor = AxisMonitor.alone(case.model, settings)
+    _, trace = monitor.run_traced(*rec)
+    assert paper.g[0, 0] > 2 * settings.alpha2
+    assert apart(trace.g, paper.log.g) < TOLERANCE
+
+
+@pytest.mark.usefixtures("shape")
+@pytest.mark.parametrize("name", ["paper", "angle-friction"])
+def test_search_for_P0_equals_the_transcription(name: str, seed: int) -> None:
+    case = BY_NAME[name]
+    rec = record(seed, case, 900)
+    settings = case.settings(P0=(), lam=0.98)
+    bank = Bank([case.model], [settings])
+    paper = Paper(case.model, settings, P_start=bank.state.P[:, :, 0])
+    paper.run(*rec)
+    _, trace = bank.run_traced(*as_columns(rec))
+    differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
+    assert len(paper.diagonals) == settings.seed_updates == 500
+    assert max(differences.values()) < TOLERANCE
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_psi_is_the_derivative_of_the_prediction(case: Case, seed: int) -> None:
+    """theta is pinned by a tiny P(0); the derivative of the whole prediction is taken by the complex step."""
+    rec = record(seed, case, 400, jitter=0.3)
+    model, settings = case.model, replace(case.settings(settle_s=0.0), P0=tuple(1e-40 * case.model.scale**2))
+    theta = model.theta0
+    monitor = AxisMonitor.alone(model, settings)
+    _, trace = monitor.run_traced(*rec)
+    assert np.abs(trace.theta - theta).max() <= 1e-12 * np.abs(theta).max()
+    for i in range(len(theta)):
+        step = 1e-30 * model.scale[i]
+        yhat = prediction(model, settings, theta + 1j * step * np.eye(len(theta))[i], *rec)
+        psi = np.imag(yhat) / step
+        assert np.abs(trace.psi[1:, i] - psi[1:]).max() < 1e-9 * np.abs(psi).max()
+        assert np.abs(rec.y[1:] - yhat[1:].real - trace.eps[1:]).max() < 1e-9 * np.abs(rec.y).max()
