@@ -66,7 +66,7 @@ def _read(path: Path, _modified_ns: int, _size: int) -> Database:
     try:
         database = cantools.database.load_string(_text(path.read_bytes()), "dbc", strict=False)
     except Error as error:
-        reason = str(error).removeprefix("DBC: ").strip('"').replace(">>!<<", "here: ")
+        reason = str(error).removeprefix('DBC: "').removesuffix('"').replace(">>!<<", "<here>")
         raise DbcError(f"{path} is no valid DBC: {reason}") from None
     assert isinstance(database, Database)  # the other kind belongs to another file format
     return database

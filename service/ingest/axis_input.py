@@ -1,0 +1,130 @@
+"""Where the values of one axis are on its bus: values of a message in, samples out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from service.config.schema import NamedAxis, SignalConfig
+from service.ingest.assemble import Assembler
+from service.ingest.clock import SampleClock
+from service.ingest.decode import Decoder, FrameKey
+from service.ingest.errors import IngestError
+from service.ingest.frames import Sample
+
+
+class Quantity(NamedTuple):
+    """One value of an axis: value = factor * signal + offset, SI on the motor side."""
+
+    name: str  # "torque", "angle", "speed" or "counter"
+    key: FrameKey
+    message: str
+    signal: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def value(self, signals: Mapping[str, float]) -> float | None:
+        """The value in SI units; None where a multiplexed signal is absent."""
+        signal = signals.get(self.signal)
+        return None if signal is None else self.factor * signal + self.offset
+
+
+def wanted_signals(axis: NamedAxis) -> Iterator[tuple[str, str]]:
+    """(message, signal) of all that an axis needs."""
+    config = axis.config
+    for source in (config.torque, config.motion):
+        yield source.message, source.signal
+    if config.time.counter_message and config.time.counter_signal:
+        yield config.time.counter_message, config.time.counter_signal
+
+
+class AxisInput:
+    """Samples of one axis from the decoded messages of its bus.
+
+    Raises:
+        IngestError: the counter or the tolerance of this axis cannot be used.
+    """
+
+    def __init__(self, axis: NamedAxis, decoder: Decoder) -> None:
+        config = axis.config
+        self.id = axis.id
+        self._interval_s = config.sample_interval_s
+        self.torque = _quantity("torque", config.torque, decoder)
+        self.motion = _quantity(config.output, config.motion, decoder)
+        self.counter: Quantity | None = None
+        self._counter_scale, self._counter_offset = 1.0, 0.0
+        self._clock: SampleClock | None = None
+        try:
+            self.assembler = Assembler(
+                config.sample_interval_s, config.pairing_tolerance_s, config.maximum_gap_s
+            )
+        except IngestError as error:
+            raise IngestError(f"axis {axis.id}: {error}") from None
+        if config.time.counter_message and config.time.counter_signal:
+            key = decoder.key(config.time.counter_message)
+            self.counter = Quantity("counter", key, config.time.counter_message, config.time.counter_signal)
+            self._check_counter(decoder)
+
+    @property
+    def keys(self) -> set[FrameKey]:
+        """The frames that carry a value of this axis."""
+        return {self.torque.key, self.motion.key}
+
+    @property
+    def reanchored(self) -> int:
+        """How often the sample clock was set to the time of receipt again."""
+        return self._clock.reanchored if self._clock else 0
+
+    def take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sample | None:
+        """Take the signals of a frame received at that time [us]; returns the sample that they complete."""
+        torque = self.torque.value(signals) if self.torque.key == key else None
+        motion = self.motion.value(signals) if self.motion.key == key else None
+        values = (torque is not None) + (motion is not None)
+        if not values:
+            return None
+        sample_us = self._count(key, t_us, signals)
+        if isinstance(sample_us, str):
+            self.assembler.drop(sample_us, values)
+            return None
+        if torque is not None and motion is not None:
+            return self.assembler.add_pair(t_us, torque, motion, sample_us)
+        if torque is not None:
+            return self.assembler.add("torque", t_us, torque, sample_us)
+        assert motion is not None
+        return self.assembler.add("motion", t_us, motion, sample_us)
+
+    def quantities(self) -> Iterator[Quantity]:
+        """Torque, motion and the counter, where there is one."""
+        yield self.torque
+        yield self.motion
+        if self.counter:
+            yield self.counter
+
+    def _count(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> int | str | None:
+        if self.counter is None or self._clock is None or self.counter.key != key:
+            return None
+        count = self.counter.value(signals)
+        return None if count is None else self._clock.read(t_us, self._raw(count))
+
+    def _raw(self, count: float) -> int:
+        assert self.counter is not None
+        return round((count - self._counter_offset) / self._counter_scale)
+
+    def _check_counter(self, decoder: Decoder) -> None:
+        assert self.counter is not None
+        if self.counter.key not in self.keys:
+            raise IngestError(
+                f"axis {self.id}: counter_message is {self.counter.message}, but the counter must be in the "
+                f"message of the torque, {self.torque.message}, or of the {self.motion.name}, "
+                f"{self.motion.message}"
+            )
+        signal = decoder.message(self.counter.key).get_signal_by_name(self.counter.signal)
+        if signal.is_float:
+            raise IngestError(f"axis {self.id}: counter_signal {signal.name} must be an integer, not a float")
+        self._counter_scale, self._counter_offset = signal.scale, signal.offset
+        self._clock = SampleClock(self._interval_s, signal.length)
+
+
+def _quantity(name: str, source: SignalConfig, decoder: Decoder) -> Quantity:
+    key = decoder.key(source.message)
+    return Quantity(name, key, source.message, source.signal, source.factor, source.offset)

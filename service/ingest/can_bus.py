@@ -1,0 +1,82 @@
+"""Opening a bus of any interface that python-can knows, and sending on it."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterable
+from typing import Any
+
+import can
+from can.typechecking import CanFilter
+
+from service.config.schema import BusConfig
+from service.ingest.decode import FrameKey
+from service.ingest.errors import BusError
+
+_STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
+_SEND_TIMEOUT_S = 1.0
+
+
+def open_bus(config: BusConfig, wanted: Iterable[FrameKey] | None = None) -> can.BusABC:
+    """Open a bus.
+
+    Args:
+        config: which.
+        wanted: let only these frames through (in the kernel, where the interface can); None: all.
+
+    Raises:
+        BusError: it cannot be opened; the text says what to do.
+    """
+    options: dict[str, Any] = {**config.options, "interface": config.interface, "channel": config.channel}
+    if wanted is not None:
+        options["can_filters"] = [_filter(key) for key in wanted]
+    try:
+        return can.Bus(ignore_config=True, **options)
+    except can.CanInterfaceNotImplementedError as error:
+        raise BusError(
+            f"bus {config.name}: interface {config.interface} cannot be used here: {error}"
+        ) from None
+    except OSError as error:
+        raise BusError(f"bus {config.name}: {_hint(config, error)}") from None
+    except (can.CanError, ValueError, TypeError) as error:
+        raise BusError(
+            f"bus {config.name} ({config.interface} {config.channel}): cannot open it: {error}"
+        ) from None
+
+
+def send(bus: can.BusABC, key: FrameKey, data: bytes) -> None:
+    """Send a frame: CAN FD when it is longer than 8 bytes.
+
+    Raises:
+        BusError: the bus does not take it.
+    """
+    message = can.Message(
+        arbitration_id=key.can_id,
+        is_extended_id=key.extended,
+        data=data,
+        is_fd=len(data) > 8,
+        bitrate_switch=len(data) > 8,
+    )
+    try:
+        bus.send(message, timeout=_SEND_TIMEOUT_S)
+    except (can.CanError, OSError) as error:
+        raise BusError(f"cannot send on {bus.channel_info}: {error}") from None
+
+
+def _filter(key: FrameKey) -> CanFilter:
+    mask = _EXTENDED_MASK if key.extended else _STANDARD_MASK
+    return {"can_id": key.can_id, "can_mask": mask, "extended": key.extended}
+
+
+def _hint(config: BusConfig, error: OSError) -> str:
+    where = f"{config.interface} {config.channel}"
+    if config.interface != "socketcan":
+        return f"cannot open {where}: {error.strerror or error}"
+    if error.errno == errno.ENODEV:
+        return (
+            f"there is no network interface {config.channel}: connect the adapter, or for a virtual one run "
+            f"`ip link add dev {config.channel} type vcan && ip link set {config.channel} up`"
+        )
+    if error.errno == errno.EAFNOSUPPORT:
+        return f"cannot open {where}: this kernel has no CAN (modprobe can-raw)"
+    return f"cannot open {where}: {error.strerror or error}"

@@ -1,0 +1,129 @@
+"""Frames of one bus in, samples of its axes out: the one way, for the daemon and for replay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from service.config.schema import BusConfig, Config
+from service.ingest.axis_input import AxisInput, Quantity, wanted_signals
+from service.ingest.decode import Decoder, FrameKey
+from service.ingest.errors import IngestError
+from service.ingest.frames import Frame, Sample
+
+FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
+"""Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Ingest.dropped``."""
+
+
+class Value(NamedTuple):
+    """A value as decoded, before pairing."""
+
+    t_us: int
+    axis_id: str
+    quantity: str  # "torque", "angle", "speed" or "counter"
+    message: str
+    signal: str
+    physical: float  # as the DBC says
+    si: float  # N m, rad or rad/s on the motor side
+
+
+class Ingest:
+    """The axes of one bus.
+
+    Args:
+        config: the whole configuration.
+        bus: name of the bus.
+
+    Raises:
+        DbcError: the DBC cannot be read, or has no such message or signal.
+        IngestError: settings of an axis do not go together.
+    """
+
+    def __init__(self, config: Config, bus: str) -> None:
+        self.bus = _bus(config, bus)
+        axes = [axis for axis in config.axes if axis.config.bus == bus]
+        self._decoder = Decoder(self.bus.dbc, [wanted for axis in axes for wanted in wanted_signals(axis)])
+        self._axes = [AxisInput(axis, self._decoder) for axis in axes]
+        self._inputs: dict[FrameKey, list[AxisInput]] = {key: [] for key in self._decoder.keys}
+        self._quantities: dict[FrameKey, list[tuple[str, Quantity]]] = {key: [] for key in self._decoder.keys}
+        for axis in self._axes:
+            for key in axis.keys:
+                self._inputs[key].append(axis)
+            for quantity in axis.quantities():
+                self._quantities[quantity.key].append((axis.id, quantity))
+        self._dropped = dict.fromkeys(FRAME_REASONS, 0)
+
+    @property
+    def keys(self) -> tuple[FrameKey, ...]:
+        """The frames that are wanted, for the filters of the bus."""
+        return self._decoder.keys
+
+    @property
+    def axis_ids(self) -> tuple[str, ...]:
+        """The axes on this bus."""
+        return tuple(axis.id for axis in self._axes)
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """Frames that gave nothing, by FRAME_REASONS."""
+        return dict(self._dropped)
+
+    def axis_dropped(self, axis_id: str) -> Mapping[str, int]:
+        """Values of an axis that became no sample, by REASONS."""
+        return dict(self._axis(axis_id).assembler.dropped)
+
+    def axis_events(self, axis_id: str) -> Mapping[str, int]:
+        """What happened to the time of an axis: clock_reanchored (counter), clock_set_back (receipt)."""
+        axis = self._axis(axis_id)
+        return {"clock_reanchored": axis.reanchored, "clock_set_back": axis.assembler.clock_set_back}
+
+    def feed(self, frames: Iterable[Frame]) -> dict[str, list[Sample]]:
+        """The samples that these frames complete, by axis, in the order of their times."""
+        samples: dict[str, list[Sample]] = {}
+        for frame in frames:
+            signals = self._signals(frame)
+            if signals is None:
+                continue
+            key = FrameKey(frame.can_id, frame.extended)
+            for axis in self._inputs[key]:
+                sample = axis.take(key, frame.t_us, signals)
+                if sample is not None:
+                    samples.setdefault(axis.id, []).append(sample)
+        return samples
+
+    def feed_values(self, frames: Iterable[Frame]) -> Iterator[Value]:
+        """The values in these frames, without pairing, to look at a bus.  Counts frames as ``feed`` does."""
+        for frame in frames:
+            signals = self._signals(frame)
+            if signals is None:
+                continue
+            for axis_id, quantity in self._quantities[FrameKey(frame.can_id, frame.extended)]:
+                si = quantity.value(signals)
+                if si is not None:
+                    name, physical = quantity.signal, signals[quantity.signal]
+                    yield Value(frame.t_us, axis_id, quantity.name, quantity.message, name, physical, si)
+
+    def flush(self) -> None:
+        """The end of the frames: values that still wait for their partner are counted as unpaired."""
+        for axis in self._axes:
+            axis.assembler.flush()
+
+    def _axis(self, axis_id: str) -> AxisInput:
+        return next(axis for axis in self._axes if axis.id == axis_id)
+
+    def _signals(self, frame: Frame) -> dict[str, float] | None:
+        """The wanted signals in a frame; counts the frame where some or all are missing."""
+        signals = self._decoder.decode(frame)
+        if isinstance(signals, str):
+            self._dropped[signals] += 1
+            return None
+        if len(signals) < len(self._decoder.wanted(FrameKey(frame.can_id, frame.extended))):
+            self._dropped["signal_absent"] += 1
+        return signals or None
+
+
+def _bus(config: Config, name: str) -> BusConfig:
+    for bus in config.bus:
+        if bus.name == name:
+            return bus
+    raise IngestError(f"no bus {name} in the configuration; there is {', '.join(b.name for b in config.bus)}")
