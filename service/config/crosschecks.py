@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from service.config.positions import Path
+from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config
 from service.config.tables import present
 from service.config.wording import Finding
@@ -14,9 +14,9 @@ class _Wanted(NamedTuple):
     """A signal that an axis asks for: the paths and values of its two names."""
 
     bus: str
-    message_path: Path
+    message_path: Keys
     message: str
-    signal_path: Path
+    signal_path: Keys
     signal: str
 
 
@@ -50,7 +50,7 @@ def dbc_names(config: Config) -> Iterator[Finding]:
 
 def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
     """No signal is the torque or the motion of two axes, nor both of one."""
-    first: dict[tuple[str, str, str], Path] = {}
+    first: dict[tuple[str, str, str], Keys] = {}
     for wanted in _wanted(config):
         if wanted.signal_path[-1] == "signal":  # many axes may share a counter
             name = (wanted.bus, wanted.message, wanted.signal)
@@ -71,7 +71,7 @@ def _wanted(config: Config) -> Iterator[_Wanted]:
                 yield from _of_axis(axis, ("robot", i, "axis", k))
 
 
-def _of_axis(axis: AxisConfig, path: Path) -> Iterator[_Wanted]:
+def _of_axis(axis: AxisConfig, path: Keys) -> Iterator[_Wanted]:
     for quantity in ("torque", "angle", "speed"):
         signal = getattr(axis, quantity) if present(axis, quantity) else None
         if signal is not None and present(signal, "message", "signal"):

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from service.config.positions import Path
+from service.config.positions import Keys
 from service.config.schema import Config
 from service.config.wording import Finding, table_in
 from service.words import did_you_mean
@@ -18,7 +18,7 @@ from service.words import did_you_mean
 PREFIX = "AXISWATCH_"
 SECTIONS = ("service", "web")
 
-Overrides = dict[Path, tuple[str, Any]]
+Overrides = dict[Keys, tuple[str, Any]]
 """For each path the variable that sets it, as the user wrote it, and the value."""
 
 
@@ -43,13 +43,13 @@ def unknown_sections(over: Overrides) -> Iterator[Finding]:
             yield Finding(path, f"no such setting: {did_you_mean(over[path][0], known)}")
 
 
-def _path(name: str) -> Path | None:
+def _path(name: str) -> Keys | None:
     """("web", "port") for AXISWATCH_WEB__PORT; None for other variables, such as AXISWATCH_DATA."""
     section, separator, key = name.upper().removeprefix(PREFIX).lower().partition("__")
     return (section, key) if name.upper().startswith(PREFIX) and separator else None
 
 
-def _number(path: Path, text: str) -> Any:
+def _number(path: Keys, text: str) -> Any:
     """A number where the key is one; the text itself where it is none, for the schema to complain about."""
     section = Config.model_fields.get(str(path[0]))
     table = table_in(section.annotation) if section else None

@@ -10,8 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from service.config import environment
-from service.config.positions import Path as Keys
-from service.config.positions import Position, nearest, positions
+from service.config.positions import Keys, nearest, positions
 from service.config.problems import ConfigErrors, Problem, dotted, shown
 from service.config.rules import broken
 from service.config.schema import Config
@@ -82,7 +81,7 @@ def _read(values: dict[str, Any], folder: Path) -> tuple[Config | None, list[Fin
 
 def _problems(
     path: Path,
-    where: Mapping[Keys, Position],
+    where: Mapping[Keys, int],
     over: environment.Overrides,
     values: dict[str, Any],
     found: Iterable[Finding],
@@ -91,12 +90,12 @@ def _problems(
     for finding in dict.fromkeys(found):
         message = finding.message
         if finding.other:
-            message += f" {dotted(finding.other)} in line {nearest(where, finding.other).line}"
+            message += f" {dotted(finding.other)} in line {nearest(where, finding.other)}"
         if finding.path in over:
             variable, value = over[finding.path]
             problems.append(Problem(None, None, variable, shown(value), message))
         else:
-            line = nearest(where, finding.path).line
+            line = nearest(where, finding.path)
             value = _shown_at(values, finding.path)
             problems.append(Problem(path, line, dotted(finding.path), value, message))
     return sorted(problems, key=lambda problem: problem.line or 0)

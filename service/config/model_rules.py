@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
-from monitor_core.model import AxisModel, Drive, split_name
+from monitor_core.model import AxisModel, Drive, Output, split_name
 from service.config.drives import DRIVES
 from service.config.schema import AxisConfig
 from service.config.tables import ABSENT, Absent
@@ -36,7 +36,8 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
     drive = _drive(axis)
     for name, value in _known(axis.model.nominal, drive).items():
         if problem := _refusal(drive, {name: value}):
-            yield Finding(("model", "nominal", name), problem)
+            message = problem.removeprefix(f"nominal {name} = {value}: ")  # a finding says that anyway
+            yield Finding(("model", "nominal", name), message)
 
 
 def monitored(axis: AxisConfig) -> Iterator[Finding]:
@@ -125,7 +126,7 @@ def noises(axis: AxisConfig) -> Iterator[Finding]:
 
 def gain_length(axis: AxisConfig) -> Iterator[Finding]:
     """One gain for each state."""
-    states = _drive(axis).states
+    states = _drive(axis, axis.output).states
     gain = axis.estimator.gain
     if gain and len(gain) != len(states):
         names = ", ".join(state.name for state in states)
@@ -141,10 +142,11 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
 
 
-def _drive(axis: AxisConfig) -> Drive:
+def _drive(axis: AxisConfig, output: Output = "speed") -> Drive:
+    """The drive; its parameters are the same for both outputs, its states are not."""
     if axis.model.drive not in DRIVES:
         raise Absent("drive")
-    return DRIVES[axis.model.drive](axis.output)
+    return DRIVES[axis.model.drive](output)
 
 
 def _no_parameter(name: str, known: Mapping[str, object] | list[str]) -> str:

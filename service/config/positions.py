@@ -2,45 +2,37 @@
 
 import tomllib
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
 
 import tree_sitter_toml
 from tree_sitter import Language, Node, Parser
 
-Path = tuple[str | int, ...]
+Keys = tuple[str | int, ...]
 """Keys and indices from the top of the file: ("robot", 0, "axis", 1, "torque", "message")."""
-
-
-class Position(NamedTuple):
-    """Line and column, from 1."""
-
-    line: int
-    column: int
 
 
 _LANGUAGE = Language(tree_sitter_toml.language())
 _KEYS = ("bare_key", "quoted_key", "dotted_key")
 
 
-def positions(text: str) -> dict[Path, Position]:
-    """The position of each key, table header and array element of a TOML text that tomllib has accepted."""
+def positions(text: str) -> dict[Keys, int]:
+    """The line of each key, table header and array element of a TOML text that tomllib has accepted."""
     finder = _Finder()
     finder.document(Parser(_LANGUAGE).parse(text.encode()).root_node)
     return finder.found
 
 
-def nearest(found: Mapping[Path, Position], path: Path) -> Position:
-    """The position of a path; of a key that is not there, that of the innermost table around it."""
+def nearest(found: Mapping[Keys, int], path: Keys) -> int:
+    """The line of a path; of a key that is not there, that of the innermost table around it."""
     for length in range(len(path), 0, -1):
         if path[:length] in found:
             return found[path[:length]]
-    return Position(1, 1)
+    return 1
 
 
 class _Finder:
     def __init__(self) -> None:
-        self.found: dict[Path, Position] = {}
-        self._elements: dict[Path, int] = {}  # how many [[elements]] each array of tables has so far
+        self.found: dict[Keys, int] = {}
+        self._elements: dict[Keys, int] = {}  # how many [[elements]] each array of tables has so far
 
     def document(self, root: Node) -> None:
         self._pairs(root, ())
@@ -50,12 +42,12 @@ class _Finder:
             elif table.type == "table_array_element":
                 self._pairs(table, self._element(table))
 
-    def _header(self, table: Node) -> Path:
+    def _header(self, table: Node) -> Keys:
         path = self._current(_names(_key(table)))
         self._add(path, table, replace=True)
         return path
 
-    def _element(self, table: Node) -> Path:
+    def _element(self, table: Node) -> Keys:
         names = _names(_key(table))
         array = (*self._current(names[:-1]), names[-1])
         index = self._elements.get(array, 0)
@@ -64,16 +56,16 @@ class _Finder:
         self._add((*array, index), table)
         return (*array, index)
 
-    def _current(self, names: Iterable[str]) -> Path:
+    def _current(self, names: Iterable[str]) -> Keys:
         """The path of a header: in an array of tables it means the last element."""
-        path: Path = ()
+        path: Keys = ()
         for name in names:
             path = (*path, name)
             if path in self._elements:
                 path = (*path, self._elements[path] - 1)
         return path
 
-    def _pairs(self, parent: Node, path: Path) -> None:
+    def _pairs(self, parent: Node, path: Keys) -> None:
         for pair in parent.named_children:
             if pair.type == "pair":
                 key, value = _key(pair), pair.named_children[-1]
@@ -83,7 +75,7 @@ class _Finder:
                     self._add(inner, key)
                 self._value(value, inner)
 
-    def _value(self, value: Node, path: Path) -> None:
+    def _value(self, value: Node, path: Keys) -> None:
         if value.type == "inline_table":
             self._pairs(value, path)
         elif value.type == "array":
@@ -92,12 +84,12 @@ class _Finder:
                 self._add((*path, index), element)
                 self._value(element, (*path, index))
 
-    def _add(self, path: Path, node: Node, replace: bool = False) -> None:
-        position = Position(node.start_point.row + 1, node.start_point.column + 1)
+    def _add(self, path: Keys, node: Node, replace: bool = False) -> None:
+        line = node.start_point.row + 1
         if replace:
-            self.found[path] = position
+            self.found[path] = line
         else:
-            self.found.setdefault(path, position)
+            self.found.setdefault(path, line)
 
 
 def _key(node: Node) -> Node:

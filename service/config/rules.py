@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from service.config.crosschecks import DBC_RULES
 from service.config.model_rules import MODEL_RULES
-from service.config.positions import Path
+from service.config.positions import Keys
 from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
 from service.config.tables import Absent, present
 from service.config.wording import Finding
@@ -31,7 +31,7 @@ def broken(config: Config) -> Iterator[Finding]:
             yield from _run(AXIS_RULES, axis, ("robot", i, "axis", k))
 
 
-def _run(rules: Iterable[Rule[T]], table: T, path: Path) -> Iterator[Finding]:
+def _run(rules: Iterable[Rule[T]], table: T, path: Keys) -> Iterator[Finding]:
     for rule in rules:
         try:
             for finding in rule(table):
@@ -81,7 +81,7 @@ def bus_options(bus: BusConfig) -> Iterator[Finding]:
 def one_motion(axis: AxisConfig) -> Iterator[Finding]:
     """Exactly one of angle and speed."""
     if axis.angle is not None and axis.speed is not None:
-        yield Finding(("speed",), "an axis has either angle or speed: remove one; there is", ("angle",))
+        yield Finding(("speed",), "an axis has either angle or speed: remove this, or", ("angle",))
     if axis.angle is None and axis.speed is None:
         yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
 

@@ -19,7 +19,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
 def _from_folder(value: object, info: ValidationInfo) -> object:
-    if not isinstance(value, str) or not value or "\0" in value:
+    if not isinstance(value, str | Path) or value == "" or "\0" in str(value):
         raise ValueError("must be a path in quotes")
     return info.context.folder / value if isinstance(info.context, Reading) else value
 
@@ -180,16 +180,16 @@ class AxisConfig(Table):
 
     @property
     def motion(self) -> SignalConfig:
-        """The signal of the angle or of the speed."""
-        motion = self.speed if self.angle is None else self.angle
-        if motion is None:
+        """The signal of the angle or of the speed; a loaded configuration has exactly one of them."""
+        given = [signal for signal in (self.angle, self.speed) if signal is not None]
+        if len(given) != 1:
             raise Absent("angle or speed")
-        return motion
+        return given[0]
 
     @property
     def output(self) -> Output:
         """What is measured besides torque."""
-        return "speed" if self.angle is None else "angle"
+        return "angle" if self.motion is self.angle else "speed"
 
 
 class RobotConfig(Table):

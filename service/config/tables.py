@@ -45,9 +45,10 @@ class Table(BaseModel):
     def _complete(cls, data: Any, info: ValidationInfo) -> Any:
         if not _lenient(info):
             return data
-        given = data if isinstance(data, Mapping) else {}
+        if not isinstance(data, Mapping):
+            return dict.fromkeys(cls.model_fields, ABSENT)
         required = {name: ABSENT for name, field in cls.model_fields.items() if field.is_required()}
-        return required | {key: value for key, value in given.items() if key in cls.model_fields}
+        return required | {key: value for key, value in data.items() if key in cls.model_fields}
 
     @field_validator("*", mode="wrap")
     @classmethod

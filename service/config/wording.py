@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, get_args
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from service.config.positions import Path
+from service.config.positions import Keys
 from service.config.schema import Config
 from service.config.tables import Table
 from service.words import did_you_mean
@@ -15,11 +15,11 @@ from service.words import did_you_mean
 class Finding(NamedTuple):
     """Something wrong at a path of the file; where ``other`` is given, the message ends with that place."""
 
-    path: Path
+    path: Keys
     message: str
-    other: Path | None = None
+    other: Keys | None = None
 
-    def inside(self, table: Path) -> "Finding":
+    def inside(self, table: Keys) -> "Finding":
         """The same, seen from outside the table."""
         return Finding((*table, *self.path), self.message, self.other and (*table, *self.other))
 

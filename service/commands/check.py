@@ -1,0 +1,45 @@
+"""``axiswatch check``: is the configuration right, and what does it say."""
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from service.commands.configuration import ConfigPath, configuration
+from service.config import Config, NamedAxis
+
+
+def check(config: ConfigPath) -> None:
+    """Check a configuration with its DBC files; name every problem by file and line."""
+    read = configuration(config)
+    console = Console()
+    console.print(_buses(read))
+    console.print(_axes(read))
+    console.print(Text(f"{config}: no problems", style="green"), soft_wrap=True)
+
+
+def _buses(config: Config) -> Table:
+    table = Table("bus", "interface", "channel", "DBC", title="Buses", title_justify="left")
+    for bus in config.bus:
+        table.add_row(*map(escape, (bus.name, bus.interface, bus.channel, bus.dbc.name)))
+    return table
+
+
+def _axes(config: Config) -> Table:
+    columns = ("axis", "bus", "torque and motion", "interval", "watched")
+    table = Table(*columns, title="Axes", title_justify="left", show_lines=True)
+    for axis in config.axes:
+        table.add_row(*map(escape, _cells(axis)))
+    return table
+
+
+def _cells(axis: NamedAxis) -> tuple[str, ...]:
+    config = axis.config
+    return (
+        axis.id,
+        config.bus,
+        f"{config.torque.message}.{config.torque.signal}\n"
+        f"{config.motion.message}.{config.motion.signal} ({config.output})",
+        f"{1000 * config.sample_interval_s:g} ms",
+        ", ".join(config.model.monitor),
+    )
