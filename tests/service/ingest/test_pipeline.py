@@ -1,0 +1,204 @@
+"""Frames of a bus become samples of its axes."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import pytest
+
+from service.ingest.dbc import DbcError
+from service.ingest.errors import IngestError
+from service.ingest.frames import Frame, Sample
+from service.ingest.pipeline import Ingest, Value
+from tests.service.ingest.plant import axis1, axis2, axis3, axis4, make_config
+
+START_US = 1_760_000_000_000_000
+ANGLE_ID = 0x18FF0100
+
+
+def torque1(t_us: int, torque: float, count: int = 0) -> Frame:
+    return Frame(t_us, 0x100, False, struct.pack("<hBx", round(torque * 1024), count % 256))
+
+
+def angle1(t_us: int, angle: float, count: int = 0) -> Frame:
+    return Frame(t_us, ANGLE_ID, True, struct.pack("<iB3x", round(angle * 65536), count % 256))
+
+
+def both2(t_us: int, torque: float, speed: float, count: int = 0) -> Frame:
+    data = struct.pack("<hiH", round(torque * 1024), round(speed * 65536), count % 65536)
+    return Frame(t_us, 0x110, False, data)
+
+
+def drops(ingest: Ingest) -> dict[str, int]:
+    return {reason: n for reason, n in ingest.dropped.items() if n}
+
+
+def axis_drops(ingest: Ingest, axis_id: str) -> dict[str, int]:
+    return {reason: n for reason, n in ingest.axis_dropped(axis_id).items() if n}
+
+
+def test_two_axes_of_one_bus(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis1(), axis2()), "bus0")
+    assert ingest.axis_ids == ("r.one", "r.two")
+    assert set(ingest.keys) == {(0x100, False), (ANGLE_ID, True), (0x110, False)}
+    samples = ingest.feed(
+        [torque1(START_US, 1.5), both2(START_US + 100, -0.25, 12.5), angle1(START_US + 200, -3.0)]
+    )
+    assert samples == {
+        "r.two": [Sample(START_US + 100, -0.25, 12.5)],
+        "r.one": [Sample(START_US + 200, 1.5, -3.0)],
+    }
+
+
+def test_blocks_may_be_cut_anywhere(tmp_path: Path) -> None:
+    frames = [
+        frame
+        for k in range(50)
+        for frame in (torque1(START_US + 5000 * k, 0.1 * k), angle1(START_US + 5000 * k + 700, 0.2 * k))
+    ]
+    config = make_config(tmp_path, axis1())
+    whole = Ingest(config, "bus0").feed(frames)["r.one"]
+    by_one = Ingest(config, "bus0")
+    assert [s for f in frames for s in by_one.feed([f]).get("r.one", [])] == whole
+    assert len(whole) == 50
+
+
+def test_factor_and_offset(tmp_path: Path) -> None:
+    axis = axis2()
+    axis["torque"] |= {"factor": -2.0, "offset": 0.5}
+    axis["speed"] |= {"factor": 0.25}
+    (sample,) = Ingest(make_config(tmp_path, axis), "bus0").feed([both2(START_US, 1.5, 20.0)])["r.two"]
+    assert sample == Sample(START_US, -2.5, 5.0)
+
+
+def test_a_signal_with_named_values_stays_a_number(tmp_path: Path) -> None:
+    (sample,) = Ingest(make_config(tmp_path, axis2()), "bus0").feed([both2(START_US, 1 / 1024, 1.0)])["r.two"]
+    assert sample.torque == 1 / 1024  # of the raw value 1, which is named "on"
+
+
+def test_frames_that_give_nothing_are_counted(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis1(), axis3()), "bus0")
+    assert not ingest.feed(
+        [
+            Frame(START_US, 0x140, False, bytes(8)),  # of no axis
+            Frame(START_US, 0x100, True, bytes(8)),  # the number of a wanted one, but extended
+            Frame(START_US, 0x100, False, bytes(3)),
+            Frame(START_US, 0x100, False, b""),
+            Frame(START_US, 0x120, False, bytes([9, *bytes(7)])),  # a page that the DBC does not have
+        ]
+    )
+    assert drops(ingest) == {"unwanted": 2, "too_short": 2, "undecodable": 1}
+    assert axis_drops(ingest, "r.one") == {}
+
+
+def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis3()), "bus0")
+    frames = [
+        Frame(START_US, 0x120, False, struct.pack("<Bf3x", 1, 1.5)),
+        Frame(START_US + 500, 0x120, False, struct.pack("<Bf3x", 2, 2.5)),
+    ]
+    assert ingest.feed(frames) == {"r.three": [Sample(START_US + 500, 1.5, 2.5)]}
+    assert drops(ingest) == {"signal_absent": 2}
+
+
+def test_values_that_are_no_numbers(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis3()), "bus0")
+    for k, (torque, speed) in enumerate([(float("nan"), 1.0), (1.0, float("-inf")), (1.0, 2.0)]):
+        t_us = START_US + 5000 * k
+        frames = [
+            Frame(t_us, 0x120, False, struct.pack("<Bf3x", 1, torque)),
+            Frame(t_us, 0x120, False, struct.pack("<Bf3x", 2, speed)),
+        ]
+        assert bool(ingest.feed(frames)) == (k == 2)
+    ingest.flush()
+    assert axis_drops(ingest, "r.three") == {"not_finite": 2, "unpaired": 2}
+
+
+def test_can_fd(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis4()), "bus0")
+    data = struct.pack("<f56xf", 1.5, 2.5)
+    assert ingest.feed([Frame(START_US, 0x130, False, data)])["r.four"] == [Sample(START_US, 1.5, 2.5)]
+
+
+def test_longer_than_the_dbc_says(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis1()), "bus0")
+    frame = torque1(START_US, 1.5)
+    samples = ingest.feed([frame._replace(data=frame.data + bytes(4)), angle1(START_US, 1.0)])
+    assert samples["r.one"] == [Sample(START_US, 1.5, 1.0)]
+
+
+def counted(message: str) -> dict[str, str]:
+    return {"counter_message": message, "counter_signal": "Count"}
+
+
+@pytest.mark.parametrize("message", ["Torque1", "Angle1"])
+def test_a_counter_in_either_message_gives_the_time(tmp_path: Path, message: str) -> None:
+    ingest = Ingest(make_config(tmp_path, axis1(time=counted(message))), "bus0")
+    late_us = [0, 900, 300, 0, 1700]
+    frames = [
+        frame
+        for k, late in enumerate(late_us)
+        for frame in (
+            torque1(START_US + 5000 * k + late, 1.0, 254 + k),
+            angle1(START_US + 5000 * k + late, 2.0, 254 + k),
+        )
+    ]
+    samples = ingest.feed(frames)["r.one"]
+    assert [s.t_us for s in samples] == [START_US + 5000 * k for k in range(5)]
+
+
+def test_a_counter_tells_repeated_frames_and_gaps(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis2(time=counted("Both2"))), "bus0")
+    counts = [65534, 65535, 65535, 0, 65534, 4]
+    received = [0, 5000, 5050, 10_000, 10_050, 30_000]
+    frames = [both2(START_US + t, 1.0, 2.0, n) for t, n in zip(received, counts, strict=True)]
+    times = [s.t_us - START_US for s in ingest.feed(frames)["r.two"]]
+    assert times == [0, 5000, 10_000, 30_000]
+    assert axis_drops(ingest, "r.two") == {"repeated": 2, "out_of_order": 2, "missing": 3}
+    assert ingest.axis_events("r.two") == {"clock_reanchored": 0, "clock_set_back": 0}
+
+
+def test_a_counter_that_starts_again(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis2(time=counted("Both2"))), "bus0")
+    frames = [both2(START_US + 5000 * k, 1.0, 2.0, 30_000 + k if k < 10 else k) for k in range(20)]
+    assert len(ingest.feed(frames)["r.two"]) == 20
+    assert ingest.axis_events("r.two")["clock_reanchored"] == 1
+
+
+def test_values_as_decoded(tmp_path: Path) -> None:
+    axis = axis2(time=counted("Both2"))
+    axis["torque"]["factor"] = 2.0
+    ingest = Ingest(make_config(tmp_path, axis), "bus0")
+    frames = [both2(START_US, 1.5, 20.0, 7), Frame(START_US, 0x140, False, bytes(8))]
+    assert list(ingest.feed_values(frames)) == [
+        Value(START_US, "r.two", "torque", "Both2", "Torque", 1.5, 3.0),
+        Value(START_US, "r.two", "speed", "Both2", "Speed", 20.0, 20.0),
+        Value(START_US, "r.two", "counter", "Both2", "Count", 7.0, 7.0),
+    ]
+    assert drops(ingest) == {"unwanted": 1}
+
+
+@pytest.mark.parametrize(
+    ("axis", "message"),
+    [
+        (axis1(time=counted("Both2")), r"axis r\.one: counter_message is Both2, but .* Torque1, .* Angle1"),
+        (
+            axis4(time={"counter_message": "Wide4", "counter_signal": "Speed"}),
+            r"axis r\.four: counter_signal Speed must be an integer",
+        ),
+        (axis1(pairing_tolerance_s=0.003), r"axis r\.one: pairing_tolerance_s = 0\.003 must be below half"),
+    ],
+)
+def test_settings_that_do_not_go_together(tmp_path: Path, axis: dict[str, object], message: str) -> None:
+    with pytest.raises(IngestError, match=message):
+        Ingest(make_config(tmp_path, axis), "bus0")
+
+
+def test_unknown_names(tmp_path: Path) -> None:
+    axis = axis1()
+    axis["torque"]["signal"] = "Torqe"
+    with pytest.raises(DbcError, match='did you mean "Torque"'):
+        Ingest(make_config(tmp_path, axis), "bus0")
+    with pytest.raises(IngestError, match="no bus can7 in the configuration; there is bus0"):
+        Ingest(make_config(tmp_path, axis1()), "can7")
