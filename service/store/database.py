@@ -98,6 +98,8 @@ class Database:
             self._put_back(connection)
 
     def _reader(self) -> sqlite3.Connection:
+        if self._closed:
+            raise sqlite3.ProgrammingError("it has been closed")
         try:
             return self._idle.get_nowait()
         except queue.Empty:

@@ -1,0 +1,190 @@
+"""Bodies of the REST answers.  Units are in the descriptions; a number that is not finite is null."""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from monitor_core.facts import Status
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+Number = Annotated[float | None, BeforeValidator(_finite)]
+Time = Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+Direction = Literal["up", "down"]
+
+
+class Body(BaseModel):
+    """A body: complete, unchangeable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Cusum(Body):
+    """The two one-sided CUSUM statistics g of a parameter."""
+
+    up: Number = Field(description="g for an increase, in the parameter's unit times samples")
+    down: Number = Field(description="g for a decrease, in the parameter's unit times samples")
+
+
+class Parameter(Body):
+    """A monitored parameter, in its own unit."""
+
+    name: str = Field(description="e.g. kT, or 1/Ja for the reciprocal of Ja")
+    unit: str = Field(description="SI unit; 1 for a ratio")
+    meaning: str
+    nominal: Number = Field(description="commissioned value, in the parameter's unit")
+    estimate: Number = Field(description="value now, in the parameter's unit")
+    standard_deviation: Number = Field(description="of the estimate, in the parameter's unit")
+    p_diagonal: Number = Field(description="P_ii of the recursion: variance = lambda_0 P_ii / (1 + lambda)")
+    cusum: Cusum
+    threshold: Number = Field(
+        description="h, in the parameter's unit times samples: an alarm when g exceeds it"
+    )
+    tolerance: Number = Field(
+        description="nu, in the parameter's unit: deviation per sample that is tolerated"
+    )
+    status: Status = Field(
+        description="waiting: no sample yet; settling: the predictor has just (re)started; "
+        "seeding: the initial uncertainty is being found; tracking; alarm: an alarm is active"
+    )
+
+
+class Constant(Body):
+    """A nominal value of the drive model."""
+
+    name: str
+    value: Number = Field(description="in ``unit``")
+    unit: str = Field(description="SI unit; 1 for a ratio")
+
+
+class Model(Body):
+    """The drive model of an axis."""
+
+    drive: str = Field(description="structure, e.g. three-mass")
+    output: str = Field(
+        description="what is measured besides the torque: speed [rad/s] or angle [rad], motor side"
+    )
+    nominal: list[Constant]
+
+
+class Axis(Body):
+    """An axis now."""
+
+    id: str = Field(description="robot.axis")
+    robot: str
+    name: str
+    bus: str
+    last_sample: Time | None = Field(description="time of the last sample, UTC; null before the first")
+    last_sample_age_s: Number = Field(description="its age in seconds when this was answered")
+    parameters: list[Parameter]
+    innovation_variance: Number = Field(description="running lambda_0, in the square of ``innovation_unit``")
+    innovation_unit: str = Field(description="unit of the output: rad or rad/s")
+    samples: int = Field(description="samples received since the start, whatever became of them")
+    counters: dict[str, int] = Field(description="what became of the samples, number by fate")
+    dropped: dict[str, int] = Field(
+        description="decoded values that did not become a sample, number by reason"
+    )
+    model: Model
+
+
+class Axes(Body):
+    """All axes at one moment."""
+
+    taken: Time = Field(description="when the worker reported this, UTC")
+    axes: list[Axis]
+
+
+class Course(Body):
+    """The course of a parameter, a column each; a row for each entry of ``time``."""
+
+    name: str
+    unit: str
+    nominal: Number
+    estimate: list[Number] = Field(description="in the parameter's unit")
+    standard_deviation: list[Number] = Field(description="in the parameter's unit")
+    cusum_up: list[Number] = Field(description="in the parameter's unit times samples")
+    cusum_down: list[Number] = Field(description="in the parameter's unit times samples")
+
+
+class History(Body):
+    """The last points of an axis, oldest first."""
+
+    axis: str
+    time: list[Time] = Field(description="UTC")
+    parameters: list[Course]
+
+
+class Alarm(Body):
+    """An alarm: one from the first crossing of the threshold until the parameter is back at nominal."""
+
+    id: int
+    axis: str
+    parameter: str
+    direction: Direction
+    active: bool = Field(description="it has not ended")
+    unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
+    nominal: Number = Field(description="commissioned value, in ``unit``")
+    size: Number = Field(description="estimate - nominal at the last crossing, in ``unit``")
+    size_sd: Number = Field(description="standard deviation of the size, in ``unit``")
+    onset: Time = Field(description="when the deviation began: the last time the CUSUM was zero, UTC")
+    raised: Time = Field(description="when the threshold was crossed for the first time, UTC")
+    updated: Time = Field(description="when it was crossed for the last time, UTC")
+    ended: Time | None = Field(description="when the deviation had been tolerable for long enough, UTC")
+    crossings: int = Field(description="number of times the threshold was crossed")
+
+
+class Alarms(Body):
+    """A page of the alarm journal, the last raised first."""
+
+    total: int = Field(description="alarms that fit the filters")
+    limit: int
+    offset: int
+    alarms: list[Alarm]
+
+
+class Bus(Body):
+    """A bus and its frames since the start."""
+
+    name: str
+    up: bool
+    state: str = Field(description="up, or why not")
+    frames: int = Field(description="frames received")
+    dropped: dict[str, int] = Field(description="frames dropped, number by reason")
+
+
+class Service(Body):
+    """The daemon itself."""
+
+    version: str
+    ready: bool = Field(description="all buses are up and all axes get samples")
+    reasons: list[str] = Field(description="why it is not ready")
+    messages: list[str] = Field(description="for the operator, e.g. that a checkpoint was set aside")
+    started: Time = Field(description="UTC")
+    taken: Time = Field(description="when the worker reported this, UTC")
+    checkpoint: Time | None = Field(description="when the monitors were last saved, UTC")
+    buses: list[Bus]
+
+
+class Health(Body):
+    """Whether the process and its worker are alive."""
+
+    alive: bool
+    snapshot_age_s: Number = Field(description="seconds since the worker last reported")
+
+
+class Readiness(Body):
+    """Whether all axes are being monitored."""
+
+    ready: bool
+    reasons: list[str] = Field(description="why not")
+
+
+class Problem(Body):
+    """What is wrong with the request, or with the daemon."""
+
+    detail: str
+    known: list[str] = Field(default=[], description="what there is instead")

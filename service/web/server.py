@@ -1,0 +1,94 @@
+"""uvicorn in the calling thread, until a stop event."""
+
+import asyncio
+import contextlib
+import errno
+import socket
+import threading
+from collections.abc import Callable, Iterator
+
+import uvicorn
+from fastapi import FastAPI
+
+_GRACE_S = 3
+_POLL_S = 0.1
+
+
+class CannotListenError(Exception):
+    """The address cannot be listened to; the text says which, why, and what to do."""
+
+
+class _Server(uvicorn.Server):
+    """Leaves signals to the program: the stop event ends it."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+def serve(
+    app: FastAPI, host: str, port: int, ready: Callable[[int], None] | None, stop: threading.Event
+) -> None:
+    """Answer requests until ``stop`` is set; ``ready`` is called with the port once requests are answered.
+
+    Args:
+        app: the application.
+        host: name or address of this machine to listen on.
+        port: 0 takes a free one.
+        ready: gets the actual port.
+        stop: ends it from any thread; requests under way get three seconds.
+
+    Raises:
+        CannotListenError: the port is taken, or the address is not one of this machine.
+    """
+    listener = listen(host, port)
+    config = uvicorn.Config(
+        app, log_config=None, access_log=False, lifespan="off", timeout_graceful_shutdown=_GRACE_S
+    )
+    with listener:
+        asyncio.run(_serve(_Server(config), listener, ready, stop))
+
+
+async def _serve(
+    server: uvicorn.Server,
+    listener: socket.socket,
+    ready: Callable[[int], None] | None,
+    stop: threading.Event,
+) -> None:
+    port = listener.getsockname()[1]
+    serving = asyncio.create_task(server.serve([listener]))
+    while not (server.started or serving.done()):
+        await asyncio.sleep(0.01)
+    if ready is not None and server.started:
+        ready(port)
+    while not (stop.is_set() or serving.done()):
+        await asyncio.sleep(_POLL_S)
+    server.should_exit = True
+    await serving
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens at the address.
+
+    Raises:
+        CannotListenError: it cannot.
+    """
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    except (socket.gaierror, UnicodeError) as error:
+        raise CannotListenError(f"cannot listen on {host!r}: no such host; 127.0.0.1 or 0.0.0.0?") from error
+    # A name with both kinds of address, like localhost, gets the one that people type.
+    family, _, _, _, address = min(found, key=lambda entry: entry[0] != socket.AF_INET)
+    try:
+        return socket.create_server(address, family=family, backlog=128)
+    except OSError as error:
+        raise CannotListenError(f"cannot listen on {host} port {port}: {_why(error)}") from error
+
+
+def _why(error: OSError) -> str:
+    known = {
+        errno.EADDRINUSE: "the port is taken by another program; choose another one, or 0 for any free one",
+        errno.EADDRNOTAVAIL: "this machine has no such address; 127.0.0.1 (itself) or 0.0.0.0 (all)?",
+        errno.EACCES: "not allowed; ports below 1024 need a privilege, choose a higher one",
+    }
+    return known.get(error.errno or 0, error.strerror or str(error))

@@ -1,0 +1,73 @@
+// Asks the daemon once a second and shows what it answers, or since when it does not.
+
+import { showAlarms } from "./alarms.js";
+import { showAxes } from "./axes.js";
+import { className, list, text } from "./dom.js";
+import { moment, span, zone } from "./format.js";
+
+const EVERY_MS = 1000;
+const PATIENCE_MS = 4000;
+const PATHS = [
+  "/api/v1/service",
+  "/api/v1/axes",
+  "/api/v1/alarms?active=true&limit=100",
+  "/api/v1/alarms?active=false&limit=20",
+];
+
+const by = (id) => document.getElementById(id);
+let answered = null; // time of the last answer
+let lostSince = null;
+
+async function ask(path) {
+  const answer = await fetch(path, { signal: AbortSignal.timeout(PATIENCE_MS), cache: "no-store" });
+  const body = await answer.json();
+  if (!answer.ok) throw new Error(body.detail ?? `status ${answer.status}`);
+  return body;
+}
+
+async function refresh() {
+  try {
+    const [service, axes, active, ended] = await Promise.all(PATHS.map(ask));
+    answered = new Date();
+    lostSince = null;
+    showService(service, active.total);
+    showAxes(axes.axes);
+    showAlarms(active, ended);
+  } catch (error) {
+    lostSince ??= new Date();
+    showLost(error);
+  }
+}
+
+function showService(service, alarms) {
+  document.body.classList.remove("stale");
+  by("lost").hidden = true;
+  const state = by("state");
+  text(state, service.ready ? "ready" : "not ready");
+  className(state, service.ready ? "pill good" : "pill warn");
+  list(by("reasons"), service.reasons);
+  list(by("messages"), service.messages);
+  const running = span((new Date(service.taken) - new Date(service.started)) / 1000);
+  text(by("about"), `version ${service.version}, running for ${running}`);
+  document.title = alarms ? `(${alarms}) axiswatch` : "axiswatch";
+}
+
+function showLost(error) {
+  document.body.classList.add("stale");
+  className(by("state"), "pill bad");
+  text(by("state"), "no answer");
+  by("lost").hidden = false;
+  const since = `No answer since ${moment(answered ?? lostSince)}`;
+  const why = error instanceof TypeError || error.name === "TimeoutError" ? "" : ` (${error.message})`;
+  text(by("lost"), `${since}${why}. ${answered ? "What is shown below is from then." : ""}`);
+  document.title = "no answer – axiswatch";
+}
+
+async function watch() {
+  // A page in the background asks nothing; it catches up when it is looked at.
+  if (!document.hidden) await refresh();
+  setTimeout(watch, EVERY_MS);
+}
+
+text(by("zone"), `Times are of this browser (${zone()}); the API tells UTC.`);
+watch();

@@ -1,0 +1,127 @@
+"""Snapshots and alarms as bodies of answers."""
+
+from collections.abc import Sequence
+
+from monitor_core.facts import ParameterFacts
+from service.monitoring.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
+from service.store import journal
+from service.web import models
+from service.web.health import reasons_not_ready
+from service.web.times import iso, maybe_iso
+from service.web.world import VERSION, sample_age_s
+
+OUTPUT_UNITS = {"speed": "rad/s", "angle": "rad"}
+
+
+def axes(snapshot: Snapshot, now_us: int) -> models.Axes:
+    """All axes of a snapshot."""
+    return models.Axes(taken=iso(snapshot.taken_us), axes=[axis(a, now_us) for a in snapshot.axes])
+
+
+def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
+    """One axis."""
+    return models.Axis(
+        id=a.id,
+        robot=a.robot,
+        name=a.name,
+        bus=a.bus,
+        last_sample=maybe_iso(a.facts.time_us),
+        last_sample_age_s=sample_age_s(a, now_us),
+        parameters=[_parameter(p) for p in a.facts.parameters],
+        innovation_variance=a.facts.innovation_variance,
+        innovation_unit=OUTPUT_UNITS[a.output],
+        samples=a.facts.samples,
+        counters=dict(a.facts.counters),
+        dropped=dict(a.dropped),
+        model=_model(a),
+    )
+
+
+def _parameter(p: ParameterFacts) -> models.Parameter:
+    return models.Parameter(
+        name=p.name,
+        unit=p.unit,
+        meaning=p.meaning,
+        nominal=p.nominal,
+        estimate=p.estimate,
+        standard_deviation=p.standard_deviation,
+        p_diagonal=p.p_diagonal,
+        cusum=models.Cusum(up=p.g_up, down=p.g_down),
+        threshold=p.h,
+        tolerance=p.nu,
+        status=p.status,
+    )
+
+
+def _model(a: AxisSnapshot) -> models.Model:
+    constants = [
+        models.Constant(name=name, value=value, unit=unit) for name, (value, unit) in a.nominal.items()
+    ]
+    return models.Model(drive=a.drive, output=a.output, nominal=constants)
+
+
+def history(
+    a: AxisSnapshot, parameter: str | None = None, since_us: int | None = None, limit: int = 3600
+) -> models.History:
+    """The last ``limit`` points of an axis later than ``since_us``; of one parameter or of all."""
+    points = [point for point in a.history.points if since_us is None or point.time_us > since_us][-limit:]
+    return models.History(
+        axis=a.id,
+        time=[iso(point.time_us) for point in points],
+        parameters=[
+            _course(p, i, points)
+            for i, p in enumerate(a.facts.parameters)
+            if parameter is None or p.name == parameter
+        ],
+    )
+
+
+def _course(p: ParameterFacts, i: int, points: Sequence[HistoryPoint]) -> models.Course:
+    return models.Course(
+        name=p.name,
+        unit=p.unit,
+        nominal=p.nominal,
+        estimate=[point.estimates[i] for point in points],
+        standard_deviation=[point.standard_deviations[i] for point in points],
+        cusum_up=[point.g_up[i] for point in points],
+        cusum_down=[point.g_down[i] for point in points],
+    )
+
+
+def alarm(a: journal.Alarm) -> models.Alarm:
+    """One alarm of the journal."""
+    return models.Alarm(
+        id=a.id,
+        axis=a.axis,
+        parameter=a.parameter,
+        direction=a.direction,
+        active=a.active,
+        unit=a.unit,
+        nominal=a.nominal,
+        size=a.size,
+        size_sd=a.size_sd,
+        onset=iso(a.onset_us),
+        raised=iso(a.raised_us),
+        updated=iso(a.updated_us),
+        ended=maybe_iso(a.ended_us),
+        crossings=a.crossings,
+    )
+
+
+def service(snapshot: Snapshot, now_us: int) -> models.Service:
+    """The daemon itself."""
+    reasons = reasons_not_ready(snapshot, now_us)
+    return models.Service(
+        version=VERSION,
+        ready=not reasons,
+        reasons=reasons,
+        messages=list(snapshot.messages),
+        started=iso(snapshot.started_us),
+        taken=iso(snapshot.taken_us),
+        checkpoint=maybe_iso(snapshot.checkpoint_us),
+        buses=[_bus(bus) for bus in snapshot.buses],
+    )
+
+
+def _bus(bus: BusSnapshot) -> models.Bus:
+    return models.Bus(name=bus.name, up=bus.up, state=bus.state, frames=bus.frames, dropped=dict(bus.dropped))

@@ -1,0 +1,187 @@
+"""A daemon that stands still: a snapshot of two axes, a journal, a clock that only moves when told."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+
+from monitor_core.episodes import Episode
+from monitor_core.facts import AxisFacts, ParameterFacts, Status
+from service.monitoring.snapshot import (
+    AxisSnapshot,
+    BusSnapshot,
+    Histogram,
+    History,
+    HistoryPoint,
+    Snapshot,
+)
+from service.store.journal import Journal
+from service.web.app import create_app
+
+NOON_US = 1_772_366_400_000_000
+"""2026-03-01T12:00:00Z"""
+
+FM_ALARM = Episode(
+    parameter="fm",
+    direction="up",
+    onset_us=NOON_US - 9_000_000,
+    raised_us=NOON_US - 7_000_000,
+    updated_us=NOON_US - 500_000,
+    ended_us=None,
+    size=0.01832,
+    size_sd=0.0021,
+    crossings=4,
+)
+
+PARAMETERS = (
+    ParameterFacts(
+        name="kT",
+        unit="1",
+        meaning="torque constant, relative to the one the controller uses",
+        nominal=1.0,
+        estimate=0.99317,
+        standard_deviation=0.0179,
+        p_diagonal=6.4e-4,
+        g_up=0.0,
+        g_down=3.25,
+        h=20.0,
+        nu=0.0759,
+        status=Status.TRACKING,
+    ),
+    ParameterFacts(
+        name="1/Ja",
+        unit="1/(kg m^2)",
+        meaning="reciprocal of: inertia of the arm",
+        nominal=0.0104474,
+        estimate=0.0105012,
+        standard_deviation=6.9e-5,
+        p_diagonal=9.6e-9,
+        g_up=0.0,
+        g_down=0.0,
+        h=0.208948,
+        nu=0.000294,
+        status=Status.TRACKING,
+    ),
+    ParameterFacts(
+        name="fm",
+        unit="N m s/rad",
+        meaning="viscous friction of the motor",
+        nominal=0.06,
+        estimate=0.07832,
+        standard_deviation=0.00256,
+        p_diagonal=1.31e-5,
+        g_up=0.87,
+        g_down=0.0,
+        h=1.2,
+        nu=0.01087,
+        status=Status.ALARM,
+    ),
+)
+
+COUNTERS = {
+    "used": 118_804,
+    "seeding": 2000,
+    "settling": 400,
+    "not_finite": 3,
+    "not_increasing": 1,
+    "gap": 2,
+    "diverged": 0,
+    "projected": 7,
+}
+
+NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N m s/rad"), "kT": (1.0, "1")}
+
+
+def history(points: int) -> History:
+    course = History()
+    for k in range(points):
+        time_us = NOON_US - (points - 1 - k) * 1_000_000
+        course = course.append(
+            HistoryPoint(time_us, (1.0, 0.01, 0.06 + k * 1e-4), (0.1, 0.2, 0.3), (k, 0, 0), (0, k, 0))
+        )
+    return course
+
+
+def monitored_axis(name: str = "axis1") -> AxisSnapshot:
+    """An axis with an open alarm on fm."""
+    facts = AxisFacts(NOON_US - 400_000, PARAMETERS, 1.37e-6, COUNTERS)
+    dropped = {"no_partner": 5, "late": 0}
+    return AxisSnapshot(
+        id=f"demo.{name}",
+        robot="demo",
+        name=name,
+        bus="can0",
+        drive="three-mass",
+        output="angle",
+        nominal=NOMINAL,
+        facts=facts,
+        open_episodes=(FM_ALARM,),
+        dropped=dropped,
+        history=history(100),
+    )
+
+
+def waiting_axis(name: str = "axis2") -> AxisSnapshot:
+    """An axis that has had no sample."""
+    parameters = tuple(
+        replace(p, estimate=p.nominal, g_up=0.0, g_down=0.0, status=Status.WAITING) for p in PARAMETERS
+    )
+    facts = AxisFacts(None, parameters, 1e-6, dict.fromkeys(COUNTERS, 0))
+    axis = replace(monitored_axis(name), bus="can1", facts=facts, open_episodes=(), history=History())
+    return replace(axis, dropped=dict.fromkeys(axis.dropped, 0))
+
+
+def whole_snapshot() -> Snapshot:
+    return Snapshot(
+        taken_us=NOON_US,
+        started_us=NOON_US - 600_000_000,
+        axes=(monitored_axis(), waiting_axis()),
+        buses=(
+            BusSnapshot("can0", "up", True, 242_420, {"queue_full": 12, "socket": 0}),
+            BusSnapshot("can1", "down: Network is down", False, 0, {"queue_full": 0, "socket": 0}),
+        ),
+        processing=Histogram((0.001, 0.01, 0.1), (100, 20, 3, 1), 1.25),
+        checkpoint_us=NOON_US - 30_000_000,
+        messages=("demo.axis1: its checkpoint is not used and kept aside: it is damaged",),
+    )
+
+
+@dataclass
+class Stage:
+    """The daemon that the tests move by hand."""
+
+    journal: Journal
+    snapshot: Snapshot = field(default_factory=whole_snapshot)
+    now_us: int = NOON_US + 250_000
+
+    def app(self) -> FastAPI:
+        return create_app(lambda: self.snapshot, self.journal, lambda: self.now_us)
+
+    def client(self) -> TestClient:
+        return TestClient(self.app())
+
+    def healthy(self) -> None:
+        """All buses up, all axes with samples."""
+        axes = (monitored_axis(), monitored_axis("axis2"))
+        self.snapshot = replace(self.snapshot, axes=axes, buses=self.snapshot.buses[:1], messages=())
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Iterator[Stage]:
+    journal = Journal(tmp_path / "alarms.sqlite")
+    yield Stage(journal)
+    journal.close()
+
+
+@pytest.fixture
+def client(stage: Stage) -> Iterator[TestClient]:
+    with stage.client() as opened:
+        yield opened
+
+
+@pytest.fixture
+def fm_alarm() -> Episode:
+    return FM_ALARM

@@ -1,0 +1,242 @@
+"""REST: what the snapshot and the journal hold, and nothing that JSON cannot."""
+
+import json
+import math
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+import pytest
+from fastapi.testclient import TestClient
+
+from monitor_core.episodes import Episode
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Settings
+from service.monitoring.snapshot import Snapshot
+from service.store.journal import Journal
+
+
+class Stage(Protocol):
+    journal: Journal
+    snapshot: Snapshot
+    now_us: int
+
+    def healthy(self) -> None: ...
+
+
+def get(client: TestClient, path: str, status: int = 200) -> Any:
+    answer = client.get(path)
+    assert answer.status_code == status, answer.text
+    return json.loads(answer.text, parse_constant=_no_constant)
+
+
+def _no_constant(name: str) -> None:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
+    body = get(client, "/api/v1/axes")
+    assert body["taken"] == "2026-03-01T12:00:00.000000Z"
+    first, second = body["axes"]
+    assert [first["id"], second["id"]] == ["demo.axis1", "demo.axis2"]
+    assert get(client, "/api/v1/axes/demo.axis1") == first
+    assert first["last_sample"] == "2026-03-01T11:59:59.600000Z"
+    assert first["last_sample_age_s"] == 0.65
+    assert first["samples"] == 121_210
+    assert first["counters"]["gap"] == 2
+    assert first["dropped"] == {"no_partner": 5, "late": 0}
+    assert first["innovation_unit"] == "rad"
+    assert second["last_sample"] is None
+    assert second["last_sample_age_s"] is None
+
+
+def test_a_parameter_has_its_unit_and_both_cusums(client: TestClient) -> None:
+    parameters = get(client, "/api/v1/axes/demo.axis1")["parameters"]
+    assert parameters[2] == {
+        "name": "fm",
+        "unit": "N m s/rad",
+        "meaning": "viscous friction of the motor",
+        "nominal": 0.06,
+        "estimate": 0.07832,
+        "standard_deviation": 0.00256,
+        "p_diagonal": 1.31e-5,
+        "cusum": {"up": 0.87, "down": 0.0},
+        "threshold": 1.2,
+        "tolerance": 0.01087,
+        "status": "alarm",
+    }
+
+
+def test_the_model_has_its_units(client: TestClient) -> None:
+    model = get(client, "/api/v1/axes/demo.axis1")["model"]
+    assert (model["drive"], model["output"]) == ("three-mass", "angle")
+    assert {"name": "Ja", "value": 95.717, "unit": "kg m^2"} in model["nominal"]
+
+
+def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) -> None:
+    axis = stage.snapshot.axes[0]
+    broken = replace(axis.facts.parameters[0], estimate=math.nan, g_up=math.inf, g_down=-math.inf)
+    facts = replace(axis.facts, parameters=(broken,), innovation_variance=math.nan)
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, facts=facts),))
+    body = get(client, "/api/v1/axes/demo.axis1")
+    assert body["parameters"][0]["estimate"] is None
+    assert body["parameters"][0]["cusum"] == {"up": None, "down": None}
+    assert body["innovation_variance"] is None
+
+
+def test_a_real_monitor_is_told_as_it_is(stage: Stage, client: TestClient, seed: int) -> None:
+    model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
+    monitor = AxisMonitor.alone(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
+    rng = np.random.default_rng(seed)
+    monitor.run(np.arange(500) * 5000 + stage.now_us, rng.normal(size=500), rng.normal(size=500))
+    axis = replace(stage.snapshot.axes[0], facts=monitor.facts())
+    stage.snapshot = replace(stage.snapshot, axes=(axis,))
+    body = get(client, "/api/v1/axes/demo.axis1")
+    assert body["samples"] == monitor.facts().samples
+    assert body["last_sample_age_s"] == 0
+    for told, known in zip(body["parameters"], monitor.facts().parameters, strict=True):
+        assert told["estimate"] == known.estimate
+        assert told["standard_deviation"] == known.standard_deviation
+        assert told["threshold"] == known.h
+
+
+def test_history_comes_in_columns(client: TestClient) -> None:
+    body = get(client, "/api/v1/axes/demo.axis1/history")
+    assert len(body["time"]) == 100
+    assert body["time"][-1] == "2026-03-01T12:00:00.000000Z"
+    kT, Ja, fm = body["parameters"]
+    assert (kT["name"], Ja["unit"], fm["nominal"]) == ("kT", "1/(kg m^2)", 0.06)
+    assert fm["estimate"] == pytest.approx([0.06 + k * 1e-4 for k in range(100)])
+    assert kT["cusum_up"] == list(range(100))
+    assert Ja["cusum_down"] == list(range(100))
+    assert kT["standard_deviation"] == [0.1] * 100
+
+
+def test_history_of_one_parameter_since_a_time(client: TestClient) -> None:
+    path = "/api/v1/axes/demo.axis1/history?parameter=1/Ja&since=2026-03-01T11:59:57Z"
+    body = get(client, path)
+    assert [t[17:19] for t in body["time"]] == ["58", "59", "00"]
+    assert [course["name"] for course in body["parameters"]] == ["1/Ja"]
+    assert get(client, f"{path}&limit=1")["time"] == ["2026-03-01T12:00:00.000000Z"]
+    assert get(client, "/api/v1/axes/demo.axis2/history")["time"] == []
+
+
+@pytest.mark.parametrize(
+    ("path", "known"),
+    [
+        ("axes/demo.axis9", ["demo.axis1", "demo.axis2"]),
+        ("axes/demo.axis9/history", ["demo.axis1", "demo.axis2"]),
+        ("axes/demo.axis1/history?parameter=kg", ["kT", "1/Ja", "fm"]),
+        ("alarms/7", []),
+    ],
+)
+def test_what_is_not_there_is_answered_with_what_is(path: str, known: list[str], client: TestClient) -> None:
+    body = get(client, f"/api/v1/{path}", status=404)
+    assert body["known"] == known
+    assert any(word in body["detail"] for word in ("demo.axis9", "'kg'", "alarm 7"))
+
+
+def test_an_unknown_path_is_answered_with_the_known_ones(client: TestClient) -> None:
+    body = get(client, "/api/v2/axes", status=404)
+    assert "/api/v2/axes" in body["detail"]
+    assert {"/api/v1/axes", "/metrics", "/docs"} <= set(body["known"])
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "since=yesterday",
+        "since=2026-03-01T12:00:00",
+        "limit=0",
+        "limit=100000",
+        "offset=-1",
+        "active=perhaps",
+    ],
+)
+def test_bad_filters_are_refused(query: str, client: TestClient) -> None:
+    body = get(client, f"/api/v1/alarms?{query}", status=422)
+    assert body["detail"][0]["loc"] == ["query", query.split("=")[0]]
+
+
+def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_alarm: Episode) -> None:
+    number = stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    body = get(client, "/api/v1/alarms")
+    assert (body["total"], body["limit"], body["offset"]) == (1, 100, 0)
+    assert body["alarms"] == [
+        {
+            "id": number,
+            "axis": "demo.axis1",
+            "parameter": "fm",
+            "direction": "up",
+            "active": True,
+            "unit": "N m s/rad",
+            "nominal": 0.06,
+            "size": 0.01832,
+            "size_sd": 0.0021,
+            "onset": "2026-03-01T11:59:51.000000Z",
+            "raised": "2026-03-01T11:59:53.000000Z",
+            "updated": "2026-03-01T11:59:59.500000Z",
+            "ended": None,
+            "crossings": 4,
+        }
+    ]
+    assert get(client, f"/api/v1/alarms/{number}") == body["alarms"][0]
+
+
+def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alarm: Episode) -> None:
+    for k in range(6):
+        raised_us = fm_alarm.raised_us + k * 1_000_000
+        episode = replace(fm_alarm, raised_us=raised_us, ended_us=raised_us + 1 if k < 5 else None)
+        stage.journal.record(f"demo.axis{k % 2}", "N m s/rad", 0.06, episode)
+
+    def total(query: str) -> int:
+        return int(get(client, f"/api/v1/alarms?{query}")["total"])
+
+    assert total("active=true") == 1
+    assert total("active=false") == 5
+    assert total("axis=demo.axis1&active=false") == 2
+    assert total("parameter=kT") == 0
+    assert total("since=2026-03-01T11:59:55Z") == 4
+    assert total("since=2026-03-01T12:59:55%2B01:00&until=2026-03-01T11:59:57Z") == 2
+    page = get(client, "/api/v1/alarms?limit=2&offset=3")
+    assert page["total"] == 6
+    assert [alarm["raised"][17:19] for alarm in page["alarms"]] == ["55", "54"]
+
+
+def test_a_journal_that_cannot_be_read_is_said(stage: Stage, client: TestClient) -> None:
+    stage.journal.close()
+    assert "journal cannot be read" in get(client, "/api/v1/alarms", status=503)["detail"]
+    assert get(client, "/api/v1/axes")["axes"]
+
+
+def test_service_tells_why_it_is_not_ready(stage: Stage, client: TestClient) -> None:
+    body = get(client, "/api/v1/service")
+    assert body["ready"] is False
+    assert body["reasons"] == ["bus can1: down: Network is down", "demo.axis2: no sample yet"]
+    assert body["buses"][0]["dropped"] == {"queue_full": 12, "socket": 0}
+    assert body["messages"] == list(stage.snapshot.messages)
+    assert body["checkpoint"] == "2026-03-01T11:59:30.000000Z"
+    stage.healthy()
+    assert get(client, "/api/v1/service")["ready"] is True
+
+
+def test_alive_while_the_worker_reports(stage: Stage, client: TestClient) -> None:
+    assert get(client, "/healthz") == {"alive": True, "snapshot_age_s": 0.25}
+    stage.now_us = stage.snapshot.taken_us + 10_500_000
+    assert get(client, "/healthz", status=503) == {"alive": False, "snapshot_age_s": 10.5}
+
+
+def test_ready_while_all_axes_get_samples(stage: Stage, client: TestClient) -> None:
+    assert get(client, "/readyz", status=503)["reasons"] == [
+        "bus can1: down: Network is down",
+        "demo.axis2: no sample yet",
+    ]
+    stage.healthy()
+    assert get(client, "/readyz") == {"ready": True, "reasons": []}
+    stage.now_us += 7_000_000
+    silent = get(client, "/readyz", status=503)["reasons"]
+    assert silent == ["demo.axis1: no sample for 8 s", "demo.axis2: no sample for 8 s"]
+    stage.now_us += 7_000_000
+    assert "the worker has not reported for 14 s" in get(client, "/readyz", status=503)["reasons"]
