@@ -1,0 +1,95 @@
+"""A CAN log as a record: its frames go through the same pipeline as those of a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from service.config.schema import Config
+from service.ingest.can_log import CanLog
+from service.ingest.frames import Frame, Sample
+from service.ingest.pipeline import Ingest
+from service.ingest.table_record import SampleBlock, Step
+
+
+class LogRecord:
+    """A .log, .asc, .blf or .trc file.
+
+    Raises:
+        RecordError: it cannot be opened.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+
+    def __init__(self, path: Path, config: Config) -> None:
+        self.path = path
+        self._config = config
+        self._log = CanLog(path)
+        self._ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self._other_bus = 0
+
+    @property
+    def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
+        """Frames that gave nothing, by bus and reason; what belongs to no bus is under the file's name."""
+        dropped: dict[str, Mapping[str, int]] = {name: i.dropped for name, i in self._ingests.items()}
+        return {**dropped, self.path.name: {**self._log.dropped, "other_bus": self._other_bus}}
+
+    @property
+    def axis_dropped(self) -> Mapping[str, Mapping[str, int]]:
+        """Values that became no sample, by axis and reason."""
+        return {
+            axis_id: ingest.axis_dropped(axis_id)
+            for ingest in self._ingests.values()
+            for axis_id in ingest.axis_ids
+        }
+
+    def frames(self) -> Iterator[tuple[dict[str, list[Frame]], float]]:
+        """The frames by name of their bus, and how much of the log has been read, 0 to 1.
+
+        Raises:
+            RecordError: the file is damaged.
+        """
+        channels: Mapping[str, str] | None = None
+        for block in self._log.blocks():
+            if channels is None:
+                channels = self._channels({channel for channel, _ in block.frames})
+            of_bus: dict[str, list[Frame]] = {}
+            for channel, frame in block.frames:
+                bus = channels.get(channel, channels.get(""))
+                if bus is None:
+                    self._other_bus += 1
+                else:
+                    of_bus.setdefault(bus, []).append(frame)
+            yield of_bus, block.done
+
+    def steps(self) -> Iterator[Step]:
+        """The samples in order.
+
+        Raises:
+            RecordError: the file is damaged.
+        """
+        for of_bus, done in self.frames():
+            samples: dict[str, SampleBlock] = {}
+            for bus, frames in of_bus.items():
+                for axis_id, found in self._ingests[bus].feed(frames).items():
+                    samples[axis_id] = _arrays(found)
+            yield Step(samples, done)
+        for ingest in self._ingests.values():
+            ingest.flush()
+
+    def _channels(self, seen: set[str]) -> Mapping[str, str]:
+        """Bus by channel in the log; "" stands for all others.
+
+        A log of another plant, or one that has numbers only, goes with a configuration of one bus.
+        """
+        buses = self._config.bus
+        known = {bus.channel: bus.name for bus in buses} | {bus.name: bus.name for bus in buses}
+        if len(buses) == 1 and not seen & known.keys():
+            return {"": buses[0].name}
+        return known
+
+
+def _arrays(samples: list[Sample]) -> SampleBlock:
+    t_us, torque, motion = zip(*samples, strict=True)
+    return SampleBlock(np.array(t_us, np.int64), np.array(torque, float), np.array(motion, float))

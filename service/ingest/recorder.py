@@ -1,0 +1,71 @@
+"""Writing frames as received, such that reading them gives the very same frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import can
+
+from service.ingest.errors import RecordError
+from service.ingest.frames import Frame
+
+
+class FrameRecorder:
+    """Writes a candump log (.log): times to the microsecond, the name of the bus, CAN FD.
+
+    The other kinds that python-can writes lose something of these (.asc rounds the start to milliseconds,
+    .trc has no CAN FD, .blf no names of buses and nothing on the disk before 128 KiB): they are refused.
+
+    Raises:
+        RecordError: another kind, or a file that exists or cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.suffix.lower() != ".log":
+            raise RecordError(f"{path}: frames are recorded as .log, which keeps them exactly; name it so")
+        try:
+            self._file = path.open("x", encoding="utf-8", newline="\n")
+        except FileExistsError:
+            raise RecordError(f"{path} exists already: choose another name, or remove it") from None
+        except OSError as error:
+            raise RecordError(f"cannot write {path}: {error.strerror}") from None
+        self.path = path
+        self._writer = can.CanutilsLogWriter(self._file)
+        self._writer.last_timestamp = 0.0  # else times before that of the first frame are changed
+
+    def write(self, bus: str, frames: Iterable[Frame]) -> None:
+        """Write frames of a bus; they are in the file when this returns.
+
+        Raises:
+            RecordError: the disk does not take them.
+        """
+        try:
+            for frame in frames:
+                self._writer.on_message_received(_message(bus, frame))
+            self._file.flush()
+        except OSError as error:
+            raise RecordError(f"cannot write {self.path}: {error.strerror}") from None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._writer.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _1: type[BaseException] | None, _2: object, _3: TracebackType | None) -> None:
+        self.close()
+
+
+def _message(bus: str, frame: Frame) -> can.Message:
+    return can.Message(
+        timestamp=frame.t_us / 1e6,
+        channel=bus,
+        arbitration_id=frame.can_id,
+        is_extended_id=frame.extended,
+        is_fd=len(frame.data) > 8,
+        data=frame.data,
+    )

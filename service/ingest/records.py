@@ -1,0 +1,54 @@
+"""Records: tables and CAN logs, read alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from service.config.schema import Config
+from service.ingest.can_log import LOG_SUFFIXES
+from service.ingest.errors import RecordError
+from service.ingest.log_record import LogRecord
+from service.ingest.table_record import SampleBlock, Step, TableRecord
+from service.ingest.tables import TABLE_SUFFIXES
+
+__all__ = ["RECORD_SUFFIXES", "Record", "SampleBlock", "Step", "read_record"]
+
+RECORD_SUFFIXES = (*TABLE_SUFFIXES, *LOG_SUFFIXES)
+
+
+class Record(Protocol):
+    """Samples from a file."""
+
+    path: Path
+
+    def steps(self) -> Iterator[Step]:
+        """The samples in order, once.
+
+        Raises:
+            RecordError: the file is damaged.
+        """
+
+    @property
+    def axis_dropped(self) -> Mapping[str, Mapping[str, int]]:
+        """What became no sample so far, by axis and reason: values (CAN logs) or rows (tables)."""
+
+    @property
+    def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
+        """Frames that gave nothing so far, by bus and reason."""
+
+
+def read_record(path: Path, config: Config) -> Record:
+    """The record in a file, by its suffix.
+
+    Raises:
+        RecordError: it cannot be read, has an unknown suffix or lacks a column.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    suffix = path.suffix.lower()
+    if suffix in TABLE_SUFFIXES:
+        return TableRecord(path, config)
+    if suffix in LOG_SUFFIXES:
+        return LogRecord(path, config)
+    raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")

@@ -1,0 +1,147 @@
+"""A table as a record: its columns become samples of the axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.config.schema import AxisConfig, Config, SignalConfig
+from service.ingest.assemble import REASONS
+from service.ingest.errors import RecordError
+from service.ingest.rows import Floats, Rows
+from service.ingest.tables import check_columns, open_table
+
+Times = NDArray[np.int64]
+_LATEST_US = 2.0**62
+
+
+class SampleBlock(NamedTuple):
+    """Samples of one axis: times [us], strictly increasing, torque [N m], motion [rad or rad/s]."""
+
+    t_us: Times
+    torque: Floats
+    motion: Floats
+
+
+class Step(NamedTuple):
+    """What a part of a record gave: samples by axis; ``done`` is how much of it has been read, 0 to 1."""
+
+    samples: Mapping[str, SampleBlock]
+    done: float
+
+
+class TableRecord:
+    """A .csv, .parquet or .mat file with the columns that the configuration names.
+
+    Axes without columns in the configuration are left out.
+
+    Raises:
+        RecordError: the file cannot be read, or lacks a column.
+    """
+
+    def __init__(self, path: Path, config: Config) -> None:
+        self.path = path
+        self._table = open_table(path)
+        axes = [axis for axis in config.axes if _has_columns(axis.config)]
+        self._axes = {axis.id: _AxisColumns(axis.id, axis.config) for axis in axes}
+        if not self._axes:
+            raise RecordError(
+                f"{path}: no axis says where it is in a table: set torque.column and angle.column or "
+                "speed.column in the configuration"
+            )
+        self._wanted: dict[str, str] = {}
+        for columns in self._axes.values():
+            self._wanted |= columns.wanted()
+        check_columns(path, self._table, self._wanted)
+
+    @property
+    def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
+        """Frames dropped, by bus: a table has none."""
+        return {}
+
+    @property
+    def axis_dropped(self) -> Mapping[str, Mapping[str, int]]:
+        """Rows that became no sample, by axis and reason."""
+        return {axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()}
+
+    def steps(self) -> Iterator[Step]:
+        """The samples in order.
+
+        Raises:
+            RecordError: a cell is no number, or the file is damaged.
+        """
+        first_row = 0
+        for rows in self._table.rows(list(self._wanted)):
+            samples = {axis_id: axis.samples(rows, first_row) for axis_id, axis in self._axes.items()}
+            first_row += len(next(iter(rows.columns.values())))
+            yield Step({axis_id: block for axis_id, block in samples.items() if len(block.t_us)}, rows.done)
+
+
+def _has_columns(config: AxisConfig) -> bool:
+    return config.torque.column is not None or config.motion.column is not None
+
+
+class _AxisColumns:
+    """The columns of one axis, and what became of its rows."""
+
+    def __init__(self, axis_id: str, config: AxisConfig) -> None:
+        if config.torque.column is None or config.motion.column is None:
+            missing = "torque" if config.torque.column is None else config.output
+            raise RecordError(f"axis {axis_id}: {missing}.column is missing in the configuration")
+        self._id, self._config = axis_id, config
+        self._torque, self._motion, self._time = (
+            config.torque.column,
+            config.motion.column,
+            config.time.column,
+        )
+        self._interval_us = config.sample_interval_s * 1e6
+        self._last_us: int | None = None
+        self.dropped = dict.fromkeys(REASONS, 0)
+
+    def wanted(self) -> dict[str, str]:
+        """What each column is wanted for."""
+        wanted = {
+            self._torque: f"the torque of axis {self._id}",
+            self._motion: f"the {self._config.output} of axis {self._id}",
+        }
+        return wanted | ({self._time: f"the time of axis {self._id}"} if self._time is not None else {})
+
+    def samples(self, rows: Rows, first_row: int) -> SampleBlock:
+        """The samples in these rows, the first of which has that number in the file."""
+        torque = _si(self._config.torque, rows.columns[self._torque])
+        motion = _si(self._config.motion, rows.columns[self._motion])
+        time_us = self._times(rows, first_row, len(torque))
+        fine = np.isfinite(torque) & np.isfinite(motion) & (np.abs(time_us) < _LATEST_US)
+        self.dropped["not_finite"] += int(np.count_nonzero(~fine))
+        t_us = time_us[fine].astype(np.int64)
+        later = self._increasing(t_us)
+        return SampleBlock(t_us[later], torque[fine][later], motion[fine][later])
+
+    def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
+        """Times [us], rounded to whole ones here, once."""
+        if self._time is not None:
+            return np.rint(rows.columns[self._time] * 1e6)
+        return np.rint(np.arange(first_row, first_row + count, dtype=np.float64) * self._interval_us)
+
+    def _increasing(self, t_us: Times) -> NDArray[np.bool_]:
+        """Which times are later than all before; counts the others, and samples missing between."""
+        if not len(t_us):
+            return np.zeros(0, np.bool_)
+        before = np.iinfo(np.int64).min if self._last_us is None else self._last_us
+        latest = np.maximum.accumulate(np.concatenate(([before], t_us)))
+        later = t_us > latest[:-1]
+        self.dropped["repeated"] += int(np.count_nonzero(t_us == latest[:-1]))
+        self.dropped["out_of_order"] += int(np.count_nonzero(t_us < latest[:-1]))
+        kept = t_us[later] if self._last_us is None else np.concatenate(([before], t_us[later]))
+        lost = np.rint(np.diff(kept) / self._interval_us) - 1
+        self.dropped["missing"] += int(np.sum(np.maximum(lost, 0)))
+        self._last_us = int(latest[-1])
+        return np.asarray(later, np.bool_)
+
+
+def _si(source: SignalConfig, values: Floats) -> Floats:
+    return np.asarray(source.factor * values + source.offset, np.float64)

@@ -1,0 +1,153 @@
+"""Files with columns of numbers: .csv, .parquet and .mat, read in blocks of rows."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import scipy.io
+from scipy.io.matlab import MatReadError
+
+from service.ingest.csv_table import CsvTable
+from service.ingest.errors import RecordError
+from service.ingest.rows import Floats, Rows
+from service.words import did_you_mean
+
+TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
+_ROWS = 8192
+
+
+class Table(Protocol):
+    """A file with columns."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The columns there are."""
+
+    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+        """The rows of these columns, which must exist, in blocks.
+
+        Raises:
+            RecordError: what is there is no number, or the file is damaged.
+        """
+
+
+def open_table(path: Path) -> Table:
+    """The table in a file, by its suffix.
+
+    Raises:
+        RecordError: the file cannot be read or is not what its suffix says.
+    """
+    kinds: dict[str, type[CsvTable] | type[ParquetTable] | type[MatTable]]
+    kinds = {".csv": CsvTable, ".parquet": ParquetTable, ".mat": MatTable}
+    return kinds[path.suffix.lower()](path)
+
+
+def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:
+    """Complain about columns that are not there.
+
+    Args:
+        path: of the file, for the message.
+        table: the table in it.
+        wanted: what each column is wanted for, by its name.
+
+    Raises:
+        RecordError: one is not there; the text says which there are.
+    """
+    known = set(table.names)
+    for name, purpose in wanted.items():
+        if name not in known:
+            hint = did_you_mean(name, table.names)
+            raise RecordError(f'{path}: no column "{name}" for {purpose}: {hint}')
+
+
+class ParquetTable:
+    """A Parquet file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = pq.ParquetFile(path)
+        except OSError as error:
+            raise RecordError(f"cannot read {path}: {error.strerror or error}") from None
+        except pa.ArrowException as error:
+            raise RecordError(f"{path} is no Parquet file: {error}") from None
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The columns there are."""
+        return tuple(self._file.schema_arrow.names)
+
+    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+        """See Table."""
+        read, total = 0, self._file.metadata.num_rows
+        batches = self._file.iter_batches(batch_size=_ROWS, columns=list(names))
+        while True:
+            try:
+                batch = next(batches, None)
+            except (pa.ArrowException, OSError) as error:
+                raise RecordError(f"{self._path} is damaged after row {read}: {error}") from None
+            if batch is None:
+                return
+            read += batch.num_rows
+            yield Rows({name: self._numbers(name, batch.column(name)) for name in names}, read / total)
+
+    def _numbers(self, name: str, column: pa.Array[Any]) -> Floats:
+        try:
+            numbers = column.cast(pa.float64(), safe=False)
+        except pa.ArrowException:
+            raise RecordError(f'{self._path}: column "{name}" holds {column.type}, not numbers') from None
+        return np.asarray(numbers.to_numpy(zero_copy_only=False), np.float64)
+
+
+class MatTable:
+    """A MATLAB file up to version 7; a variable of a structure is called structure.variable."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            content = scipy.io.loadmat(path, simplify_cells=True)
+        except OSError as error:
+            raise RecordError(f"cannot read {path}: {error.strerror or error}") from None
+        except NotImplementedError:
+            raise RecordError(f"{path} is of MATLAB version 7.3: save it with -v7, or as .csv") from None
+        except (MatReadError, ValueError, TypeError, LookupError, EOFError, zlib.error) as error:
+            raise RecordError(f"{path} is damaged or no MATLAB file: {error}") from None
+        self._arrays = dict(_flat(content))
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The variables there are."""
+        return tuple(self._arrays)
+
+    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+        """See Table."""
+        columns = {name: self._vector(name) for name in names}
+        lengths = {name: len(column) for name, column in columns.items()}
+        if len(set(lengths.values())) > 1:
+            raise RecordError(f"{self._path}: the variables differ in length: {lengths}")
+        total = next(iter(lengths.values()))
+        for i in range(0, total, _ROWS):
+            block = {name: column[i : i + _ROWS] for name, column in columns.items()}
+            yield Rows(block, min(1.0, (i + _ROWS) / total))
+
+    def _vector(self, name: str) -> Floats:
+        array = np.asarray(self._arrays[name])
+        if array.dtype.kind not in "fiub":
+            raise RecordError(f'{self._path}: variable "{name}" holds no real numbers')
+        if array.size != max(array.shape, default=1):
+            raise RecordError(f'{self._path}: variable "{name}" is no vector, its size is {array.shape}')
+        return array.reshape(-1).astype(np.float64)
+
+
+def _flat(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{name}.")
+        elif not name.startswith("__"):
+            yield above + name, value
