@@ -6,7 +6,7 @@ variable was wrong.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -18,29 +18,39 @@ from service.words import did_you_mean
 PREFIX = "AXISWATCH_"
 SECTIONS = ("service", "web")
 
-Overrides = dict[Keys, tuple[str, Any]]
-"""For each path the variable that sets it, as the user wrote it, and the value."""
+
+class Override(NamedTuple):
+    """A variable with its text, both as the user wrote them, and the value that it stands for."""
+
+    variable: str
+    text: str
+    value: Any
+
+
+Overrides = Mapping[Keys, Override]
+"""The keys that the environment sets."""
 
 
 def overrides(environ: Mapping[str, str]) -> Overrides:
     """The keys that the environment sets; sections may be unknown, which ``unknown_sections`` finds."""
-    return {path: (name, _number(path, value)) for name, value in environ.items() if (path := _path(name))}
+    found = {path: (name, text) for name, text in environ.items() if (path := _path(name))}
+    return {path: Override(name, text, _number(path, text)) for path, (name, text) in found.items()}
 
 
 def apply(values: dict[str, Any], over: Overrides) -> None:
     """Write the overrides of known sections into the values of the file, in place."""
-    for (section, key), (_, value) in ((path, v) for path, v in over.items() if path[0] in SECTIONS):
-        table = values.setdefault(str(section), {})
+    for (section, key), override in over.items():
+        table = values.setdefault(str(section), {}) if section in SECTIONS else None
         if isinstance(table, dict):
-            table[str(key)] = value
+            table[str(key)] = override.value
 
 
 def unknown_sections(over: Overrides) -> Iterator[Finding]:
     """Variables for sections that the environment cannot set."""
-    for path in over:
+    known = [f"{PREFIX}{section.upper()}__..." for section in SECTIONS]
+    for path, override in over.items():
         if path[0] not in SECTIONS:
-            known = [f"{PREFIX}{section.upper()}__..." for section in SECTIONS]
-            yield Finding(path, f"no such setting: {did_you_mean(over[path][0], known)}")
+            yield Finding(path, f"no such setting: {did_you_mean(override.variable, known)}")
 
 
 def _path(name: str) -> Keys | None:

@@ -92,8 +92,8 @@ def _problems(
         if finding.other:
             message += f" {dotted(finding.other)} in line {nearest(where, finding.other)}"
         if finding.path in over:
-            variable, value = over[finding.path]
-            problems.append(Problem(None, None, variable, shown(value), message))
+            override = over[finding.path]
+            problems.append(Problem(None, None, override.variable, override.text, message))
         else:
             line = nearest(where, finding.path)
             value = _shown_at(values, finding.path)

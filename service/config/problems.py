@@ -8,6 +8,7 @@ from pathlib import Path
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _LONGEST_VALUE = 60
+_LONGEST_DECIMAL = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +71,8 @@ def _toml(value: object) -> str:
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, int) and value.bit_length() > _LONGEST_DECIMAL:
+        return hex(value)  # Python refuses to write very long decimal numbers
     if isinstance(value, list):
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, dict):

@@ -7,7 +7,7 @@ look at several values together still run beside the first mistake and all probl
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, get_origin
 
 from pydantic import (
     BaseModel,
@@ -57,7 +57,10 @@ class Table(BaseModel):
             return ABSENT
         if not _lenient(info):
             return handler(value)
-        return _salvaged(value, handler)
+        free_keys = get_origin(cls.model_fields[str(info.field_name)].annotation) is dict
+        return (
+            _entries(value, handler) if free_keys and isinstance(value, dict) else _salvaged(value, handler)
+        )
 
     @model_validator(mode="after")
     def _forget_absent(self) -> Self:
@@ -79,16 +82,17 @@ def present(table: Table, *names: str) -> bool:
 
 
 def _salvaged(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-    """The validated value, or ABSENT; in a table with free keys only the wrong entries are ABSENT."""
+    """The validated value, or ABSENT."""
     try:
         return handler(value)
     except ValidationError:
-        if not isinstance(value, dict) or not value:
-            return ABSENT
-    if len(value) == 1:
-        return dict.fromkeys(value, ABSENT)
-    parts = [_salvaged({key: entry}, handler) for key, entry in value.items()]
-    return ABSENT if ABSENT in parts else {key: entry for part in parts for key, entry in part.items()}
+        return ABSENT
+
+
+def _entries(values: dict[str, Any], handler: ValidatorFunctionWrapHandler) -> dict[str, Any]:
+    """The same entry by entry, for a table whose keys are free: only the wrong entries are ABSENT."""
+    parts = {key: _salvaged({key: value}, handler) for key, value in values.items()}
+    return {key: ABSENT if part is ABSENT else part[key] for key, part in parts.items()}
 
 
 def _lenient(info: ValidationInfo) -> bool:

@@ -65,8 +65,14 @@ def _message(error: ErrorDetails) -> str:
     field, table = _schema_at(error["loc"])
     if error["type"] == "extra_forbidden" and table is not None:
         return f"unknown key: {did_you_mean(str(error['loc'][-1]), table.model_fields)}"
-    rule = _RULES.get(error["type"], error["msg"]).format_map(error.get("ctx", {}))
+    rule = _RULES.get(error["type"], error["msg"]).format_map(_limits(error))
     return f"{rule} ({field.description})" if field is not None and field.description else rule
+
+
+def _limits(error: ErrorDetails) -> dict[str, Any]:
+    """The numbers and words of a rule, numbers without ".0"."""
+    context = error.get("ctx", {})
+    return {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
 
 
 def _schema_at(path: Sequence[str | int]) -> tuple[FieldInfo | None, type[Table] | None]:

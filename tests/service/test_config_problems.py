@@ -1,4 +1,4 @@
-"""Each mistake is named with its line, its key, its value, and what would be right; all of them at once."""
+"""Each mistake is named with its line, its key, its value, and what would be right."""
 
 import shutil
 from pathlib import Path
@@ -10,64 +10,7 @@ from service.config import ConfigErrors, Problem, load
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
-BASE = """\
-[service]
-state_dir = "kept"
-[web]
-port = 8080
-[[bus]]
-name = "can0"
-interface = "virtual"
-channel = "test"
-dbc = "robot.dbc"
-[bus.options]
-receive_own_messages = true
-[[robot]]
-name = "demo"
-[[robot.axis]]
-name = "first"
-bus = "can0"
-sample_interval_s = 0.005
-maximum_gap_s = 0.06
-[robot.axis.torque]
-message = "Axis1Torque"
-signal = "Torque"
-[robot.axis.angle]
-message = "Axis1Angle"
-signal = "Angle"
-[robot.axis.time]
-counter_message = "Axis1Angle"
-counter_signal = "Counter"
-[robot.axis.model]
-monitor = ["kT", "fm"]
-nominal = { Jm=0.01, Jg=28, Ja=95, kg=2e5, ka=2e5, dg=8, da=13, fm=0.06, fc=0, tau0=0, kT=1, r=0.01 }
-bounds = { kT = [0.5, 2.0] }
-[robot.axis.estimator]
-torque_noise = 0.05
-output_noise = 1e-4
-[[robot.axis]]
-name = "second"
-bus = "can0"
-sample_interval_s = 0.004
-torque = { message = "Axis2Torque", signal = "Torque" }
-speed = { message = "Axis2Speed", signal = "Speed" }
-estimator = { predictor = "output-error", output_noise = 0.01 }
-[robot.axis.model]
-monitor = ["1/Ja"]
-[robot.axis.model.nominal]
-Jm = 0.02
-Jg = 281
-Ja = 96
-kg = 3e5
-ka = 3e5
-dg = 801
-da = 131
-fm = 0.07
-fc = 0.0
-tau0 = 0.0
-kT = 1.0
-r = 0.02
-"""
+BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture

@@ -1,13 +1,24 @@
-"""The example configurations load and say what the schema says."""
+"""The example configurations load, explain every key of the schema, and tell the truth about its defaults."""
 
+import re
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from monitor_core.library import REFERENCE_VALUES
-from service.config import load
+from service.config import Config, load
+from service.config.positions import Keys, positions
+from service.config.tables import Table
+from service.config.wording import table_in
+from service.ingest.dbc import find_message, read_dbc
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
+EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
+OPTIONAL = re.compile(r"^#(?=[\w\[\"])", re.MULTILINE)  # "#key = value" or "#[table]"; prose begins with "# "
+EVERYTHING = OPTIONAL.sub("", EXAMPLE)
 
 
 def test_demo_is_six_reference_drives() -> None:
@@ -18,3 +29,89 @@ def test_demo_is_six_reference_drives() -> None:
         assert axis.config.model.nominal == pytest.approx(expected, rel=1e-14)
         assert axis.config.model.monitor == ("kT", "1/Ja", "fm")
         assert axis.config.output == "angle"
+
+
+def test_example_has_an_axis_with_angle_and_one_with_speed() -> None:
+    config = load(CONFIG / "axiswatch.toml", {})
+    assert [(axis.id, axis.config.output) for axis in config.axes] == [
+        ("cell1.axis1", "angle"),
+        ("cell1.axis2", "speed"),
+    ]
+    assert config.bus[0].interface == "socketcan"
+
+
+@pytest.fixture
+def everything(tmp_path: Path) -> Config:
+    """The example with every optional key in force."""
+    (tmp_path / "robot.dbc").symlink_to(CONFIG / "robot.dbc")
+    (tmp_path / "a.toml").write_text(EVERYTHING, encoding="utf-8")
+    return load(tmp_path / "a.toml", {})
+
+
+def test_every_key_of_the_schema_is_in_the_example(everything: Config) -> None:
+    shown = {(table, key) for table, keys in _tables(Config, tomllib.loads(EVERYTHING)) for key in keys}
+    every = {(table, key) for table in {table for table, _ in shown} for key in table.model_fields}
+    assert shown == every
+    assert {table.__name__ for table, _ in shown} == {table.__name__ for table in Table.__subclasses__()}
+
+
+def test_what_the_example_calls_a_default_is_one(everything: Config) -> None:
+    defaults = load(CONFIG / "axiswatch.toml", {})
+    told = [path for path in _told_defaults() if _at(defaults, path) is not None]
+    assert len(told) > 20
+    for path in told:
+        assert (path, _at(everything, path)) == (path, pytest.approx(_at(defaults, path)))
+
+
+def test_bounds_and_defaults_are_explained_in_the_schema() -> None:
+    for table in Table.__subclasses__():
+        assert [name for name, field in table.model_fields.items() if not field.description] == []
+
+
+@pytest.mark.parametrize("axis", range(1, 7))
+def test_robot_dbc(axis: int) -> None:
+    database = read_dbc(CONFIG / "robot.dbc")
+    expected = {
+        "Torque": (0x100, 16, 0.001, "N m"),
+        "Angle": (0x200, 32, 1e-5, "rad"),
+        "Speed": (0x300, 32, 1e-5, "rad/s"),
+    }
+    for name, (base, bits, scale, unit) in expected.items():
+        message = find_message(database, f"Axis{axis}{name}")
+        value, counter = message.get_signal_by_name(name), message.get_signal_by_name("Counter")
+        assert (message.frame_id, message.length) == (base + axis, 8)
+        assert (value.length, value.scale, value.unit, value.is_signed) == (bits, scale, unit, True)
+        assert (counter.length, counter.is_signed) == (16, False)
+        data = message.encode({name: -12.345, "Counter": 513})
+        assert data[bits // 8 : bits // 8 + 2] == b"\x01\x02"  # little endian
+        assert message.decode_simple(data)[name] == pytest.approx(-12.345)
+
+
+def _tables(table: type[Table], values: dict[str, Any]) -> Iterator[tuple[type[Table], set[str]]]:
+    yield table, set(values)
+    for key, value in values.items():
+        inner = table_in(table.model_fields[key].annotation)
+        for element in value if isinstance(value, list) else [value]:
+            if inner is not None:
+                yield from _tables(inner, element)
+
+
+def _told_defaults() -> Iterator[Keys]:
+    """The paths of all "#key = value" whose comment does not call the value an example."""
+    by_line = {line: path for path, line in positions(EVERYTHING).items()}
+    comment, fresh = "", True
+    for number, row in enumerate(EXAMPLE.split("\n"), 1):
+        if row.startswith("# "):
+            comment, fresh = (comment if fresh else "") + row, True
+        elif OPTIONAL.match(row):
+            fresh = False
+            if "[" not in row[:2] and "xample" not in comment:
+                yield by_line[number]
+        else:
+            comment = ""
+
+
+def _at(value: Any, path: Keys) -> Any:
+    for part in path:
+        value = value[part] if isinstance(part, int) or isinstance(value, dict) else getattr(value, part)
+    return value if not isinstance(value, Path) else value.name

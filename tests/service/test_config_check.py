@@ -1,0 +1,53 @@
+"""`axiswatch check` as a user sees it."""
+
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from service.commands.check import check
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+
+app = typer.Typer()
+app.command()(check)
+
+
+@pytest.mark.parametrize("name", ["axiswatch.toml", "demo.toml"])
+def test_a_right_configuration_is_summed_up(name: str) -> None:
+    result = CliRunner().invoke(app, ["--config", str(CONFIG / name)])
+    assert result.exit_code == 0
+    assert f"{CONFIG / name}: no problems\n" in result.stdout
+    for words in ("can0", "robot.dbc", "axis1", "axis2", "Axis1Torque.Torque", "Axis1Angle.Angle", "1/Ja"):
+        assert words in result.stdout
+    assert result.stderr == ""
+
+
+def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "[bold]wrong.toml"
+    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
+    file.write_text(text.replace('interface = "virtual"', 'interfase = "[red]"'), encoding="utf-8")
+    result = CliRunner().invoke(app, ["--config", str(file)])
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert [line.split(": ")[:2] for line in lines[:-1]] == [
+        [f"{file}:9", 'bus[1].interfase = "[red]"'],
+        [f"{file}:11", 'bus[1].dbc = "robot.dbc"'],
+    ]
+    assert lines[-1] == "2 problems in the configuration"
+
+
+def test_a_missing_file_is_no_traceback(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["--config", str(tmp_path / "none.toml")])
+    assert result.exit_code == 2
+    assert "cannot read the configuration: No such file or directory" in result.stderr
+    assert "1 problem in the configuration" in result.stderr
+
+
+def test_the_environment_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AXISWATCH_WEB__PORT", "http")
+    result = CliRunner().invoke(app, ["--config", str(CONFIG / "demo.toml")])
+    assert result.exit_code == 2
+    assert result.stderr.startswith("environment: AXISWATCH_WEB__PORT = http: must be a whole number")

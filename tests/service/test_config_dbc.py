@@ -1,0 +1,92 @@
+"""DBC files as tools write them, and what is said about those that cannot be used."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from service.ingest.dbc import DbcError, find_message, find_signal, read_dbc
+
+HEAD = 'VERSION ""\nBU_: X\n'
+GOOD = 'BO_ 257 Good: 8 X\n SG_ Value : 0|16@1- (0.1,0) [0|0] "°" X\n SG_ Other : 16|16@1- (1,0) [0|0] "" X\n'
+OVERLAP = 'BO_ 258 Overlap: 8 X\n SG_ A : 0|16@1- (1,0) [0|0] "" X\n SG_ B : 8|16@1- (1,0) [0|0] "" X\n'
+SHORT = 'BO_ 259 Short: 2 X\n SG_ A : 0|32@1- (1,0) [0|0] "" X\n'
+
+
+def write(folder: Path, text: str, encoding: str = "utf-8") -> Path:
+    file = folder / "a.dbc"
+    file.write_text(HEAD + text, encoding=encoding)
+    return file
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
+def test_encodings(encoding: str, tmp_path: Path) -> None:
+    message = find_message(read_dbc(write(tmp_path, GOOD, encoding)), "Good")
+    assert find_signal(message, "Value").unit == "°"
+
+
+def test_faults_matter_only_where_they_are_used(tmp_path: Path) -> None:
+    database = read_dbc(write(tmp_path, GOOD + OVERLAP + SHORT))
+    find_message(database, "Good")
+    for name, words in (("Overlap", "are overlapping"), ("Short", "A does not fit")):
+        with pytest.raises(DbcError, match=words):
+            find_message(database, name)
+
+
+def test_two_messages_with_one_identifier(tmp_path: Path) -> None:
+    database = read_dbc(write(tmp_path, GOOD + GOOD.replace("Good", "Twin")))
+    with pytest.raises(DbcError, match="gives its identifier 0x101 to Twin, too"):
+        find_message(database, "Good")
+
+
+def test_an_extended_identifier_is_another_one(tmp_path: Path) -> None:
+    extended = GOOD.replace("Good", "Long").replace("257", str(257 | 1 << 31))
+    database = read_dbc(write(tmp_path, GOOD + extended))
+    assert find_message(database, "Good").frame_id == find_message(database, "Long").frame_id
+
+
+@pytest.mark.parametrize(
+    ("message", "signal", "words"),
+    [
+        ("good", "Value", 'no message "good" in the DBC: did you mean "Good"'),
+        ("Good", "Valu", 'no signal "Valu" in message Good: did you mean "Value"'),
+        ("Good", "xyz", 'no signal "xyz" in message Good: there is Value, Other'),
+    ],
+)
+def test_unknown_names(message: str, signal: str, words: str, tmp_path: Path) -> None:
+    database = read_dbc(write(tmp_path, GOOD))
+    with pytest.raises(DbcError, match=words):
+        find_signal(find_message(database, message), signal)
+
+
+@pytest.mark.parametrize(
+    "text", ["!nonsense", "BO_ x", 'VAL_ 77 S 1 "a" ;', 'BA_ "foo" 5;', "BO_ 99999999999 A: 8 X\n"]
+)
+def test_no_dbc(text: str, tmp_path: Path) -> None:
+    file = write(tmp_path, text)
+    with pytest.raises(DbcError) as caught:
+        read_dbc(file)
+    assert str(caught.value).startswith(f"{file} is no valid DBC: ")
+
+
+def test_binary_is_no_dbc(tmp_path: Path, seed: int) -> None:
+    file = tmp_path / "a.dbc"
+    file.write_bytes(b"\x00\xff" + seed.to_bytes(8, "little") * 10)
+    with pytest.raises(DbcError, match="is no valid DBC"):
+        read_dbc(file)
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(DbcError, match=r"none\.dbc: No such file"):
+        read_dbc(tmp_path / "none.dbc")
+    with pytest.raises(DbcError, match="Is a directory"):
+        read_dbc(tmp_path)
+
+
+def test_a_file_is_read_again_when_it_changes(tmp_path: Path) -> None:
+    file = write(tmp_path, GOOD)
+    first = read_dbc(file)
+    assert read_dbc(file) is first
+    write(tmp_path, GOOD.replace("Good", "Best"))
+    os.utime(file, ns=(1, 1))
+    assert [message.name for message in read_dbc(file).messages] == ["Best"]

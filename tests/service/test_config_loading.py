@@ -1,0 +1,143 @@
+"""What is reported when a file cannot be read, when much is wrong at once, and from the environment."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from service.config import ConfigErrors, load
+
+SHIPPED = Path(__file__).resolve().parents[2] / "config"
+BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    shutil.copy(SHIPPED / "robot.dbc", tmp_path)
+    file = tmp_path / "a.toml"
+    file.write_text(BASE, encoding="utf-8")
+    return file
+
+
+def messages(file: Path, environ: dict[str, str] | None = None) -> list[str]:
+    with pytest.raises(ConfigErrors) as caught:
+        load(file, environ or {})
+    assert str(caught.value) == "\n".join(map(str, caught.value.problems))
+    return [str(problem).replace(str(file), "a.toml") for problem in caught.value.problems]
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    (message,) = messages(tmp_path / "a.toml")
+    assert message.endswith("a.toml: cannot read the configuration: No such file or directory")
+
+
+def test_a_folder(tmp_path: Path) -> None:
+    assert messages(tmp_path)[0].endswith("cannot read the configuration: Is a directory")
+
+
+def test_bytes_that_are_no_text(file: Path) -> None:
+    file.write_bytes(BASE.encode() + b"# caf\xe9 in a Western code page\n")
+    line = BASE.count("\n") + 1
+    assert messages(file) == [f"a.toml:{line}: the file must be UTF-8 text; this line holds other bytes"]
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("[web]\nport = \n", "2:8"),
+        ("[web]\nport = 1\nport = 2\n", "3:9"),
+        ("[web\n", "1:5"),
+        ('a = """open\nx', "2:2"),
+        ("", None),
+    ],
+)
+def test_syntax_errors_have_line_and_column(text: str, place: str | None, file: Path) -> None:
+    file.write_text(text, encoding="utf-8")
+    found = messages(file)
+    if place is None:  # an empty file is TOML
+        assert [message.split(": ")[1] for message in found] == ["bus", "robot"]
+    else:
+        assert [message.startswith(f"a.toml:{place}: this is no TOML: ") for message in found] == [True]
+
+
+def test_a_byte_order_mark_is_nothing(file: Path) -> None:
+    file.write_text(BASE, encoding="utf-8-sig")
+    assert len(load(file, {}).axes) == 2
+
+
+def test_everything_at_once(file: Path) -> None:
+    text = (
+        BASE.replace("port =", "prot =")
+        .replace('"robot.dbc"', '"rob.dbc"')
+        .replace('"kT", "fm"', '"kt", "fm"')
+    )
+    text = text.replace("kT = 1.0", 'kT = "one"').replace('name = "second"', 'name = "first"')
+    text = (
+        text.replace('bus = "can0"', 'bus = "can1"').replace("Ja = 96", "Jn = 96").replace("fm = 0.07\n", "")
+    )
+    file.write_text(text.replace("sample_interval_s = 0.005", "sample_interval_s = true"), encoding="utf-8")
+    assert [message.split(": ")[0] + " " + message.split(": ")[1] for message in messages(file)] == [
+        "a.toml:4 web.prot = 8080",
+        'a.toml:9 bus[1].dbc = "rob.dbc"',
+        'a.toml:16 robot[1].axis[1].bus = "can1"',
+        "a.toml:17 robot[1].axis[1].sample_interval_s = true",
+        'a.toml:29 robot[1].axis[1].model.monitor[1] = "kt"',
+        "a.toml:31 robot[1].axis[1].model.bounds.kT = [0.5, 2.0]",
+        'a.toml:36 robot[1].axis[2].name = "first"',
+        'a.toml:37 robot[1].axis[2].bus = "can1"',
+        "a.toml:44 robot[1].axis[2].model.nominal.Ja",
+        "a.toml:44 robot[1].axis[2].model.nominal.fm",
+        "a.toml:47 robot[1].axis[2].model.nominal.Jn = 96",
+        'a.toml:54 robot[1].axis[2].model.nominal.kT = "one"',
+    ]
+
+
+def test_the_environment_wins(file: Path) -> None:
+    environ = {
+        "AXISWATCH_WEB__PORT": "9000",
+        "axiswatch_web__host": "0.0.0.0",
+        "AXISWATCH_SERVICE__STATE_DIR": "elsewhere",
+        "AXISWATCH_SERVICE__HISTORY_INTERVAL_S": "2.5",
+        "AXISWATCH_DATA": "not a setting",
+        "PATH": "/bin",
+    }
+    config = load(file, environ)
+    assert (config.web.port, config.web.host) == (9000, "0.0.0.0")
+    assert config.service.state_dir == file.parent / "elsewhere"
+    assert config.service.history_interval_s == 2.5
+    assert config.service.history_length_s == 3600
+
+
+def test_a_number_in_the_environment_may_be_a_name(file: Path) -> None:
+    assert load(file, {"AXISWATCH_SERVICE__STATE_DIR": "2026"}).service.state_dir.name == "2026"
+
+
+def test_the_environment_needs_no_section_in_the_file(file: Path) -> None:
+    file.write_text(BASE.replace("[web]\nport = 8080\n", ""), encoding="utf-8")
+    assert load(file, {"AXISWATCH_WEB__PORT": "1234"}).web.port == 1234
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "words"),
+    [
+        ("AXISWATCH_WEB__PORT", "many", "must be a whole number"),
+        ("AXISWATCH_WEB__PORT", "99999", "must be at most 65535"),
+        ("AXISWATCH_WEB__PROT", "1", 'unknown key: did you mean "port"'),
+        ("axiswatch_Web__prot", "1", 'unknown key: did you mean "port"'),
+        ("AXISWATCH_SERVICE__HISTORY_LENGTH_S", "-1", "must be greater than 0"),
+        ("AXISWATCH_WBE__PORT", "1", 'no such setting: did you mean "AXISWATCH_WEB__..."'),
+        ("AXISWATCH_ROBOT__NAME", "x", "no such setting"),
+        ("AXISWATCH_WEB__PORT__X", "1", "unknown key"),
+    ],
+)
+def test_problems_of_the_environment_name_the_variable(
+    variable: str, value: str, words: str, file: Path
+) -> None:
+    (message,) = messages(file, {variable: value})
+    assert message.startswith(f"environment: {variable} = {value}: ")
+    assert words in message
+
+
+def test_an_override_does_not_hide_the_mistake_beside_it(file: Path) -> None:
+    file.write_text(BASE.replace("[web]\nport = 8080", "web = 3"), encoding="utf-8")
+    assert len(messages(file, {"AXISWATCH_WEB__PORT": "1"})) == 1
