@@ -61,7 +61,7 @@ def _axes(world: World) -> APIRouter:
         since: Moment = None,
         limit: Points = 3600,
     ) -> models.History:
-        """The last points of an axis later than ``since``, oldest first, in columns."""
+        """The last points of an axis later than since, oldest first, in columns."""
         found = _axis(world, axis)
         names = [p.name for p in found.facts.parameters]
         if parameter is not None and parameter not in names:
@@ -84,7 +84,7 @@ def _alarms(world: World) -> APIRouter:
         limit: Limit = 100,
         offset: Offset = 0,
     ) -> models.Alarms:
-        """Alarms raised from ``since`` on and before ``until``, the last raised first."""
+        """Alarms raised from since on and before until, the last raised first."""
         found, total = world.journal.query(
             axis, parameter, active, microseconds(since), microseconds(until), limit, offset
         )

@@ -57,7 +57,7 @@ class Constant(Body):
     """A nominal value of the drive model."""
 
     name: str
-    value: Number = Field(description="in ``unit``")
+    value: Number = Field(description="in unit")
     unit: str = Field(description="SI unit; 1 for a ratio")
 
 
@@ -81,7 +81,7 @@ class Axis(Body):
     last_sample: Time | None = Field(description="time of the last sample, UTC; null before the first")
     last_sample_age_s: Number = Field(description="its age in seconds when this was answered")
     parameters: list[Parameter]
-    innovation_variance: Number = Field(description="running lambda_0, in the square of ``innovation_unit``")
+    innovation_variance: Number = Field(description="running lambda_0, in the square of innovation_unit")
     innovation_unit: str = Field(description="unit of the output: rad or rad/s")
     samples: int = Field(description="samples received since the start, whatever became of them")
     counters: dict[str, int] = Field(description="what became of the samples, number by fate")
@@ -99,7 +99,7 @@ class Axes(Body):
 
 
 class Course(Body):
-    """The course of a parameter, a column each; a row for each entry of ``time``."""
+    """The course of a parameter, a column each; a row for each entry of time."""
 
     name: str
     unit: str
@@ -127,9 +127,9 @@ class Alarm(Body):
     direction: Direction
     active: bool = Field(description="it has not ended")
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
-    nominal: Number = Field(description="commissioned value, in ``unit``")
-    size: Number = Field(description="estimate - nominal at the last crossing, in ``unit``")
-    size_sd: Number = Field(description="standard deviation of the size, in ``unit``")
+    nominal: Number = Field(description="commissioned value, in unit")
+    size: Number = Field(description="estimate - nominal at the last crossing, in unit")
+    size_sd: Number = Field(description="standard deviation of the size, in unit")
     onset: Time = Field(description="when the deviation began: the last time the CUSUM was zero, UTC")
     raised: Time = Field(description="when the threshold was crossed for the first time, UTC")
     updated: Time = Field(description="when it was crossed for the last time, UTC")

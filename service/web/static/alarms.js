@@ -26,15 +26,13 @@ function row(alarm) {
   const cell = (label, ...children) => el("td", { role: "cell", "data-label": label }, ...children);
   const arrow = alarm.direction === "up" ? "▲" : "▼";
   const parameter = cell("Parameter", el("b", {}, alarm.parameter), ` ${arrow} ${alarm.direction}`);
-  const size = cell("Size", el("span", { className: "nowrap" }, sizeOf(alarm)));
-  size.className = "number";
   return el(
     "tr",
     { role: "row", className: alarm.active ? "active" : "ended" },
     cell("State", el("span", { className: alarm.active ? "pill bad" : "pill" }, alarm.active ? "active" : "ended")),
     cell("Axis", alarm.axis),
     parameter,
-    size,
+    cell("Size", sizeOf(alarm)),
     cell("Onset", time(alarm.onset)),
     cell("Raised", time(alarm.raised)),
     cell("Ended", alarm.ended === null ? "–" : time(alarm.ended)),

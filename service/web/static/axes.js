@@ -5,7 +5,7 @@ import { count, number, percent, span, unit, withDeviation } from "./format.js";
 
 const HALF_WIDTH = 0.4; // the ends of the deviation bar, in shares of nominal
 const LATE_S = 5;
-const COLUMNS = [["Parameter"], ["Nominal", "number"], ["Estimate", "number"], ["Deviation"], ["CUSUM"], ["Status"]];
+const COLUMNS = [["Parameter", "unseen"], ["Nominal"], ["Estimate"], ["Deviation"], ["CUSUM"], ["Status", "unseen"]];
 const STATUS_CLASS = { alarm: "pill bad", tracking: "pill good" };
 
 const cards = new Map(); // by id and shape of the axis
@@ -28,7 +28,7 @@ export function showAxes(axes) {
 function makeCard(axis) {
   const age = el("p", { className: "age quiet" });
   const sub = el("p", { className: "sub quiet" });
-  const title = el("h3", { id: `axis-${axis.id}` }, axis.id);
+  const title = el("h3", { id: `axis-${cards.size}` }, axis.id);
   const rows = axis.parameters.map(makeRow);
   const node = el(
     "article",
@@ -53,6 +53,7 @@ function makeCard(axis) {
   return { node, show };
 }
 
+const signed = (x) => withDeviation(x, null, true);
 const head = (name, kind = "") => el("th", { role: "columnheader", scope: "col", className: kind }, name);
 const sum = (counts) => Object.values(counts).reduce((a, b) => a + b, 0);
 
@@ -66,8 +67,9 @@ function describe(axis) {
 }
 
 function makeRow(parameter) {
-  const cell = (label, kind, ...children) => el("td", { role: "cell", "data-label": label, className: kind }, ...children);
-  const inUnit = () => el("small", { className: "unit" }, unit(parameter.unit));
+  const cell = (label, ...children) => el("td", { role: "cell", "data-label": label }, ...children);
+  const inUnit = unit(parameter.unit);
+  const meaning = inUnit ? `${parameter.meaning}, ${inUnit}` : parameter.meaning;
   const nominal = el("span", { className: "nowrap" });
   const estimate = el("span", { className: "nowrap" });
   const share = el("span", { className: "percent" });
@@ -77,18 +79,18 @@ function makeRow(parameter) {
   const node = el(
     "tr",
     { role: "row" },
-    el("th", { role: "rowheader", scope: "row" }, parameter.name, el("small", {}, parameter.meaning)),
-    cell("Nominal", "number", nominal, " ", inUnit()),
-    cell("Estimate", "number", estimate, " ", inUnit()),
-    cell("Deviation", "", share, deviation.node),
-    cell("CUSUM", "", cusum.node),
+    el("th", { role: "rowheader", scope: "row" }, parameter.name, " ", el("small", {}, meaning)),
+    cell("Nominal", nominal),
+    cell("Estimate", estimate),
+    cell("Deviation", share, deviation.node),
+    cell("CUSUM", cusum.node),
     el("td", { role: "cell", className: "status" }, status),
   );
   function show(now) {
     const difference = now.estimate - now.nominal;
     text(nominal, number(now.nominal));
     text(estimate, withDeviation(now.estimate, now.standard_deviation));
-    text(share, now.nominal ? percent(difference / Math.abs(now.nominal)) : withDeviation(difference, null, true));
+    text(share, now.nominal ? percent(difference / Math.abs(now.nominal)) : `${signed(difference)} ${inUnit}`);
     text(status, now.status);
     className(status, STATUS_CLASS[now.status] ?? "pill");
     className(node, now.status === "alarm" ? "out" : "");
@@ -125,7 +127,6 @@ function makeCusum(name) {
   const down = meter("down");
   const sign = (arrow) => el("span", { "aria-hidden": "true" }, arrow);
   const node = el("div", { className: "cusum" }, sign("▲"), up, sign("▼"), down);
-  node.firstChild.title = "up";
   function set(bar, g, h) {
     const share = h > 0 ? Math.min(1, g / h) : 0;
     bar.firstChild.style.width = `${100 * share}%`;

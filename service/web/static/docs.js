@@ -24,7 +24,7 @@ const code = (value) => el("code", {}, value);
 const fallback = (schema = {}) => (schema.default === undefined || schema.default === null ? "" : `default ${schema.default}`);
 
 function operation(path, method, op) {
-  const inside = el("div", {}, el("p", {}, op.description ?? ""));
+  const inside = el("div", {}, el("p", {}, op.description));
   if (op.parameters) {
     const rows = op.parameters.map((p) => [
       code(p.name),
@@ -66,7 +66,7 @@ async function show() {
   }
   const bodies = Object.entries(api.components?.schemas ?? {}).map(([name, schema]) => body(name, schema));
   main.replaceChildren(
-    el("p", { className: "lead" }, api.info.description ?? ""),
+    el("p", { className: "lead" }, api.info.description),
     ...[...groups].flatMap(([tag, operations]) => [el("h2", {}, tag), ...operations]),
     el("h2", {}, "bodies"),
     ...bodies,

@@ -57,6 +57,7 @@ function showLost(error) {
   className(by("state"), "pill bad");
   text(by("state"), "no answer");
   by("lost").hidden = false;
+  by("reasons").hidden = true;
   const since = `No answer since ${moment(answered ?? lostSince)}`;
   const why = error instanceof TypeError || error.name === "TimeoutError" ? "" : ` (${error.message})`;
   text(by("lost"), `${since}${why}. ${answered ? "What is shown below is from then." : ""}`);

@@ -1,0 +1,179 @@
+"""The page in a real browser: what it shows, that it follows, and that it says when nobody answers."""
+
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Protocol
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from monitor_core.episodes import Episode
+from monitor_core.facts import Status
+from service.monitoring.snapshot import Snapshot
+from service.store.journal import Journal
+from service.web.server import serve
+
+pytestmark = pytest.mark.browser
+
+
+class Stage(Protocol):
+    journal: Journal
+    snapshot: Snapshot
+    now_us: int
+
+    def app(self) -> FastAPI: ...
+
+    def healthy(self) -> None: ...
+
+
+class Daemon:
+    """The web server of a stage, in a thread of its own."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stop, self._ready = threading.Event(), threading.Event()
+        self.port = 0
+        arguments = (stage.app(), "127.0.0.1", 0, self._started, self._stop)
+        self._thread = threading.Thread(target=serve, args=arguments)
+        self._thread.start()
+        assert self._ready.wait(30)
+
+    def _started(self, port: int) -> None:
+        self.port = port
+        self._ready.set()
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._thread.join(30)
+
+
+@pytest.fixture(scope="module")
+def browser(need: Callable[[str], str]) -> Iterator[Browser]:
+    chromium = need("chromium")
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def daemon(stage: Stage) -> Iterator[Daemon]:
+    started = Daemon(stage)
+    yield started
+    started.stop()
+
+
+@pytest.fixture
+def page(browser: Browser, daemon: Daemon) -> Iterator[Page]:
+    """A page that must not complain, nor ask any other host."""
+    complaints: list[str] = []
+    own = f"http://127.0.0.1:{daemon.port}"
+    opened = browser.new_page(base_url=own)
+    opened.on("pageerror", lambda error: complaints.append(str(error)))
+    opened.on("request", lambda r: None if r.url.startswith(own) else complaints.append(r.url))
+    yield opened
+    opened.close()
+    assert complaints == []
+
+
+def test_it_shows_axes_with_estimates(page: Page) -> None:
+    page.goto("/")
+    card = page.get_by_role("article", name="demo.axis1")
+    row = card.get_by_role("row", name="fm")
+    for words in ("viscous friction of the motor", "0.06000", "0.0783 ± 0.0026", "+30.5 %", "alarm"):
+        expect(row).to_contain_text(words)
+    expect(row.get_by_role("meter", name="CUSUM up of fm")).to_have_attribute("aria-valuenow", "73")
+    headers = card.get_by_role("columnheader").all_inner_texts()
+    assert headers == ["Parameter", "Nominal", "Estimate", "Deviation", "CUSUM", "Status"]
+    expect(page.get_by_role("article", name="demo.axis2")).to_contain_text("no sample yet")
+
+
+def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:
+    page.goto("/")
+    expect(page.locator("#state")).to_have_text("not ready")
+    expect(page.get_by_text("bus can1: down: Network is down")).to_be_visible()
+    expect(page.get_by_text("its checkpoint is not used")).to_be_visible()
+    stage.healthy()
+    expect(page.locator("#state")).to_have_text("ready")
+    expect(page.locator("#reasons")).to_be_hidden()
+
+
+def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Episode) -> None:
+    page.goto("/")
+    expect(page.get_by_text("No alarm has been raised.")).to_be_visible()
+    ended = replace(fm_alarm, raised_us=fm_alarm.raised_us + 1, ended_us=stage.now_us, direction="down")
+    stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    stage.journal.record("demo.axis2", "N m s/rad", 0.06, ended)
+    rows = page.get_by_role("table", name="Alarms").get_by_role("row")
+    expect(rows).to_have_count(3)
+    for words in ("active", "demo.axis1", "fm", "up", "+0.0183 ± 0.0021", "+30.5 %"):
+        expect(rows.nth(1)).to_contain_text(words)
+    expect(rows.nth(2)).to_contain_text("ended")
+    expect(page.locator("#news")).to_have_text("New alarm: demo.axis1, fm up (+30.5 %)")
+    expect(page).to_have_title("(1) axiswatch")
+
+
+def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:
+    page.goto("/")
+    row = page.get_by_role("article", name="demo.axis1").get_by_role("row", name="kT")
+    expect(row).to_contain_text("0.993 ± 0.018")
+    axis = stage.snapshot.axes[0]
+    kT, *others = axis.facts.parameters
+    facts = replace(
+        axis.facts,
+        parameters=(replace(kT, estimate=0.8, standard_deviation=0.01, status=Status.ALARM), *others),
+    )
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, facts=facts),))
+    expect(row).to_contain_text("0.800 ± 0.010")
+    expect(row).to_contain_text("−20.0 %")
+    expect(page.get_by_role("article")).to_have_count(1)
+
+
+def test_it_says_since_when_nobody_answers(page: Page, daemon: Daemon) -> None:
+    page.goto("/")
+    expect(page.get_by_role("article")).to_have_count(2)
+    expect(page.get_by_role("alert")).to_be_hidden()
+    daemon.stop()
+    expect(page.get_by_role("alert")).to_contain_text("No answer since")
+    expect(page.locator("#state")).to_have_text("no answer")
+    expect(page.get_by_role("article")).to_have_count(2)
+
+
+def test_names_are_text_and_never_html(page: Page, stage: Stage, fm_alarm: Episode) -> None:
+    name = "<img src=x onerror=alert(1)>"
+    axis = replace(stage.snapshot.axes[0], id=name)
+    stage.snapshot = replace(stage.snapshot, axes=(axis,), messages=(name,))
+    stage.journal.record(name, name, 0.06, fm_alarm)
+    page.goto("/")
+    expect(page.get_by_role("article", name=name)).to_be_visible()
+    expect(page.get_by_role("table", name="Alarms")).to_contain_text(name)
+    expect(page.locator("main img")).to_have_count(0)
+
+
+@pytest.mark.parametrize("width", [1280, 500, 360])
+def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Episode) -> None:
+    stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto("/")
+    expect(page.get_by_role("row", name="active")).to_be_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    outside = page.evaluate(
+        "[...document.querySelectorAll('.card')].filter((card) => card.scrollWidth > card.clientWidth).length"
+    )
+    assert outside == 0
+
+
+def test_the_documentation_needs_no_other_host(page: Page) -> None:
+    page.goto("/docs")
+    page.get_by_text("GET /api/v1/axes/{axis}/history").click()
+    expect(page.get_by_text("at most so many points, the last ones")).to_be_visible()
+
+
+def test_pages_forbid_what_they_do_not_need(client: TestClient) -> None:
+    for path in ("/", "/docs", "/static/page.js", "/static/page.css", "/static/icon.svg"):
+        answer = client.get(path)
+        assert answer.status_code == 200, path
+        assert "default-src 'none'" in answer.headers["content-security-policy"]
+        assert "://" not in answer.text.replace("http://www.w3.org/2000/svg", ""), path
