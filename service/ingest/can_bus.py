@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -57,10 +58,15 @@ def send(bus: can.BusABC, key: FrameKey, data: bytes) -> None:
         is_fd=len(data) > 8,
         bitrate_switch=len(data) > 8,
     )
-    try:
-        bus.send(message, timeout=_SEND_TIMEOUT_S)
-    except (can.CanError, OSError) as error:
-        raise BusError(f"cannot send on {bus.channel_info}: {error}") from None
+    end = time.monotonic() + _SEND_TIMEOUT_S
+    while True:
+        try:
+            bus.send(message, timeout=_SEND_TIMEOUT_S)
+            return
+        except (can.CanError, OSError) as error:
+            if getattr(error, "error_code", None) != errno.ENOBUFS or time.monotonic() > end:
+                raise BusError(f"cannot send on {bus.channel_info}: {error}") from None
+        time.sleep(0.001)  # the transmit queue of the interface is full, and poll does not tell
 
 
 def _filter(key: FrameKey) -> CanFilter:

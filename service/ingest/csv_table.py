@@ -37,7 +37,10 @@ class CsvTable:
         if not first.strip():
             raise RecordError(f"{path}: the first line must hold names of columns, or numbers; it is empty")
         self._delimiter = max(",;\t", key=first.count)
-        cells = [cell.strip() for cell in next(csv.reader([first], delimiter=self._delimiter))]
+        cells = [
+            cell.strip()
+            for cell in next(csv.reader([first], delimiter=self._delimiter, skipinitialspace=True))
+        ]
         self._has_names = not all(_is_number(cell) for cell in cells)
         self.names: Sequence[str] = cells if self._has_names else [str(i) for i in range(len(cells))]
 

@@ -42,11 +42,11 @@ class Ingest:
     def __init__(self, config: Config, bus: str) -> None:
         self.bus = _bus(config, bus)
         axes = [axis for axis in config.axes if axis.config.bus == bus]
-        self._decoder = Decoder(self.bus.dbc, [wanted for axis in axes for wanted in wanted_signals(axis)])
-        self._axes = [AxisInput(axis, self._decoder) for axis in axes]
-        self._inputs: dict[FrameKey, list[AxisInput]] = {key: [] for key in self._decoder.keys}
-        self._quantities: dict[FrameKey, list[tuple[str, Quantity]]] = {key: [] for key in self._decoder.keys}
-        for axis in self._axes:
+        self.decoder = Decoder(self.bus.dbc, [wanted for axis in axes for wanted in wanted_signals(axis)])
+        self.axes = [AxisInput(axis, self.decoder) for axis in axes]
+        self._inputs: dict[FrameKey, list[AxisInput]] = {key: [] for key in self.decoder.keys}
+        self._quantities: dict[FrameKey, list[tuple[str, Quantity]]] = {key: [] for key in self.decoder.keys}
+        for axis in self.axes:
             for key in axis.keys:
                 self._inputs[key].append(axis)
             for quantity in axis.quantities():
@@ -56,12 +56,12 @@ class Ingest:
     @property
     def keys(self) -> tuple[FrameKey, ...]:
         """The frames that are wanted, for the filters of the bus."""
-        return self._decoder.keys
+        return self.decoder.keys
 
     @property
     def axis_ids(self) -> tuple[str, ...]:
         """The axes on this bus."""
-        return tuple(axis.id for axis in self._axes)
+        return tuple(axis.id for axis in self.axes)
 
     @property
     def dropped(self) -> Mapping[str, int]:
@@ -105,19 +105,19 @@ class Ingest:
 
     def flush(self) -> None:
         """The end of the frames: values that still wait for their partner are counted as unpaired."""
-        for axis in self._axes:
+        for axis in self.axes:
             axis.assembler.flush()
 
     def _axis(self, axis_id: str) -> AxisInput:
-        return next(axis for axis in self._axes if axis.id == axis_id)
+        return next(axis for axis in self.axes if axis.id == axis_id)
 
     def _signals(self, frame: Frame) -> dict[str, float] | None:
         """The wanted signals in a frame; counts the frame where some or all are missing."""
-        signals = self._decoder.decode(frame)
+        signals = self.decoder.decode(frame)
         if isinstance(signals, str):
             self._dropped[signals] += 1
             return None
-        if len(signals) < len(self._decoder.wanted(FrameKey(frame.can_id, frame.extended))):
+        if len(signals) < len(self.decoder.wanted(FrameKey(frame.can_id, frame.extended))):
             self._dropped["signal_absent"] += 1
         return signals or None
 

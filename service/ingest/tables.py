@@ -111,7 +111,8 @@ class MatTable:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            content = scipy.io.loadmat(path, simplify_cells=True)
+            with path.open("rb") as file:
+                content = scipy.io.loadmat(file, simplify_cells=True)
         except OSError as error:
             raise RecordError(f"cannot read {path}: {error.strerror or error}") from None
         except NotImplementedError:

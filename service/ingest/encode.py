@@ -1,0 +1,110 @@
+"""Values of axes to frames, by the DBC: the way back of decode, for playing and simulating."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from cantools.database.can import Message, Signal
+from cantools.database.errors import Error
+
+from service.config.schema import Config
+from service.ingest.axis_input import AxisInput, Quantity
+from service.ingest.decode import FrameKey
+from service.ingest.errors import IngestError
+from service.ingest.pipeline import Ingest
+
+Raw = dict[str, int | float]
+Page = tuple[tuple[str, int], ...]
+
+
+class Encoded(NamedTuple):
+    """A frame to be sent."""
+
+    key: FrameKey
+    data: bytes
+
+
+class FrameEncoder:
+    """Frames of one bus from torque and motion of its axes.
+
+    Signals that no axis needs have their initial value, or the raw value 0.
+
+    Raises:
+        DbcError, IngestError: the configuration cannot be used.
+    """
+
+    def __init__(self, config: Config, bus: str) -> None:
+        ingest = Ingest(config, bus)
+        self._axes = {axis.id: axis for axis in ingest.axes}
+        self._messages = {key: ingest.decoder.message(key) for key in ingest.keys}
+
+    def encode(self, values: Mapping[str, tuple[float, float]], count: int) -> list[Encoded]:
+        """The frames of one sample, those with the torque first.
+
+        Args:
+            values: torque [N m] and motion [rad or rad/s] by axis; axes of other buses are left out.
+            count: for the sample counters of these axes; it wraps.
+
+        Raises:
+            IngestError: a value does not fit into its signal.
+        """
+        messages: dict[FrameKey, dict[Page, Raw]] = {}
+        for axis_id, (torque, motion) in values.items():
+            if axis_id in self._axes:
+                for quantity, raw in self._raws(self._axes[axis_id], torque, motion, count):
+                    page = _page(self._messages[quantity.key], self._signal(quantity))
+                    messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw
+        return [
+            Encoded(key, data)
+            for key, pages in messages.items()
+            for data in _data(self._messages[key], pages)
+        ]
+
+    def _raws(
+        self, axis: AxisInput, torque: float, motion: float, count: int
+    ) -> Iterator[tuple[Quantity, int | float]]:
+        for quantity, value in ((axis.torque, torque), (axis.motion, motion)):
+            yield quantity, self._raw(axis.id, quantity, value)
+        if axis.counter is not None:
+            signal = self._signal(axis.counter)
+            raw = count % (1 << signal.length)
+            negative = signal.is_signed and raw >> (signal.length - 1)
+            yield axis.counter, raw - (1 << signal.length) if negative else raw
+
+    def _raw(self, axis_id: str, quantity: Quantity, value: float) -> int | float:
+        signal = self._signal(quantity)
+        if not quantity.factor:
+            raise IngestError(f"axis {axis_id}: the factor of the {quantity.name} is 0: nothing can be sent")
+        raw = signal.scaled_to_raw((value - quantity.offset) / quantity.factor)
+        if signal.is_float:
+            return raw
+        lowest = -(1 << (signal.length - 1)) if signal.is_signed else 0
+        if not lowest <= raw < lowest + (1 << signal.length):
+            raise IngestError(
+                f"axis {axis_id}: the {quantity.name} {value:g} does not fit into signal {signal.name} of "
+                f"{quantity.message}, {signal.length} bits of {signal.scale:g}"
+            )
+        return raw
+
+    def _signal(self, quantity: Quantity) -> Signal:
+        return self._messages[quantity.key].get_signal_by_name(quantity.signal)
+
+
+def _page(message: Message, signal: Signal) -> Page:
+    """The multiplexers that select this signal, with the raw values they must have."""
+    page: list[tuple[str, int]] = []
+    while signal.multiplexer_signal is not None and signal.multiplexer_ids:
+        page.append((signal.multiplexer_signal, signal.multiplexer_ids[0]))
+        signal = message.get_signal_by_name(signal.multiplexer_signal)
+    return tuple(page)
+
+
+def _data(message: Message, pages: Mapping[Page, Raw]) -> Iterator[bytes]:
+    """A frame for each page; what is on no page goes with all of them."""
+    common: Raw = {signal.name: signal.raw_initial or 0 for signal in message.signals} | pages.get((), {})
+    for page in [page for page in pages if page] or [()]:
+        try:
+            yield message.encode({**common, **dict(page), **pages[page]}, scaling=False, strict=False)
+        except Error as error:
+            raise IngestError(f"message {message.name} cannot be encoded: {error}") from None

@@ -1,0 +1,113 @@
+"""Putting a record onto a bus, at the speed of its own times."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import can
+
+from service.config.schema import Config
+from service.ingest.can_bus import send
+from service.ingest.can_log import LOG_SUFFIXES
+from service.ingest.decode import FrameKey
+from service.ingest.encode import FrameEncoder
+from service.ingest.errors import IngestError, RecordError
+from service.ingest.log_record import LogRecord
+from service.ingest.records import Record, read_record
+from service.ingest.table_record import Step
+
+
+class PlayFrame(NamedTuple):
+    """A frame to be sent so long after the first."""
+
+    offset_s: float
+    bus: str
+    key: FrameKey
+    data: bytes
+    done: float  # how much of the record has been read, 0 to 1
+
+
+def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
+    """The frames of a record: those of a CAN log as they are, those of a table by the DBC.
+
+    Raises:
+        RecordError: the record cannot be read, or a value does not fit into its signal.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    if path.suffix.lower() in LOG_SUFFIXES:
+        return _log_frames(LogRecord(path, config))
+    return encode_table(read_record(path, config), config)
+
+
+def encode_table(record: Record, config: Config) -> Iterator[PlayFrame]:
+    """The frames that carry the samples of a record; sample counters go with the time.
+
+    Raises:
+        RecordError: a cell is no number, the file is damaged, or a value does not fit into its signal.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
+    interval_us = min(axis.config.sample_interval_s for axis in config.axes) * 1e6
+    first_us: int | None = None
+    for step in record.steps():
+        for t_us, values in _by_time(step):
+            first_us = t_us if first_us is None else first_us
+            count = round((t_us - first_us) / interval_us)
+            for bus, encoder in encoders.items():
+                try:
+                    frames = encoder.encode(values, count)
+                except IngestError as error:
+                    raise RecordError(f"{record.path}, at {t_us / 1e6:.6f} s: {error}") from None
+                for key, data in frames:
+                    yield PlayFrame((t_us - first_us) / 1e6, bus, key, data, step.done)
+
+
+def play_frames(
+    buses: Mapping[str, can.BusABC],
+    frames: Iterable[PlayFrame],
+    speed: float = 1.0,
+    stop: threading.Event | None = None,
+) -> Iterator[PlayFrame]:
+    """Send frames on a schedule that does not drift; yields each after it has been sent.
+
+    Args:
+        buses: open buses by name.
+        frames: what to send, in the order of time.
+        speed: 2.0 is twice as fast; inf is as fast as the bus takes it.
+        stop: ends it early, when set.
+
+    Raises:
+        BusError: a bus does not take a frame.
+    """
+    stop = stop or threading.Event()
+    start = time.monotonic()
+    for frame in frames:
+        wait_s = start + frame.offset_s / speed - time.monotonic()
+        if stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
+            return
+        send(buses[frame.bus], frame.key, frame.data)
+        yield frame
+
+
+def _by_time(step: Step) -> Iterator[tuple[int, dict[str, tuple[float, float]]]]:
+    """The samples of all axes, those of one time together, in the order of time."""
+    rows: dict[int, dict[str, tuple[float, float]]] = {}
+    for axis_id, block in step.samples.items():
+        columns = (block.t_us.tolist(), block.torque.tolist(), block.motion.tolist())
+        for t_us, torque, motion in zip(*columns, strict=True):
+            rows.setdefault(t_us, {})[axis_id] = (torque, motion)
+    return iter(sorted(rows.items()))
+
+
+def _log_frames(record: LogRecord) -> Iterator[PlayFrame]:
+    first_us: int | None = None
+    for of_bus, done in record.frames():
+        frames = [(frame, bus) for bus, frames in of_bus.items() for frame in frames]
+        for frame, bus in sorted(frames, key=lambda entry: entry[0].t_us):
+            first_us = frame.t_us if first_us is None else first_us
+            key = FrameKey(frame.can_id, frame.extended)
+            yield PlayFrame((frame.t_us - first_us) / 1e6, bus, key, frame.data, done)

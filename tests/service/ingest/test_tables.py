@@ -1,0 +1,265 @@
+"""Tables as records: columns become samples, and faults are named by file, line and column."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+import scipy.io
+
+from service.ingest.errors import RecordError
+from service.ingest.records import read_record
+from service.ingest.table_record import SampleBlock
+from tests.service.ingest.plant import axis1, axis2, make_config
+
+Columns = Mapping[str, Any]
+N = 20_000  # more than one block of rows
+
+
+def write_csv(path: Path, columns: Columns) -> None:
+    pa.csv.write_csv(pa.table(dict(columns)), path)
+
+
+def write_parquet(path: Path, columns: Columns) -> None:
+    pa.parquet.write_table(pa.table(dict(columns)), path)
+
+
+def write_mat(path: Path, columns: Columns) -> None:
+    scipy.io.savemat(path, {name: np.asarray(column) for name, column in columns.items()}, oned_as="column")
+
+
+WRITERS: dict[str, Callable[[Path, Columns], None]] = {
+    ".csv": write_csv,
+    ".parquet": write_parquet,
+    ".mat": write_mat,
+}
+
+
+def columns(seed: int, count: int = N) -> dict[str, Any]:
+    rng = np.random.default_rng(seed)
+    return {
+        "t": 100.0 + 0.005 * np.arange(count),
+        "torque_one": rng.normal(size=count),
+        "angle_one": rng.normal(size=count),
+        "unused": np.arange(count),
+    }
+
+
+def timed(**other: Any) -> dict[str, Any]:
+    return axis1(time={"column": "t"}, **other)
+
+
+def samples_of(path: Path, folder: Path, axis: dict[str, Any]) -> tuple[SampleBlock, dict[str, int]]:
+    record = read_record(path, make_config(folder, axis))
+    steps = list(record.steps())
+    blocks = [step.samples[f"r.{axis['name']}"] for step in steps if step.samples]
+    assert [step.done for step in steps] == sorted(step.done for step in steps)
+    assert steps[-1].done == 1.0
+    dropped = record.axis_dropped[f"r.{axis['name']}"]
+    joined = SampleBlock(*(np.concatenate(parts) for parts in zip(*blocks, strict=True)))
+    return joined, {reason: n for reason, n in dropped.items() if n}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_columns_become_samples(tmp_path: Path, suffix: str, seed: int) -> None:
+    table = columns(seed)
+    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    axis = timed()
+    axis["torque"] |= {"factor": -2.0, "offset": 0.5}
+    block, dropped = samples_of(tmp_path / f"a{suffix}", tmp_path, axis)
+    assert np.array_equal(block.t_us, 100_000_000 + 5000 * np.arange(N))
+    assert np.array_equal(block.torque, -2.0 * table["torque_one"] + 0.5)
+    assert np.array_equal(block.motion, table["angle_one"])
+    assert dropped == {}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_without_a_time_rows_are_an_interval_apart(tmp_path: Path, suffix: str, seed: int) -> None:
+    WRITERS[suffix](tmp_path / f"a{suffix}", columns(seed))
+    axis = axis1(sample_interval_s=1 / 3000, pairing_tolerance_s=1e-4)
+    block, _ = samples_of(tmp_path / f"a{suffix}", tmp_path, axis)
+    assert block.t_us.tolist() == [round(k * 1e6 / 3000) for k in range(N)]
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_rows_that_are_no_samples_are_counted(tmp_path: Path, suffix: str, seed: int) -> None:
+    table = columns(seed, 12)
+    table["torque_one"][3] = math.nan
+    table["angle_one"][4] = -math.inf
+    table["t"][5] = math.nan
+    table["t"][6] = 1e293
+    table["t"][8] = table["t"][7]
+    table["t"][9] = table["t"][2]
+    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    block, dropped = samples_of(tmp_path / f"a{suffix}", tmp_path, timed())
+    assert ((block.t_us - 100_000_000) // 5000).tolist() == [0, 1, 2, 7, 10, 11]
+    assert dropped == {"not_finite": 4, "repeated": 1, "out_of_order": 1, "missing": 4 + 2}
+
+
+def test_the_order_of_times_counts_across_blocks(tmp_path: Path, seed: int) -> None:
+    table = columns(seed)
+    table["t"][9000] = table["t"][10]
+    write_parquet(tmp_path / "a.parquet", table)
+    block, dropped = samples_of(tmp_path / "a.parquet", tmp_path, timed())
+    assert len(block.t_us) == N - 1
+    assert dropped == {"out_of_order": 1, "missing": 1}
+
+
+def test_two_axes_in_one_table(tmp_path: Path, seed: int) -> None:
+    table = columns(seed, 5)
+    write_csv(tmp_path / "a.csv", {**table, "torque_two": np.ones(5), "speed_two": np.ones(5)})
+    (step,) = read_record(tmp_path / "a.csv", make_config(tmp_path, timed(), axis2())).steps()
+    assert step.samples["r.one"].t_us[0] == 100_000_000
+    assert step.samples["r.two"].motion.tolist() == [1.0] * 5
+
+
+def test_an_axis_without_columns_is_left_out(tmp_path: Path, seed: int) -> None:
+    write_csv(tmp_path / "a.csv", columns(seed, 5))
+    other = axis2()
+    del other["torque"]["column"], other["speed"]["column"]
+    (step,) = read_record(tmp_path / "a.csv", make_config(tmp_path, timed(), other)).steps()
+    assert list(step.samples) == ["r.one"]
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_csv_without_names(tmp_path: Path, delimiter: str) -> None:
+    rows = [["0.0", "1.5", "2.5"], ["0.005", "", "3.5"], ["0.01", "4.5", "1e3"]]
+    (tmp_path / "a.csv").write_text("".join(delimiter.join(row) + "\n" for row in rows), encoding="utf-8")
+    axis = axis1(time={"column": "0"})
+    axis["torque"]["column"], axis["angle"]["column"] = "1", "2"
+    block, dropped = samples_of(tmp_path / "a.csv", tmp_path, axis)
+    assert block.t_us.tolist() == [0, 10_000]
+    assert block.motion.tolist() == [2.5, 1000.0]
+    assert dropped == {"not_finite": 1, "missing": 1}
+
+
+def test_csv_of_a_spreadsheet(tmp_path: Path) -> None:
+    text = '\ufeff"t" ; "torque_one";angle_one\r\n0;1;2\r\n\r\n0.005;3;4\r\n'
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
+    block, _ = samples_of(tmp_path / "a.csv", tmp_path, timed())
+    assert block.torque.tolist() == [1.0, 3.0]
+
+
+def test_structures_and_row_vectors_in_mat(tmp_path: Path) -> None:
+    values = {"log": {"t": np.arange(4.0), "x": {"torque": np.ones((1, 4))}}, "angle": np.ones((4, 1))}
+    scipy.io.savemat(tmp_path / "a.mat", values)
+    axis = axis1(time={"column": "log.t"})
+    axis["torque"]["column"], axis["angle"]["column"] = "log.x.torque", "angle"
+    block, _ = samples_of(tmp_path / "a.mat", tmp_path, axis)
+    assert block.t_us.tolist() == [0, 1_000_000, 2_000_000, 3_000_000]
+
+
+def fault(path: Path, axis: dict[str, Any]) -> str:
+    with pytest.raises(RecordError) as caught:
+        list(read_record(path, make_config(path.parent, axis)).steps())
+    assert str(path) in str(caught.value)
+    return str(caught.value).removeprefix(str(path))
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_missing_column(tmp_path: Path, suffix: str, seed: int) -> None:
+    table = columns(seed, 5)
+    table["Torque_one"] = table.pop("torque_one")
+    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    message = fault(tmp_path / f"a{suffix}", timed())
+    assert message.startswith(
+        ': no column "torque_one" for the torque of axis r.one: did you mean "Torque_one"?'
+    )
+    assert all(name in message for name in table)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1,2,3\n" * 3 + "1,2,3,4\n", ", line 5: 4 cells in a table of 3 columns"),
+        ("1,2,3\n1,2\n", ", line 3: 2 cells in a table of 3 columns"),
+        ("1,2,3\n\n1,1;5,3\n", ", line 4: column \"torque_one\" holds '1;5', which is no number"),
+        (
+            "1,2,3\n" * 100_000 + "1,2,off\n",
+            ", line 100002: column \"angle_one\" holds 'off', which is no number",
+        ),
+    ],
+)
+def test_a_wrong_line_of_a_csv(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "a.csv").write_text("t,torque_one,angle_one\n" + text, encoding="utf-8")
+    assert fault(tmp_path / "a.csv", timed()) == message
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.csv", b"", ": the first line must hold names of columns, or numbers; it is empty"),
+        ("a.csv", b"\xff\xfe\x00", " is no CSV file: its first line is not UTF-8 text"),
+        ("a.parquet", b"t,u\n1,2\n", " is no Parquet file"),
+        ("a.mat", b"t,u\n1,2\n", " is damaged or no MATLAB file"),
+        ("a.mat", b"", " is damaged or no MATLAB file"),
+        ("a.xlsx", b"", ": no such kind of record; there is .csv .parquet .mat .log .asc .blf .trc"),
+    ],
+)
+def test_a_file_that_is_no_record(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    assert fault(tmp_path / name, timed()).startswith(message)
+
+
+@pytest.mark.parametrize("suffix", [*WRITERS, ".log", ".blf"])
+def test_a_file_that_is_not_there(tmp_path: Path, suffix: str) -> None:
+    with pytest.raises(RecordError, match=f"cannot read .*a{suffix}: .*No such file"):
+        read_record(tmp_path / f"a{suffix}", make_config(tmp_path, timed()))
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".mat"])
+@pytest.mark.parametrize("cut", [0.02, 0.5, 0.98])
+def test_a_file_that_is_cut_off(tmp_path: Path, suffix: str, cut: float, seed: int) -> None:
+    path = tmp_path / f"a{suffix}"
+    WRITERS[suffix](path, columns(seed))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(cut * len(data))])
+    assert fault(path, timed())
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".mat"])
+def test_a_column_of_words(tmp_path: Path, suffix: str, seed: int) -> None:
+    table = columns(seed, 3)
+    table["angle_one"] = ["a", "b", "c"]
+    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    assert '"angle_one" holds' in fault(tmp_path / f"a{suffix}", timed())
+
+
+def test_variables_that_are_no_columns(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "a.mat"
+    write_mat(path, {**columns(seed, 4), "angle_one": np.ones((2, 2))})
+    assert fault(path, timed()) == ': variable "angle_one" is no vector, its size is (2, 2)'
+    write_mat(path, {**columns(seed, 4), "angle_one": np.ones(3)})
+    assert fault(path, timed()).startswith(": the variables differ in length: {'torque_one': 4")
+
+
+def test_a_configuration_without_columns(tmp_path: Path, seed: int) -> None:
+    write_csv(tmp_path / "a.csv", columns(seed, 5))
+    axis = timed()
+    del axis["angle"]["column"]
+    with pytest.raises(RecordError, match=r"axis r\.one: angle\.column is missing"):
+        read_record(tmp_path / "a.csv", make_config(tmp_path, axis))
+    del axis["torque"]["column"]
+    assert "no axis says where it is in a table" in fault(tmp_path / "a.csv", axis)
+
+
+@pytest.mark.records
+def test_the_records_of_real_axes(tmp_path: Path, records_dir: Path) -> None:
+    axis = axis2(sample_interval_s=0.0005, pairing_tolerance_s=0.0002)
+    axis["torque"]["column"], axis["speed"]["column"] = "torque", "speed"
+    block, dropped = samples_of(records_dir / "irb" / "robot_arm.mat", tmp_path, axis)
+    assert len(block.t_us) == 19838
+    assert dropped == {}
+
+    axis = axis1(time={"column": "0"}, sample_interval_s=0.0105, pairing_tolerance_s=0.004)
+    axis["torque"]["column"], axis["angle"]["column"] = "13", "1"
+    block, dropped = samples_of(records_dir / "ur10e" / "ur-20_01_22-joint_1.csv", tmp_path, axis)
+    assert len(block.t_us) == 5889
+    assert set(dropped) <= {"missing"}
