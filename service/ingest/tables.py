@@ -111,8 +111,8 @@ class MatTable:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            with path.open("rb") as file:
-                content = scipy.io.loadmat(file, simplify_cells=True)
+            path.open("rb").close()  # says better what is wrong
+            content = scipy.io.loadmat(path, simplify_cells=True, appendmat=False)
         except OSError as error:
             raise RecordError(f"cannot read {path}: {error.strerror or error}") from None
         except NotImplementedError:
