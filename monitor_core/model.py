@@ -2,8 +2,8 @@
 
     x' = A(theta) x + B(theta) u,      y = C(theta) x
 
-``Drive`` is the structure of a family of axes (library.py has the three-mass drive of the paper), ``AxisModel`` is
-one axis of it: nominal values and the parameters to be monitored.
+``Drive`` is the structure of a family of axes (library.py has the three-mass drive of the paper), ``AxisModel``
+is one axis of it: nominal values and the parameters to be monitored.
 """
 
 import math
@@ -58,8 +58,8 @@ class Quantity:
 class Drive:
     """The structure of a drive.
 
-    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ONE).  ``rest`` terms give the state of the
-    drive moving rigidly with output 1, from which a predictor starts after a gap.
+    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ONE).  ``rest`` terms give the state of
+    the drive moving rigidly with output 1, from which a predictor starts after a gap.
     """
 
     name: str
@@ -109,13 +109,14 @@ def _inverted(p: Parameter) -> Parameter:
 class AxisModel:
     """One axis: a drive, its nominal values (SI), and the parameters theta that are to be tracked.
 
-    A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a parameter
-    whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine theta; default for a
-    positive parameter: a tenth to ten times its nominal value.
+    A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a
+    parameter whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine theta;
+    default for a positive parameter: a tenth to ten times its nominal value.
 
     Raises:
         KeyError: a name that the drive does not have, or a nominal value that is missing.
-        ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice.
+        ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice;
+            the reciprocal of zero; a parameter without size; bounds that do not hold the nominal value.
     """
 
     drive: Drive
@@ -125,6 +126,12 @@ class AxisModel:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._check_nominal()
+        self._check_monitored()
+        self._check_sizes()
+        self._check_bounds()
+
+    def _check_nominal(self) -> None:
         for p in self.drive.parameters:
             if p.name not in self.nominal:
                 raise KeyError(f"no nominal value for {p.name} ({p.meaning}, {p.unit})")
@@ -133,14 +140,31 @@ class AxisModel:
             if not math.isfinite(value) or (p.positive and value <= 0):
                 need = "finite and greater than zero" if p.positive else "finite"
                 raise ValueError(f"nominal {name} = {value}: {p.meaning} must be {need}")
+
+    def _check_monitored(self) -> None:
         bases = [split_name(name)[0] for name in self.monitored]
         for name in self.monitored:
             self.drive.parameter(name)
-            if bases.count(split_name(name)[0]) > 1:
-                raise ValueError(f"{split_name(name)[0]} is monitored twice")
+            base, inverse = split_name(name)
+            if bases.count(base) > 1:
+                raise ValueError(f"{base} is monitored twice")
+            if inverse and self.nominal[base] == 0:
+                raise ValueError(f"{name} does not exist: its nominal value is 0")
+
+    def _check_sizes(self) -> None:
         for name, scale in zip(self.monitored, self.scale, strict=True):
-            if not scale > 0:
+            if scale == 0 and name not in self.scales:
                 raise ValueError(f"{name} has the nominal value 0: give its scale, which sets its threshold")
+            if not 0 < scale < math.inf:
+                raise ValueError(f"scale of {name} = {scale}: must be finite and greater than zero")
+
+    def _check_bounds(self) -> None:
+        for name in self.monitored:
+            (lower, upper), value = self._limits(name), self._nominal(name)
+            positive = self.drive.parameter(name).positive
+            if not lower < value < upper or (positive and lower <= 0):
+                need = "0 < lower < nominal < upper" if positive else "lower < nominal < upper"
+                raise ValueError(f"bounds of {name} = {lower}, {upper}: need {need} = {value}")
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
