@@ -54,6 +54,8 @@ function makeCard(axis) {
 }
 
 const signed = (x) => withDeviation(x, null, true);
+/** NaN where the API says null: a value that is not a number. */
+const deviationOf = (p) => (p.estimate === null || p.nominal === null ? NaN : p.estimate - p.nominal);
 const head = (name, kind = "") => el("th", { role: "columnheader", scope: "col", className: kind }, name);
 const sum = (counts) => Object.values(counts).reduce((a, b) => a + b, 0);
 
@@ -87,7 +89,7 @@ function makeRow(parameter) {
     el("td", { role: "cell", className: "status" }, status),
   );
   function show(now) {
-    const difference = now.estimate - now.nominal;
+    const difference = deviationOf(now);
     text(nominal, number(now.nominal));
     text(estimate, withDeviation(now.estimate, now.standard_deviation));
     text(share, now.nominal ? percent(difference / Math.abs(now.nominal)) : `${signed(difference)} ${inUnit}`);
@@ -111,12 +113,14 @@ function makeDeviation() {
     // A nominal value of zero has no percentage: then the bar is five tolerances wide on each side.
     const half = p.nominal ? HALF_WIDTH * Math.abs(p.nominal) : 5 * (p.tolerance || 1);
     const place = (d) => Math.min(1, Math.max(0, 0.5 + d / (2 * half)));
-    const d = p.estimate - p.nominal;
+    const d = deviationOf(p);
+    for (const part of [band, tick]) part.hidden = Number.isNaN(d);
     spread(zone, place(-p.tolerance), place(p.tolerance));
+    if (Number.isNaN(d)) return attribute(node, "aria-label", "no estimate");
     spread(band, place(d - 2 * p.standard_deviation), place(d + 2 * p.standard_deviation));
     tick.style.left = `${100 * Math.min(0.985, Math.max(0.015, place(d)))}%`;
     const beyond = Math.abs(d) > p.tolerance ? "beyond" : "within";
-    attribute(node, "aria-label", `estimate ${beyond} the tolerated deviation of ${number(p.tolerance)}`);
+    return attribute(node, "aria-label", `estimate ${beyond} the tolerated deviation of ${number(p.tolerance)}`);
   }
   return { node, show };
 }

@@ -16,7 +16,7 @@ function scaled(x, power, decimals) {
 
 /** Four significant digits; powers of ten outside 0.0001 to 99 999. */
 export function number(x) {
-  if (x === null) return "–";
+  if (x === null || Number.isNaN(x)) return "–";
   const e = exponentOf(x);
   const power = e < -4 || e > 4 ? e : 0;
   return scaled(x, power, 3 - e + power);
@@ -24,7 +24,7 @@ export function number(x) {
 
 /** "0.0718 ± 0.0021": the deviation to two digits, the value to the same place. */
 export function withDeviation(x, sd, sign = false) {
-  if (x === null) return "–";
+  if (x === null || Number.isNaN(x)) return "–";
   const plus = sign && x > 0 ? "+" : "";
   if (sd === null || sd <= 0) return plus + number(x);
   const e = exponentOf(x || sd);
