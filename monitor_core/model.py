@@ -2,8 +2,8 @@
 
     x' = A(theta) x + B(theta) u,      y = C(theta) x
 
-``Drive`` is the structure of a family of axes (library.py has the three-mass drive of the paper), ``AxisModel``
-is one axis of it: nominal values and the parameters to be monitored.
+``Drive`` is the structure of a family of axes (library.py has the three-mass drive of the paper),
+``AxisModel`` is one axis of it: nominal values and the parameters to be monitored.
 """
 
 import math
@@ -58,8 +58,8 @@ class Quantity:
 class Drive:
     """The structure of a drive.
 
-    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ONE).  ``rest`` terms give the state of
-    the drive moving rigidly with output 1, from which a predictor starts after a gap.
+    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ONE).  ``rest`` terms give the state
+    of the drive moving rigidly with output 1, from which a predictor starts after a gap.
     """
 
     name: str
@@ -110,8 +110,8 @@ class AxisModel:
     """One axis: a drive, its nominal values (SI), and the parameters theta that are to be tracked.
 
     A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a
-    parameter whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine theta;
-    default for a positive parameter: a tenth to ten times its nominal value.
+    parameter whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine
+    theta; default for a positive parameter: a tenth to ten times its nominal value.
 
     Raises:
         KeyError: a name that the drive does not have, or a nominal value that is missing.
