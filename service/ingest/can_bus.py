@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import socket
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -32,17 +33,17 @@ def open_bus(config: BusConfig, wanted: Iterable[FrameKey] | None = None) -> can
     if wanted is not None:
         options["can_filters"] = [_filter(key) for key in wanted]
     try:
+        if config.interface == "socketcan":
+            _check_device(config.channel)
         return can.Bus(ignore_config=True, **options)
-    except can.CanInterfaceNotImplementedError as error:
-        raise BusError(
-            f"bus {config.name}: interface {config.interface} cannot be used here: {error}"
-        ) from None
+    except (can.CanInterfaceNotImplementedError, NotImplementedError) as error:
+        raise BusError(f"bus {config.name}: cannot use interface {config.interface} here: {error}") from None
     except OSError as error:
         raise BusError(f"bus {config.name}: {_hint(config, error)}") from None
     except (can.CanError, ValueError, TypeError) as error:
-        raise BusError(
-            f"bus {config.name} ({config.interface} {config.channel}): cannot open it: {error}"
-        ) from None
+        # python-can says less than the system below it.
+        why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
+        raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
 
 
 def send(bus: can.BusABC, key: FrameKey, data: bytes) -> None:
@@ -74,8 +75,14 @@ def _filter(key: FrameKey) -> CanFilter:
     return {"can_id": key.can_id, "can_mask": mask, "extended": key.extended}
 
 
+def _check_device(name: str) -> None:
+    """python-can forgets to close its socket where the device is missing."""
+    if name not in {device for _, device in socket.if_nameindex()}:
+        raise OSError(errno.ENODEV, "no such device")
+
+
 def _hint(config: BusConfig, error: OSError) -> str:
-    where = f"{config.interface} {config.channel}"
+    where = _where(config)
     if config.interface != "socketcan":
         return f"cannot open {where}: {error.strerror or error}"
     if error.errno == errno.ENODEV:
@@ -86,3 +93,7 @@ def _hint(config: BusConfig, error: OSError) -> str:
     if error.errno == errno.EAFNOSUPPORT:
         return f"cannot open {where}: this kernel has no CAN (modprobe can-raw)"
     return f"cannot open {where}: {error.strerror or error}"
+
+
+def _where(config: BusConfig) -> str:
+    return f"{config.interface} {config.channel}"

@@ -55,6 +55,7 @@ class CanReader:
     ) -> None:
         self._config, self._wanted = config, tuple(wanted)
         self._queue = FrameQueue(config.queue_frames, ready)
+        self._block_frames = min(_BLOCK_FRAMES, config.queue_frames // 4)
         self._bus: can.BusABC | None = None
         self._receiver: Receiver | None = None
         self._state = "down: not opened yet"
@@ -132,7 +133,7 @@ class CanReader:
 
     def _fill(self, block: list[Frame], receiver: Receiver) -> None:
         left_s, end = _IDLE_S, 0.0
-        while len(block) < _BLOCK_FRAMES and left_s > 0 and not self._stop.is_set():
+        while len(block) < self._block_frames and left_s > 0 and not self._stop.is_set():
             received = receiver.read(left_s)
             if received is None:
                 return

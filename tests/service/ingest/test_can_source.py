@@ -1,0 +1,174 @@
+"""The reader of a bus, on python-can's buses in the process and over the network stack."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from pathlib import Path
+
+import can
+import pytest
+
+from service.config.schema import BusConfig
+from service.ingest.can_bus import open_bus, send
+from service.ingest.can_source import CanReader
+from service.ingest.decode import FrameKey
+from service.ingest.errors import BusError
+from service.ingest.frame_queue import FrameQueue
+from service.ingest.frames import Frame
+from service.ingest.receivers import frame_of
+from tests.service.ingest.plant import axis1, make_config
+from tests.service.ingest.reading import EXTENDED, STANDARD, reading, take, wait_for
+
+
+@pytest.fixture(params=["virtual", "udp_multicast"])
+def bus_config(request: pytest.FixtureRequest, tmp_path: Path) -> BusConfig:
+    if request.param == "virtual":
+        return make_config(tmp_path, axis1()).bus[0]
+    options = {"port": random.randint(20_000, 50_000), "hop_limit": 0, "fd": True}
+    return make_config(
+        tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2", options=options
+    ).bus[0]
+
+
+def test_frames_arrive_in_order_with_the_time_of_their_receipt(bus_config: BusConfig) -> None:
+    before_us = time.time_ns() // 1000
+    with reading(bus_config) as reader, open_bus(bus_config) as sender:
+        frames: list[Frame] = []
+        for k in range(500):
+            send(sender, EXTENDED if k % 2 else STANDARD, bytes([k % 256, k // 256]))
+            if k % 50 == 49:  # the buffer of a UDP socket is small
+                frames += take(reader, 50)
+        stats = reader.stats()
+    after_us = time.time_ns() // 1000
+    assert [int.from_bytes(f.data, "little") for f in frames] == list(range(500))
+    assert {(f.can_id, f.extended) for f in frames} == {STANDARD, EXTENDED}
+    assert all(before_us - 1000 <= f.t_us <= after_us + 1000 for f in frames)
+    assert (stats.state, stats.up, stats.frames) == ("up", True, 500)
+    assert set(stats.dropped.values()) == {0}
+
+
+def test_unwanted_frames_stay_outside(bus_config: BusConfig) -> None:
+    with reading(bus_config, EXTENDED) as reader, open_bus(bus_config) as sender:
+        for key in (STANDARD, FrameKey(0x100, True), FrameKey(0x0FF0100 & 0x7FF, False), EXTENDED):
+            send(sender, key, b"x")
+        assert [FrameKey(f.can_id, f.extended) for f in take(reader, 1)] == [EXTENDED]
+        assert reader.stats().frames == 1
+
+
+def test_long_frames(bus_config: BusConfig) -> None:
+    with reading(bus_config) as reader, open_bus(bus_config) as sender:
+        send(sender, STANDARD, bytes(range(64)))
+        assert take(reader, 1)[0].data == bytes(range(64))
+
+
+def test_remote_and_error_frames_are_counted(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1()).bus[0]
+    with reading(config) as reader, open_bus(config) as sender:
+        sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_remote_frame=True))
+        sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_error_frame=True))
+        send(sender, STANDARD, b"x")
+        assert [f.data for f in take(reader, 1)] == [b"x"]
+        stats = reader.stats()
+    assert stats.frames == 1
+    assert stats.dropped == {"queue_full": 0, "kernel_overflow": 0, "error_frame": 1, "remote_frame": 1}
+
+
+def test_what_does_not_fit_is_counted(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1(), queue_frames=100).bus[0]
+    with reading(config) as reader, open_bus(config) as sender:
+        for k in range(1000):
+            send(sender, STANDARD, k.to_bytes(2, "little"))
+        wait_for(lambda: reader.stats().frames == 1000, reader.stats)
+        dropped = reader.stats().dropped["queue_full"]
+        kept = take(reader, 1000 - dropped)
+        assert 900 <= dropped < 1000  # whole blocks
+        assert len(kept) == 1000 - dropped
+        send(sender, STANDARD, b"on")  # and it goes on
+        assert [f.data for f in take(reader, 1)] == [b"on"]
+
+
+def test_the_one_who_takes_frames_is_woken(tmp_path: Path) -> None:
+    first, second = make_config(tmp_path, axis1()).bus[0], make_config(tmp_path, axis1()).bus[0]
+    ready = threading.Event()
+    readers = [CanReader(config, [STANDARD], ready) for config in (first, second)]
+    for reader in readers:
+        reader.open()
+        reader.start()
+    with open_bus(second) as sender:
+        assert not ready.is_set()
+        send(sender, STANDARD, b"x")
+        assert ready.wait(20)
+    assert [len(reader.take()) for reader in readers] == [0, 1]
+    for reader in readers:
+        reader.close()
+        assert (reader.stats().state, reader.stats().up) == ("closed", False)
+
+
+def test_frames_that_wait_can_be_taken_after_closing(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1()).bus[0]
+    with reading(config) as reader, open_bus(config) as sender:
+        send(sender, STANDARD, b"x")
+        wait_for(lambda: reader.stats().frames == 1, reader.stats)
+    assert [f.data for f in reader.take()] == [b"x"]
+
+
+@pytest.mark.parametrize(
+    ("bus", "message"),
+    [
+        ({"interface": "no-such"}, r"bus bus0: cannot use interface no-such here"),
+        (
+            {"interface": "udp_multicast", "channel": "10.0.0.1"},
+            r"bus bus0: cannot open udp_multicast 10\.0\.0\.1: .* \(.*Invalid argument\)",
+        ),
+        (
+            {"interface": "udp_multicast", "channel": "239.74.163.2", "options": {"port": "x"}},
+            r"bus bus0: cannot open udp_multicast 239\.74\.163\.2: ",
+        ),
+    ],
+)
+def test_a_bus_that_cannot_be_opened(tmp_path: Path, bus: dict[str, object], message: str) -> None:
+    reader = CanReader(make_config(tmp_path, axis1(), **bus).bus[0], [STANDARD])
+    with pytest.raises(BusError, match=message):
+        reader.open()
+
+
+def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1(), interface="udp_multicast", channel="10.0.0.1").bus[0]
+    reader = CanReader(config, [STANDARD])
+    reader.start()
+    wait_for(lambda: "cannot open udp_multicast" in reader.stats().state, reader.stats)
+    assert not reader.stats().up
+    reader.close()
+
+
+@pytest.mark.parametrize("timestamp", [0.0, 12.5, 3e6])
+def test_a_time_that_is_not_since_1970_is_that_of_the_receipt(timestamp: float) -> None:
+    message = can.Message(timestamp=timestamp, arbitration_id=1, data=b"x")
+    received, stored = frame_of(message), frame_of(message, stored=True)
+    assert isinstance(received, Frame)
+    assert isinstance(stored, Frame)
+    assert abs(received.t_us - time.time_ns() // 1000) < 10_000_000
+    assert stored.t_us == round(timestamp * 1e6)
+
+
+def test_times_are_rounded_once(seed: int) -> None:
+    rng = random.Random(seed)
+    for _ in range(1000):
+        t_us = rng.randrange(1_000_000_000_000_000, 4_000_000_000_000_000)
+        frame = frame_of(can.Message(timestamp=t_us / 1e6, arbitration_id=1))
+        assert isinstance(frame, Frame)
+        assert frame.t_us == t_us
+
+
+def test_the_queue_is_bounded_in_frames() -> None:
+    queue, frame = FrameQueue(5), Frame(0, 1, False, b"")
+    assert queue.put([frame] * 3)
+    assert not queue.put([frame] * 3)  # whole blocks only
+    assert queue.put([frame] * 2)
+    assert len(queue) == 5
+    assert len(queue.take(1)) == 3
+    assert len(queue.take(100)) == 2
+    assert queue.take(100) == []
+    assert len(queue) == 0

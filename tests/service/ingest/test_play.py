@@ -1,0 +1,141 @@
+"""Records on a bus: what is played is what is read again."""
+
+from __future__ import annotations
+
+import math
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pytest
+
+from service.config.schema import Config
+from service.ingest.can_bus import open_bus
+from service.ingest.decode import FrameKey
+from service.ingest.encode import FrameEncoder
+from service.ingest.errors import BusError, IngestError, RecordError
+from service.ingest.frames import Frame, Sample
+from service.ingest.pipeline import Ingest
+from service.ingest.play import PlayFrame, play_frames, play_record
+from service.ingest.recorder import FrameRecorder
+from tests.service.ingest.plant import axis1, axis2, axis3, axis4, make_config
+
+
+def through_the_pipeline(config: Config, played: list[PlayFrame]) -> dict[str, list[Sample]]:
+    frames = [Frame(round(p.offset_s * 1e6), p.key.can_id, p.key.extended, p.data) for p in played]
+    return Ingest(config, "bus0").feed(frames)
+
+
+def table(path: Path, count: int = 300) -> dict[str, Any]:
+    k = np.arange(count)
+    columns = {"t": 7 + 0.005 * k}
+    for name, motion in (("one", "angle"), ("two", "speed"), ("three", "speed"), ("four", "speed")):
+        columns |= {f"torque_{name}": np.sin(k), f"{motion}_{name}": np.cos(k)}
+    pa.csv.write_csv(pa.table(columns), path)
+    return columns
+
+
+def test_a_table_comes_back_to_the_resolution_of_its_signals(tmp_path: Path) -> None:
+    columns = table(tmp_path / "a.csv")
+    counter = {"column": "t", "counter_message": "Angle1", "counter_signal": "Count"}
+    time = {"column": "t"}
+    axes = [axis1(time=counter), axis2(time=time), axis3(time=time), axis4(time=time)]
+    axes[1]["torque"] |= {"factor": -0.5, "offset": 0.25}
+    config = make_config(tmp_path, *axes)
+    played = list(play_record(tmp_path / "a.csv", config))
+    samples = through_the_pipeline(config, played)
+    assert set(samples) == {"r.one", "r.two", "r.three", "r.four"}
+    for axis_id, found in samples.items():
+        name = axis_id.removeprefix("r.")
+        motion = columns["angle_one" if name == "one" else f"speed_{name}"]
+        assert [s.t_us for s in found] == [5000 * k for k in range(300)]
+        torque = columns[f"torque_{name}"] * (-0.5 if name == "two" else 1) + (0.25 if name == "two" else 0)
+        assert [s.torque for s in found] == pytest.approx(torque, abs=0.5 / 1024)
+        assert [s.motion for s in found] == pytest.approx(motion, abs=0.5 / 65536)
+    assert played[-1].done == 1.0
+
+
+def test_counters_show_the_gaps_of_the_table(tmp_path: Path) -> None:
+    columns = table(tmp_path / "a.csv", 400)
+    keep = np.ones(400, bool)
+    keep[[3, 4, 5, 200]] = False
+    pa.csv.write_csv(pa.table({name: column[keep] for name, column in columns.items()}), tmp_path / "a.csv")
+    counter = {"column": "t", "counter_message": "Both2", "counter_signal": "Count"}
+    played = list(play_record(tmp_path / "a.csv", make_config(tmp_path, axis2(time=counter))))
+    assert [int.from_bytes(p.data[6:8], "little") for p in played] == np.flatnonzero(keep).tolist()
+
+
+def test_other_signals_have_their_initial_values(tmp_path: Path) -> None:
+    encoder = FrameEncoder(make_config(tmp_path, axis4()), "bus0")
+    ((key, data),) = encoder.encode({"r.four": (1.0, 2.0), "r.unknown": (3.0, 4.0)}, 0)
+    assert key == FrameKey(0x130, False)
+    assert data[5] == 7
+    assert sum(data[6:60]) == 0
+
+
+def test_a_value_that_does_not_fit(tmp_path: Path) -> None:
+    columns = table(tmp_path / "a.csv", 5)
+    columns["torque_one"][3] = 32.0
+    pa.csv.write_csv(pa.table(columns), tmp_path / "a.csv")
+    frames = play_record(tmp_path / "a.csv", make_config(tmp_path, axis1(time={"column": "t"})))
+    message = r"a\.csv, at 7\.015000 s: axis r\.one: the torque 32 does not fit into signal Torque of Torque1"
+    with pytest.raises(RecordError, match=message):
+        list(frames)
+
+
+def test_a_factor_of_zero(tmp_path: Path) -> None:
+    axis = axis2()
+    axis["torque"]["factor"] = 0.0
+    encoder = FrameEncoder(make_config(tmp_path, axis), "bus0")
+    with pytest.raises(IngestError, match="the factor of the torque is 0"):
+        encoder.encode({"r.two": (1.0, 2.0)}, 0)
+
+
+def test_a_log_is_played_as_it_is(tmp_path: Path) -> None:
+    sent = [Frame(10**15 + 700 * k, 0x123 + k % 2, k % 3 == 0, bytes([k % 256])) for k in range(1000)]
+    with FrameRecorder(tmp_path / "a.log") as recorder:
+        recorder.write("bus0", sent)
+    played = list(play_record(tmp_path / "a.log", make_config(tmp_path, axis1())))
+    assert [(p.bus, p.key, p.data) for p in played] == [
+        ("bus0", (f.can_id, f.extended), f.data) for f in sent
+    ]
+    assert [round(p.offset_s * 1e6) for p in played] == [700 * k for k in range(1000)]
+
+
+def frame(offset_s: float, number: int = 0) -> PlayFrame:
+    return PlayFrame(offset_s, "bus0", FrameKey(0x100, False), bytes([number]), 1.0)
+
+
+def test_frames_go_onto_the_bus_on_time(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1())
+    with open_bus(config.bus[0]) as sender, open_bus(config.bus[0]) as listener:
+        frames = [frame(0.02 * k, k) for k in range(6)]
+        assert len(list(play_frames({"bus0": sender}, frames, speed=2.0))) == 6
+        received = [message for _ in range(6) if (message := listener.recv(5.0))]
+    assert [message.data[0] for message in received] == list(range(6))
+    # On time or later, never early; the schedule is absolute.
+    start = received[0].timestamp
+    assert all(m.timestamp - start > 0.01 * k - 0.002 for k, m in enumerate(received))
+
+
+def test_as_fast_as_the_bus_takes_it_and_stopped_early(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1())
+    stop = threading.Event()
+    with open_bus(config.bus[0]) as sender:
+        assert len(list(play_frames({"bus0": sender}, [frame(1e6 * k) for k in range(3)], math.inf))) == 3
+        sent = 0
+        for _ in play_frames({"bus0": sender}, [frame(1e6 * k) for k in range(3)], stop=stop):
+            sent += 1
+            stop.set()
+    assert sent == 1
+
+
+def test_a_bus_that_does_not_take_frames(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1())
+    with open_bus(config.bus[0]) as sender:
+        pass
+    with pytest.raises(BusError, match="cannot send on Virtual bus channel"):
+        list(play_frames({"bus0": sender}, [frame(0.0)]))

@@ -1,0 +1,252 @@
+"""The reader on real SocketCAN devices: filters, buffers, drops, and devices that come and go."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from service.config.schema import BusConfig
+from service.ingest.can_bus import open_bus, send
+from service.ingest.can_source import CanReader
+from service.ingest.decode import FrameKey
+from service.ingest.errors import BusError
+from service.ingest.frames import Frame
+from service.ingest.pipeline import Ingest
+from service.ingest.play import PlayFrame, play_frames
+from service.ingest.receivers import SocketReceiver
+from service.ingest.recorder import FrameRecorder
+from service.ingest.records import read_record
+from tests.service.ingest.plant import axis1, axis4, make_config
+from tests.service.ingest.reading import EXTENDED, STANDARD, reading, take, wait_for
+
+pytestmark = pytest.mark.vcan
+
+
+def ip(*words: str) -> None:
+    program = shutil.which("ip", path="/usr/sbin:/sbin:/usr/bin:/bin")
+    assert program is not None
+    subprocess.run([program, *words], check=True, capture_output=True)
+
+
+def bus_config(folder: Path, channel: str = "vcan0", **bus: object) -> BusConfig:
+    return make_config(folder, axis1(), interface="socketcan", channel=channel, **bus).bus[0]
+
+
+@pytest.fixture
+def device() -> Iterator[str]:
+    """A device of this test's own, up."""
+    name = "vcan7"
+    ip("link", "add", "dev", name, "type", "vcan")
+    ip("link", "set", name, "up")
+    yield name
+    if Path("/sys/class/net", name).exists():
+        ip("link", "del", name)
+
+
+def test_frames_arrive_in_order_with_the_time_of_the_kernel(tmp_path: Path) -> None:
+    config = bus_config(tmp_path)
+    with reading(config) as reader, open_bus(config) as sender:
+        before_us = time.time_ns() // 1000
+        for k in range(300):
+            send(sender, EXTENDED if k % 2 else STANDARD, k.to_bytes(2, "little"))
+        after_us = time.time_ns() // 1000 + 1
+        frames = take(reader, 300)
+    assert [int.from_bytes(f.data, "little") for f in frames] == list(range(300))
+    assert {(f.can_id, f.extended) for f in frames} == {STANDARD, EXTENDED}
+    assert all(before_us <= f.t_us <= after_us for f in frames)
+    assert frames == sorted(frames, key=lambda f: f.t_us)
+
+
+def test_the_kernel_filters(tmp_path: Path) -> None:
+    config = bus_config(tmp_path)
+    with open_bus(config, [EXTENDED]) as bus, open_bus(config) as sender:
+        receiver = SocketReceiver(bus)  # type: ignore[arg-type]
+        for key in (STANDARD, FrameKey(0x100, True), FrameKey(EXTENDED.can_id & 0x7FF, False), EXTENDED):
+            send(sender, key, b"x")
+        received = receiver.read(5.0)
+        assert isinstance(received, Frame)
+        assert FrameKey(received.can_id, received.extended) == EXTENDED
+        assert receiver.read(0.05) is None
+
+
+def test_error_and_remote_frames_are_counted(tmp_path: Path) -> None:
+    config = bus_config(tmp_path)
+    with reading(config) as reader, open_bus(config) as sender:
+        with socket.socket(socket.PF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
+            raw.bind((config.channel,))
+            raw.send(struct.pack("=IB3x8s", 0x20000044, 8, bytes.fromhex("0000000000008081")))
+        sender.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_remote_frame=True))
+        send(sender, STANDARD, b"x")
+        assert [f.data for f in take(reader, 1)] == [b"x"]
+        stats = reader.stats()
+    assert (stats.frames, stats.dropped["error_frame"], stats.dropped["remote_frame"]) == (1, 1, 1)
+
+
+def test_can_fd_frames_need_the_option(tmp_path: Path) -> None:
+    classic, fd = bus_config(tmp_path), bus_config(tmp_path, options={"fd": True})
+    with reading(classic) as classic_reader, reading(fd) as fd_reader, open_bus(fd) as sender:
+        send(sender, STANDARD, bytes(range(64)))
+        send(sender, STANDARD, b"classic")
+        assert [f.data for f in take(fd_reader, 2)] == [bytes(range(64)), b"classic"]
+        assert [f.data for f in take(classic_reader, 1)] == [b"classic"]
+
+
+def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
+    config = bus_config(tmp_path)
+    count = 8000
+    frames = (
+        PlayFrame(k / 4000, "bus0", EXTENDED if k % 2 else STANDARD, k.to_bytes(2, "little"), 0.0)
+        for k in range(count)
+    )
+    with reading(config) as reader, open_bus(config) as sender:
+        player = threading.Thread(target=lambda: list(play_frames({"bus0": sender}, frames)))
+        player.start()
+        received = take(reader, count)
+        player.join()
+        stats = reader.stats()
+    assert [int.from_bytes(f.data, "little") for f in received] == list(range(count))
+    assert set(stats.dropped.values()) == {0}
+
+
+def test_what_the_kernel_drops_is_counted(tmp_path: Path) -> None:
+    config = bus_config(tmp_path)
+    with open_bus(config, [STANDARD]) as bus, open_bus(config) as sender:
+        assert isinstance(bus, can.interfaces.socketcan.SocketcanBus)
+        receiver = SocketReceiver(bus)
+        bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
+        for k in range(300):
+            send(sender, STANDARD, k.to_bytes(2, "little"))
+        kept = 0
+        while receiver.read(0.0) is not None:
+            kept += 1
+        assert 0 < kept < 300
+        send(sender, STANDARD, b"x")  # the count comes with the next frame
+        assert receiver.read(5.0)
+        assert kept + receiver.overflow == 300
+
+
+def test_the_buffer_holds_a_pause_of_the_reader(tmp_path: Path) -> None:
+    config = bus_config(tmp_path)
+    with open_bus(config, [STANDARD]) as bus, open_bus(config) as sender:
+        receiver = SocketReceiver(bus)  # type: ignore[arg-type]
+        for k in range(5000):
+            send(sender, STANDARD, k.to_bytes(2, "little"))
+        received = [receiver.read(0.0) for _ in range(5000)]
+        assert all(isinstance(frame, Frame) for frame in received)
+        assert receiver.overflow == 0
+
+
+def test_down_and_up_again(tmp_path: Path, device: str) -> None:
+    config = bus_config(tmp_path, device)
+    with reading(config) as reader:
+        with open_bus(config) as sender:
+            send(sender, STANDARD, b"before")
+        assert [f.data for f in take(reader, 1)] == [b"before"]
+        ip("link", "set", device, "down")
+        wait_for(lambda: not reader.stats().up, reader.stats)
+        assert (
+            reader.stats().state == f"down: the interface is down; bring it up with `ip link set {device} up`"
+        )
+        ip("link", "set", device, "up")
+        wait_for(lambda: reader.stats().up, reader.stats)
+        with open_bus(config) as sender:
+            send(sender, STANDARD, b"after")
+        assert [f.data for f in take(reader, 1)] == [b"after"]
+        assert reader.stats().frames == 2
+
+
+def test_frames_received_before_it_went_down_are_kept(tmp_path: Path, device: str) -> None:
+    config = bus_config(tmp_path, device)
+    reader = CanReader(config, [STANDARD])
+    reader.open()
+    with open_bus(config) as sender:
+        for k in range(10):
+            send(sender, STANDARD, bytes([k]))
+    ip("link", "set", device, "down")
+    reader.start()
+    assert [f.data[0] for f in take(reader, 10)] == list(range(10))
+    wait_for(lambda: not reader.stats().up, reader.stats)
+    reader.close()
+
+
+def test_deleted_and_created_again(tmp_path: Path, device: str) -> None:
+    config = bus_config(tmp_path, device)
+    with reading(config) as reader:
+        ip("link", "del", device)
+        wait_for(lambda: f"no network interface {device}" in reader.stats().state, reader.stats)
+        ip("link", "add", "dev", device, "type", "vcan")
+        ip("link", "set", device, "up")
+        wait_for(lambda: reader.stats().up, reader.stats)
+        with open_bus(config) as sender:
+            send(sender, STANDARD, b"after")
+        assert [f.data for f in take(reader, 1)] == [b"after"]
+
+
+def test_started_while_it_is_down(tmp_path: Path, device: str) -> None:
+    ip("link", "set", device, "down")
+    config = bus_config(tmp_path, device)
+    with reading(config) as reader:
+        wait_for(lambda: "the interface is down" in reader.stats().state, reader.stats)
+        ip("link", "set", device, "up")
+        wait_for(lambda: reader.stats().up, reader.stats)
+        with open_bus(config) as sender:
+            send(sender, STANDARD, b"x")
+        assert len(take(reader, 1)) == 1
+
+
+def test_an_interface_that_does_not_exist(tmp_path: Path) -> None:
+    reader = CanReader(bus_config(tmp_path, "can9"), [STANDARD])
+    with pytest.raises(BusError, match=r"bus bus0: there is no network interface can9: .*ip link add"):
+        reader.open()
+
+
+def test_started_before_it_exists(tmp_path: Path) -> None:
+    reader = CanReader(bus_config(tmp_path, "vcan8"), [STANDARD])
+    reader.start()
+    wait_for(lambda: "no network interface vcan8" in reader.stats().state, reader.stats)
+    ip("link", "add", "dev", "vcan8", "type", "vcan")
+    try:
+        ip("link", "set", "vcan8", "up")
+        wait_for(lambda: reader.stats().up, reader.stats)
+    finally:
+        reader.close()
+        ip("link", "del", "vcan8")
+
+
+def test_sending_on_an_interface_that_is_down(tmp_path: Path, device: str) -> None:
+    with open_bus(bus_config(tmp_path, device)) as sender:
+        ip("link", "set", device, "down")
+        with pytest.raises(BusError, match=f"cannot send on socketcan channel '{device}'"):
+            send(sender, STANDARD, b"x")
+
+
+def test_what_was_recorded_from_the_bus_gives_the_same_samples(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis4(), interface="socketcan", channel="vcan1", options={"fd": True})
+    ingest = Ingest(config, "bus0")
+    frames = [
+        PlayFrame(k * 0.005, "bus0", FrameKey(0x130, False), struct.pack("<f56xf", k, -k), 0.0)
+        for k in range(100)
+    ]
+    with (
+        reading(config.bus[0], *ingest.keys) as reader,
+        open_bus(config.bus[0]) as sender,
+        FrameRecorder(tmp_path / "a.log") as recorder,
+    ):
+        list(play_frames({"bus0": sender}, frames))
+        received = take(reader, 100)
+        recorder.write("bus0", received)
+    live = ingest.feed(received)["r.four"]
+    (step,) = read_record(tmp_path / "a.log", config).steps()
+    replayed = step.samples["r.four"]
+    assert replayed.t_us.tolist() == [s.t_us for s in live]
+    assert replayed.torque.tolist() == [s.torque for s in live]
+    assert replayed.motion.tolist() == [s.motion for s in live]
