@@ -1,0 +1,175 @@
+"""The daemon: readers, worker, store and web, wired, started and stopped."""
+
+import signal
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+
+import structlog
+
+from service.config import Config
+from service.ingest.can_source import CanReader
+from service.ingest.recorder import FrameRecorder
+from service.monitoring.alarms import Alarms, quantities
+from service.monitoring.banks import Monitors
+from service.monitoring.core import Core
+from service.monitoring.intake import BusIntake, Recording
+from service.monitoring.restoring import restore
+from service.monitoring.saving import Saver
+from service.monitoring.worker import Worker
+from service.store.checkpoints import Checkpoints
+from service.store.journal import Journal
+from service.web.times import now_us
+
+log = structlog.get_logger(__name__)
+
+
+class DaemonFailedError(Exception):
+    """The daemon ended by a fault of its own, which is in the log."""
+
+
+def run_daemon(
+    config: Config,
+    record: Path | None = None,
+    ready: Callable[[str], None] = lambda _url: None,
+    stop: threading.Event | None = None,
+) -> None:
+    """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
+
+    Args:
+        config: the whole configuration.
+        record: frames are also written here, as received.
+        ready: called with the address of the page once it is served and the buses are read.
+        stop: ends the daemon from another thread.
+
+    Raises:
+        AxisError, DbcError, IngestError: the configuration cannot be used.
+        BusError: a bus cannot be opened.
+        StoreError: the state directory cannot be used.
+        RecordError: the record cannot be written.
+        CannotListenError: the address of the page cannot be listened to.
+        DaemonFailedError: a fault of the program.
+    """
+    stop = stop or threading.Event()
+    with ExitStack() as stack:
+        core = Core(config)
+        compiled = _in_background(config)
+        readers = _open_buses(config, core, stack)
+        worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
+        _stop_on_signals(stop, stack)
+        stack.callback(worker.stop)
+        for reader in readers.values():
+            stack.callback(reader.close)
+
+        def begin(port: int) -> None:
+            for reader in readers.values():
+                reader.start()
+            worker.start()
+            url = f"http://{_shown(config.web.host)}:{port}/"
+            log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
+            ready(url)
+
+        _serve(config, worker, journal, begin, stop)
+        log.info("stopping")
+    if worker.error is not None:
+        raise DaemonFailedError(
+            "a fault in the worker has stopped the daemon; the log says what"
+        ) from worker.error
+    log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _in_background(config: Config) -> Future[None]:
+    """Compile the kernel, or load it from its cache, while the rest starts.
+
+    On monitors of its own: those of the worker are touched by one thread only.
+    """
+    done: Future[None] = Future()
+
+    def compile_kernel() -> None:
+        try:
+            Monitors(config.axes).compile()
+        except BaseException as error:
+            done.set_exception(error)
+        else:
+            done.set_result(None)
+
+    threading.Thread(target=compile_kernel, name="compiler", daemon=True).start()
+    return done
+
+
+def _open_buses(config: Config, core: Core, stack: ExitStack) -> dict[str, CanReader]:
+    readers = {}
+    for bus in config.bus:
+        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].keys)
+        reader.open()
+        stack.callback(reader.close)
+    return readers
+
+
+def _worker(
+    config: Config,
+    core: Core,
+    compiled: Future[None],
+    readers: Mapping[str, CanReader],
+    record: Path | None,
+    stack: ExitStack,
+    stop: threading.Event,
+) -> tuple[Worker, Journal]:
+    """The worker over the files of the state directory; they are closed in the reverse order."""
+    recording = Recording(stack.enter_context(FrameRecorder(record)) if record else None)
+    journal = Journal(config.service.state_dir / "alarms.sqlite")
+    stack.callback(journal.close)
+    checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
+    stack.callback(checkpoints.close)
+    monitors = core.monitors.by_id
+    restored = restore(monitors, checkpoints, journal, now_us())
+    for message in restored.messages:
+        log.warning("start", message=message)
+    alarms = Alarms(journal, quantities(monitors))
+    alarms.adopt(restored.open)
+    alarms.record(restored.unrecorded)
+    interval_s = config.service.checkpoint_interval_s
+    saver = Saver(checkpoints, monitors, interval_s, restored.checkpoint_us, now_us)
+    buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
+    worker = Worker(
+        config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
+    )
+    return worker, journal
+
+
+def _serve(
+    config: Config, worker: Worker, journal: Journal, begin: Callable[[int], None], stop: threading.Event
+) -> None:
+    from service.web.app import create_app
+    from service.web.server import serve
+
+    serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
+
+
+def _stop_on_signals(stop: threading.Event, stack: ExitStack) -> None:
+    """SIGTERM and SIGINT end the daemon in order; the second one ends it at once."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+
+    def restore_handlers() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        stop.set()
+        restore_handlers()
+
+    for number in before:
+        signal.signal(number, on_signal)
+    stack.callback(restore_handlers)
+
+
+def _shown(host: str) -> str:
+    """A host that a browser on this machine can be given."""
+    if host in ("0.0.0.0", "::", ""):
+        return "localhost"
+    return f"[{host}]" if ":" in host else host

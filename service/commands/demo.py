@@ -1,0 +1,90 @@
+"""``axiswatch demo``: a simulated robot, the daemon, and a fault after a while, in one process."""
+
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from service.commands.configuration import configuration
+from service.commands.exits import explained
+from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors
+from service.commands.run import Port
+from service.commands.shipped import shipped
+from service.config import Config
+from service.simulation.robot import Fault
+from service.simulation.sending import RobotThread
+
+_MOST_AXES = 6
+
+Axes = Annotated[int, typer.Option("--axes", min=1, max=_MOST_AXES, help="Number of axes.")]
+StateDir = Annotated[
+    Path | None,
+    typer.Option(
+        "--state-dir", metavar="DIR", help="Keep alarms and checkpoints here. [default: a temporary one]"
+    ),
+]
+
+
+def demo(
+    fault: FaultOption = None,
+    fault_axis: FaultAxis = None,
+    fault_after: FaultAfter = 60.0,
+    axes: Axes = _MOST_AXES,
+    port: Port = None,
+    state_dir: StateDir = None,
+) -> None:
+    """Look around: a simulated robot on a bus inside the process, and the daemon reading it.
+
+    After a while something breaks: the friction of the second axis grows by 30 %, unless the options say
+    otherwise.
+    """
+    with _folder(state_dir) as folder:
+        read = _adapted(configuration(shipped("demo.toml")), axes, port, folder)
+        known = [axis.id for axis in read.axes]
+        broken = axis_id(fault_axis, known) if fault_axis else known[min(1, axes - 1)]
+        _run(read, Fault(broken, factors(fault or ["fm=1.3"]), fault_after))
+
+
+@contextmanager
+def _folder(given: Path | None) -> Iterator[Path]:
+    if given is not None:
+        yield given
+        return
+    with tempfile.TemporaryDirectory(prefix="axiswatch-demo-") as folder:
+        yield Path(folder)
+
+
+def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Config:
+    robot = config.robot[0].model_copy(update={"axis": config.robot[0].axis[:axes]})
+    return config.model_copy(
+        update={
+            "robot": (robot,),
+            "service": config.service.model_copy(update={"state_dir": state_dir}),
+            "web": config.web if port is None else config.web.model_copy(update={"port": port}),
+        }
+    )
+
+
+def _run(config: Config, fault: Fault) -> None:
+    from service import logs
+    from service.app import run_daemon
+
+    logs.configure()
+    stop = threading.Event()
+    with explained():
+        robot = RobotThread(config, fault, stop)
+        run_daemon(config, ready=lambda url: _begin(robot, url, fault), stop=stop)
+        robot.join()
+
+
+def _begin(robot: RobotThread, url: str, fault: Fault) -> None:
+    robot.start()
+    changes = ", ".join(f"{name} x {factor:g}" for name, factor in fault.factors.items())
+    console = Console(highlight=False)
+    console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
+    console.print(f"{fault.axis_id}: {changes} after {fault.after_s:g} s.  Ctrl-C ends the demo.")

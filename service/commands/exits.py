@@ -1,0 +1,51 @@
+"""Exit codes, and what becomes of an error: one message, never a traceback for a mistake."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+
+OK, FAULT, MISTAKE, NO_BUS, UNAVAILABLE = range(5)
+
+EXIT_CODES = """\
+Exit codes: 0 done; 1 a fault of the program; 2 a mistake in the command line, in the configuration or in a
+file; 3 a bus cannot be opened or written to; 4 the port is taken or the state directory cannot be used."""
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Turn the errors that a user can cause into a message and an exit code.
+
+    Raises:
+        typer.Exit: there was such an error.
+    """
+    try:
+        yield
+    except typer.Exit:
+        raise
+    except Exception as error:
+        code = _code(error)
+        if code is None:
+            raise
+        print(f"axiswatch: {error}", file=sys.stderr)
+        raise typer.Exit(code) from None
+
+
+def _code(error: Exception) -> int | None:
+    # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
+    from service.app import DaemonFailedError
+    from service.axes import AxisError
+    from service.ingest.dbc import DbcError
+    from service.ingest.errors import BusError, IngestError
+    from service.simulation.robot import FaultError
+    from service.store.database import StoreError
+    from service.web.server import CannotListenError
+
+    codes: list[tuple[tuple[type[Exception], ...], int]] = [
+        ((BusError,), NO_BUS),
+        ((IngestError, DbcError, AxisError, FaultError), MISTAKE),
+        ((StoreError, CannotListenError), UNAVAILABLE),
+        ((DaemonFailedError,), FAULT),
+    ]
+    return next((code for kinds, code in codes if isinstance(error, kinds)), None)

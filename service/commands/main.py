@@ -1,0 +1,57 @@
+"""The command line.  Each command is a module of this folder, imported only when it is used."""
+
+import os
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from service.commands.exits import EXIT_CODES
+
+COMMANDS = ("demo", "check", "listen", "run", "simulate", "play", "replay", "warm", "version")
+"""In the order of the help: look around, commission, run, try, install."""
+
+
+class _LazyGroup(TyperGroup):
+    """Imports the module of a command when it is asked for: most of them need libraries that load slowly."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - as in the base class
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+        one.command(cmd_name)(getattr(import_module(f"service.commands.{cmd_name}"), cmd_name))
+        return typer.main.get_command(one)
+
+
+app = typer.Typer(
+    cls=_LazyGroup,
+    name="axiswatch",
+    help="Condition monitoring of robot axes: friction, inertia and torque constant from the torque and the "
+    "angle on the CAN bus.",
+    epilog=EXIT_CODES.replace("\n", " "),
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.callback()
+def _group() -> None:
+    pass
+
+
+def main() -> None:
+    """The program ``axiswatch``."""
+    # Before numpy is imported: on matrices this small more threads only cost.
+    for library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    app()
+
+
+if __name__ == "__main__":
+    main()

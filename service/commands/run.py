@@ -1,0 +1,39 @@
+"""``axiswatch run``: the daemon."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from service.commands.configuration import ConfigPath, configuration
+from service.commands.exits import explained
+
+Record = Annotated[
+    Path | None,
+    typer.Option(
+        "--record", metavar="FILE", help="Also write the frames as received into this new .log file."
+    ),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(
+        "--port", min=0, max=65535, help="Port of the page and the API, instead of the configured one."
+    ),
+]
+
+
+def run(config: ConfigPath, record: Record = None, port: Port = None) -> None:
+    """Monitor the axes of a configuration until SIGTERM or Ctrl-C: the daemon.
+
+    Alarms and checkpoints are kept in the state directory; the page, the REST interface and the metrics are
+    served at the configured address. A bus that goes down later is waited for.
+    """
+    read = configuration(config)
+    from service import logs
+    from service.app import run_daemon
+
+    if port is not None:
+        read = read.model_copy(update={"web": read.web.model_copy(update={"port": port})})
+    logs.configure()
+    with explained():
+        run_daemon(read, record)

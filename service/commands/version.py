@@ -1,0 +1,8 @@
+"""``axiswatch version``: which version this is."""
+
+from importlib.metadata import version as installed
+
+
+def version() -> None:
+    """Print the version."""
+    print(f"axiswatch {installed('axiswatch')}")

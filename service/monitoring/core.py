@@ -1,0 +1,47 @@
+"""From frames to alarms without a clock, a thread or a file."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from service.config import Config
+from service.ingest.frames import Frame, Sample
+from service.ingest.pipeline import Ingest
+from service.ingest.table_record import SampleBlock
+from service.monitoring.banks import Change, Monitors
+
+
+class Core:
+    """Ingest of every bus and the monitors of every axis.
+
+    Raises:
+        AxisError: an axis cannot be monitored as configured.
+        DbcError, IngestError: a bus cannot be decoded as configured.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.monitors = Monitors(config.axes)
+        self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self._samples: dict[str, list[Sample]] = {}
+
+    def take(self, bus: str, frames: Iterable[Frame]) -> None:
+        """Frames of a bus, in the order of their receipt; their samples wait for ``run``."""
+        for axis_id, found in self.ingests[bus].feed(frames).items():
+            self._samples.setdefault(axis_id, []).extend(found)
+
+    def run(self) -> list[Change]:
+        """One call of the kernel for each bank, over all samples that wait."""
+        waiting, self._samples = self._samples, {}
+        if not waiting:
+            return []
+        return self.monitors.run({axis_id: _block(samples) for axis_id, samples in waiting.items()})
+
+    def flush(self) -> None:
+        """The end of the frames: values without a partner are counted."""
+        for ingest in self.ingests.values():
+            ingest.flush()
+
+
+def _block(samples: list[Sample]) -> SampleBlock:
+    t_us, torque, motion = zip(*samples, strict=True)
+    return SampleBlock(np.array(t_us, np.int64), np.array(torque, float), np.array(motion, float))

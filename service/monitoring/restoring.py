@@ -1,0 +1,97 @@
+"""Start where the last run ended: estimates from the checkpoints, open alarms from the journal."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from monitor_core.episodes import Episode, EpisodeBook
+from monitor_core.monitor import AxisMonitor
+from service.monitoring.banks import Change
+from service.store.checkpoints import Checkpoints, SetAside
+from service.store.journal import Journal
+
+
+class Restored(NamedTuple):
+    """What was found.  ``open`` are the alarms open in the journal; ``unrecorded`` it has yet to get."""
+
+    checkpoint_us: int | None
+    open: tuple[Change, ...]
+    unrecorded: tuple[Change, ...]
+    messages: tuple[str, ...]
+
+
+def restore(
+    monitors: Mapping[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal, now_us: int
+) -> Restored:
+    """Bring the monitors to the state of the last run.
+
+    The journal is right about which alarms are open: it may be newer than the checkpoint.  Only an alarm that
+    it has never seen (its file was damaged and begun anew) is taken from the checkpoint.
+
+    Raises:
+        StoreError: a file cannot be read or written.
+    """
+    messages: list[str] = [*checkpoints.messages, *journal.messages]
+    times: list[int] = []
+    opened: list[Change] = []
+    unrecorded: list[Change] = []
+    for axis_id, monitor in monitors.items():
+        loaded = _load(axis_id, monitor, checkpoints, now_us)
+        if isinstance(loaded, str):
+            messages.append(loaded)
+        elif loaded is not None:
+            times.append(loaded)
+        messages += _close_unmonitored(axis_id, monitor, journal, now_us)
+        recorded = journal.open_episodes(axis_id)
+        opened += [Change(axis_id, e) for e in recorded]
+        unrecorded += [Change(axis_id, e) for e in _agree(axis_id, monitor, recorded, journal)]
+    messages += _of_removed_axes(monitors, journal)
+    return Restored(min(times, default=None), tuple(opened), tuple(unrecorded), tuple(messages))
+
+
+def _load(axis_id: str, monitor: AxisMonitor, checkpoints: Checkpoints, now_us: int) -> int | str | None:
+    """The time of the checkpoint that is used now, or why there is none, or None: there never was one."""
+    found = checkpoints.load(axis_id, monitor.key, now_us)
+    if found is None:
+        return None
+    if isinstance(found, SetAside):
+        return found.message
+    try:
+        monitor.from_arrays(found.arrays)
+    except (KeyError, ValueError) as error:
+        aside = SetAside(axis_id, found.at_us, f"it does not fit this version ({error})")
+        checkpoints.set_aside(axis_id, aside.reason, now_us)
+        return aside.message
+    return found.at_us
+
+
+def _close_unmonitored(axis_id: str, monitor: AxisMonitor, journal: Journal, now_us: int) -> list[str]:
+    ended = journal.close_unmonitored(axis_id, monitor.model.monitored, now_us)
+    return [
+        f"{axis_id}: the alarm of {a.parameter} was ended: that parameter is no longer monitored"
+        for a in ended
+    ]
+
+
+def _agree(
+    axis_id: str, monitor: AxisMonitor, recorded: Iterable[Episode], journal: Journal
+) -> list[Episode]:
+    """Let the monitor have the open episodes of the journal; returns those that it has yet to get."""
+    before = {(e.parameter, e.direction): e for e in monitor.book.open}
+    now = {(e.parameter, e.direction): e for e in recorded}
+    unknown = {key: e for key, e in before.items() if key not in now and not _is_known(axis_id, e, journal)}
+    monitor.book = EpisodeBook([*now.values(), *unknown.values()])
+    for parameter, _ in now.keys() - before.keys():
+        # The calm that ends an episode is noted once: let it be counted from here.
+        monitor.bank.state.calm[monitor.model.monitored.index(parameter), monitor.axis] = 0
+    return list(unknown.values())
+
+
+def _is_known(axis_id: str, e: Episode, journal: Journal) -> bool:
+    found, _ = journal.query(axis_id, e.parameter, since_us=e.raised_us, until_us=e.raised_us + 1)
+    return any(alarm.direction == e.direction for alarm in found)
+
+
+def _of_removed_axes(monitors: Mapping[str, AxisMonitor], journal: Journal) -> list[str]:
+    alarms, _ = journal.query(active=True, limit=1000)
+    removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in monitors)
+    return [f"{axis} is no longer configured, but has open alarms in the journal" for axis in removed]

@@ -1,0 +1,79 @@
+"""The simulated robot: all axes of a configuration, sample by sample, and what breaks in it."""
+
+import heapq
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from service.config import Config
+from service.simulation.axis import ControlledAxis, Reading
+
+
+class Fault(NamedTuple):
+    """Parameters of an axis change by these factors after so long."""
+
+    axis_id: str
+    factors: Mapping[str, float]
+    after_s: float
+
+
+class Moment(NamedTuple):
+    """The samples of axes with the same interval: time since the start, number of the sample."""
+
+    time_s: float
+    interval_s: float
+    number: int
+    readings: Mapping[str, Reading]
+
+
+class FaultError(Exception):
+    """A fault that cannot be simulated; the text says why."""
+
+
+class SimulatedRobot:
+    """All axes of a configuration.
+
+    Args:
+        config: the configuration.
+        seed: of noise and test signals.
+        faults: what breaks, and when.
+
+    Raises:
+        FaultError: a fault of an axis or a parameter that does not exist, or with an impossible value.
+    """
+
+    def __init__(self, config: Config, seed: int | None = None, faults: Sequence[Fault] = ()) -> None:
+        rng = np.random.default_rng(seed)
+        self._axes = {axis.id: ControlledAxis(axis, rng) for axis in config.axes}
+        self._faults = sorted(faults, key=lambda fault: fault.after_s)
+        for fault in faults:
+            _try_out(fault, config)
+
+    def moments(self, happened: Callable[[Fault], None] = lambda _: None) -> Iterator[Moment]:
+        """Samples in the order of time, without end; ``happened`` is told of each fault."""
+        waiting = list(self._faults)
+        groups = [(0.0, interval_s, 0) for interval_s in sorted({a.interval_s for a in self._axes.values()})]
+        while True:
+            time_s, interval_s, k = heapq.heappop(groups)
+            while waiting and waiting[0].after_s <= time_s:
+                fault = waiting.pop(0)
+                self._axes[fault.axis_id].break_down(fault.factors)
+                happened(fault)
+            axes = (axis for axis in self._axes.values() if axis.interval_s == interval_s)
+            yield Moment(time_s, interval_s, k, {axis.id: axis.sample(k) for axis in axes})
+            heapq.heappush(groups, ((k + 1) * interval_s, interval_s, k + 1))
+
+
+def _try_out(fault: Fault, config: Config) -> None:
+    axis = next((axis for axis in config.axes if axis.id == fault.axis_id), None)
+    if axis is None:
+        known = ", ".join(axis.id for axis in config.axes)
+        raise FaultError(f"fault: there is no axis {fault.axis_id}; there is {known}")
+    try:
+        ControlledAxis(axis, np.random.default_rng(0)).break_down(fault.factors)
+    except KeyError as error:
+        known = ", ".join(axis.config.model.nominal)
+        raise FaultError(f"fault: no parameter {error} in axis {axis.id}; there is {known}") from None
+    except (ValueError, ZeroDivisionError) as error:
+        raise FaultError(f"fault: {error}") from None

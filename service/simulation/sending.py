@@ -1,0 +1,118 @@
+"""The simulated robot in real time, onto open buses."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import structlog
+
+from service.config import Config
+from service.ingest.can_bus import open_bus, send
+from service.ingest.encode import FrameEncoder
+from service.simulation.robot import Fault, Moment, SimulatedRobot
+
+log = structlog.get_logger(__name__)
+
+_CATCH_UP = 0.7
+"""Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
+
+Send = Callable[[Moment], int]
+"""Sends the frames of a moment; how many there were."""
+
+
+@contextmanager
+def open_buses(config: Config) -> Iterator[Send]:
+    """All buses of the configuration, to send on.
+
+    Raises:
+        BusError: a bus cannot be opened or does not take a frame.
+        DbcError, IngestError: the configuration cannot be used, or a value does not fit into its signal.
+    """
+    with ExitStack() as stack:
+        encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
+        buses = {}
+        for bus in config.bus:
+            buses[bus.name] = opened = open_bus(bus, ())
+            stack.callback(opened.shutdown)
+
+        def send_moment(moment: Moment) -> int:
+            frames = 0
+            for name, encoder in encoders.items():
+                for axis_id, reading in moment.readings.items():
+                    # Axis by axis: torque and motion of one sample are next to each other on the bus.
+                    for key, data in encoder.encode({axis_id: reading}, moment.number):
+                        send(buses[name], key, data)
+                        frames += 1
+            return frames
+
+        yield send_moment
+
+
+def run_robot(
+    robot: SimulatedRobot,
+    send_moment: Send,
+    stop: threading.Event,
+    happened: Callable[[Fault], None] = lambda _: None,
+) -> int:
+    """Send the samples of a robot on a schedule that does not drift, until ``stop`` is set; how many frames.
+
+    Raises:
+        BusError, IngestError: as ``open_buses``.
+    """
+    start = time.monotonic()
+    frames, earliest = 0, dict[float, float]()
+    for moment in robot.moments(happened):
+        due = max(start + moment.time_s, earliest.get(moment.interval_s, start))
+        wait_s = due - time.monotonic()
+        if stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
+            break
+        earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
+        frames += send_moment(moment)
+    return frames
+
+
+class RobotThread:
+    """A robot that runs beside the daemon; a fault of it stops the daemon.
+
+    Args:
+        config: whose axes and buses.
+        fault: what breaks.
+        stop: ends it, and is set when it fails.
+
+    Raises:
+        FaultError: the fault cannot be simulated.
+    """
+
+    def __init__(self, config: Config, fault: Fault, stop: threading.Event) -> None:
+        self._config, self._stop = config, stop
+        self._robot = SimulatedRobot(config, faults=[fault])
+        self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
+        self._error: BaseException | None = None
+
+    def start(self) -> None:
+        """Begin to move and to send."""
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait for the end.
+
+        Raises:
+            BusError, IngestError: what ended it, if it failed.
+        """
+        if self._thread.ident is not None:
+            self._thread.join()
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        try:
+            with open_buses(self._config) as send_moment:
+                run_robot(self._robot, send_moment, self._stop, _tell)
+        except BaseException as error:
+            self._error = error
+            self._stop.set()
+
+
+def _tell(fault: Fault) -> None:
+    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
