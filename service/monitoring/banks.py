@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.bank import Bank
 from monitor_core.episodes import Episode
@@ -12,10 +13,12 @@ from monitor_core.monitor import AxisMonitor
 from monitor_core.settings import Settings
 from service.axes import axis_model, axis_settings
 from service.config import NamedAxis
-from service.ingest.table_record import SampleBlock
 
-Samples = Mapping[str, SampleBlock]
-"""Samples by axis, each axis in the order of its times."""
+Block = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
+"""Samples of an axis in the order of their times [us]: times, torque [N m], motion [rad or rad/s]."""
+
+Samples = Mapping[str, Block]
+"""Samples by axis."""
 
 
 class Change(NamedTuple):
@@ -61,7 +64,7 @@ class _MonitorBank:
 
     def run(self, samples: Samples) -> Iterator[Change]:
         blocks = [samples.get(axis_id) for axis_id, _ in self.lanes]
-        count = np.array([0 if block is None else len(block.t_us) for block in blocks])
+        count = np.array([0 if block is None else len(block[0]) for block in blocks])
         shape = (int(count.max()), len(blocks))
         t_us, u, y = np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape)
         for a, block in enumerate(blocks):

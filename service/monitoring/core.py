@@ -7,8 +7,7 @@ import numpy as np
 from service.config import Config
 from service.ingest.frames import Frame, Sample
 from service.ingest.pipeline import Ingest
-from service.ingest.table_record import SampleBlock
-from service.monitoring.banks import Change, Monitors
+from service.monitoring.banks import Block, Change, Monitors
 
 
 class Core:
@@ -42,6 +41,6 @@ class Core:
             ingest.flush()
 
 
-def _block(samples: list[Sample]) -> SampleBlock:
+def _block(samples: list[Sample]) -> Block:
     t_us, torque, motion = zip(*samples, strict=True)
-    return SampleBlock(np.array(t_us, np.int64), np.array(torque, float), np.array(motion, float))
+    return np.array(t_us, np.int64), np.array(torque, float), np.array(motion, float)

@@ -37,14 +37,13 @@ def open_buses(config: Config) -> Iterator[Send]:
             stack.callback(opened.shutdown)
 
         def send_moment(moment: Moment) -> int:
-            frames = 0
-            for name, encoder in encoders.items():
-                for axis_id, reading in moment.readings.items():
-                    # Axis by axis: torque and motion of one sample are next to each other on the bus.
-                    for key, data in encoder.encode({axis_id: reading}, moment.number):
-                        send(buses[name], key, data)
-                        frames += 1
-            return frames
+            # All encoded, then all sent: the frames of a moment are close together on the bus.
+            frames = [
+                (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
+            ]
+            for bus, (key, data) in frames:
+                send(bus, key, data)
+            return len(frames)
 
         yield send_moment
 
@@ -67,8 +66,8 @@ def run_robot(
         wait_s = due - time.monotonic()
         if stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
             break
-        earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
         frames += send_moment(moment)
+        earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
     return frames
 
 

@@ -14,12 +14,18 @@ app = typer.Typer()
 app.command()(check)
 
 
-@pytest.mark.parametrize("name", ["axiswatch.toml", "demo.toml"])
-def test_a_right_configuration_is_summed_up(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "signals"),
+    [
+        ("axiswatch.toml", ("robot.dbc", "Axis1Torque.Torque", "Axis1Angle.Angle")),
+        ("demo.toml", ("demo.dbc", "Axis1State.Torque", "Axis1State.Angle")),
+    ],
+)
+def test_a_right_configuration_is_summed_up(name: str, signals: tuple[str, ...]) -> None:
     result = CliRunner().invoke(app, ["--config", str(CONFIG / name)])
     assert result.exit_code == 0
     assert f"{CONFIG / name}: no problems\n" in result.stdout
-    for words in ("can0", "robot.dbc", "axis1", "axis2", "Axis1Torque.Torque", "Axis1Angle.Angle", "1/Ja"):
+    for words in ("can0", "axis1", "axis2", "1/Ja", *signals):
         assert words in result.stdout
     assert result.stderr == ""
 
@@ -34,7 +40,7 @@ def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
     lines = result.stderr.splitlines()
     assert [line.split(": ")[:2] for line in lines[:-1]] == [
         [f"{file}:9", 'bus[1].interfase = "[red]"'],
-        [f"{file}:11", 'bus[1].dbc = "robot.dbc"'],
+        [f"{file}:11", 'bus[1].dbc = "demo.dbc"'],
     ]
     assert lines[-1] == "2 problems in the configuration"
 
