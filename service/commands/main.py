@@ -22,7 +22,7 @@ class _LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
         if cmd_name not in COMMANDS:
             return None
-        one = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+        one = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
         one.command(cmd_name)(getattr(import_module(f"service.commands.{cmd_name}"), cmd_name))
         return typer.main.get_command(one)
 
@@ -34,7 +34,8 @@ app = typer.Typer(
     "angle on the CAN bus.",
     epilog=EXIT_CODES.replace("\n", " "),
     no_args_is_help=True,
-    rich_markup_mode="rich",
+    add_completion=False,
+    rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

@@ -53,8 +53,11 @@ def run_robot(
     send_moment: Send,
     stop: threading.Event,
     happened: Callable[[Fault], None] = lambda _: None,
+    duration_s: float | None = None,
 ) -> int:
-    """Send the samples of a robot on a schedule that does not drift, until ``stop`` is set; how many frames.
+    """Send the samples of a robot on a schedule that does not drift; how many frames.
+
+    It ends when ``stop`` is set, or after ``duration_s``.
 
     Raises:
         BusError, IngestError: as ``open_buses``.
@@ -64,7 +67,8 @@ def run_robot(
     for moment in robot.moments(happened):
         due = max(start + moment.time_s, earliest.get(moment.interval_s, start))
         wait_s = due - time.monotonic()
-        if stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
+        over = duration_s is not None and moment.time_s >= duration_s
+        if over or stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
             break
         frames += send_moment(moment)
         earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s

@@ -1,0 +1,58 @@
+"""``axiswatch play``: a record onto the buses of a configuration."""
+
+import math
+import threading
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from service.commands.configuration import ConfigPath, configuration
+from service.commands.exits import explained
+from service.commands.progress import progress_bar
+from service.commands.stopping import stop_on_signals
+from service.config import Config
+
+RecordPath = Annotated[
+    Path,
+    typer.Argument(metavar="RECORD", help="Table (.csv .parquet .mat) or CAN log (.log .asc .blf .trc)."),
+]
+Speed = Annotated[
+    float,
+    typer.Option("--speed", metavar="FACTOR", help="2 is twice as fast, 0 as fast as the bus takes it."),
+]
+Loop = Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")]
+
+
+def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop = False) -> None:
+    """Send a record on the buses of a configuration, at the speed of its own times.
+
+    A CAN log is sent as it is; a table goes through the DBC, by the columns that the configuration names.
+    """
+    if not (math.isfinite(speed) and speed >= 0):
+        raise typer.BadParameter("must be 0 or greater", param_hint="--speed")
+    read = configuration(config)
+    stop = stop_on_signals()
+    with explained():
+        sent = _play(read, record, speed or math.inf, loop, stop)
+    print(f"{sent} frames sent")
+
+
+def _play(config: Config, record: Path, speed: float, loop: bool, stop: threading.Event) -> int:
+    from service.ingest.can_bus import open_bus
+    from service.ingest.play import play_frames, play_record
+
+    sent = 0
+    play_record(record, config)  # what is wrong with it is said before a bus is opened
+    with ExitStack() as stack:
+        buses = {bus.name: open_bus(bus, ()) for bus in config.bus}
+        for bus in buses.values():
+            stack.callback(bus.shutdown)
+        while True:
+            with progress_bar(record.name) as progress:
+                for frame in play_frames(buses, play_record(record, config), speed, stop):
+                    sent += 1
+                    progress(frame.done)
+            if not loop or stop.is_set():
+                return sent

@@ -1,0 +1,53 @@
+"""``axiswatch simulate``: a robot onto the buses of a configuration."""
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from service.commands.configuration import ConfigPath, configuration
+from service.commands.exits import explained
+from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors
+from service.commands.stopping import stop_on_signals
+from service.simulation.robot import Fault, SimulatedRobot
+from service.simulation.sending import open_buses, run_robot
+
+Seconds = Annotated[
+    float | None, typer.Option("--seconds", min=0.0, metavar="N", help="End after so long. [default: never]")
+]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Repeat the same motion and the same noise.")]
+
+
+def simulate(
+    config: ConfigPath,
+    fault: FaultOption = None,
+    fault_axis: FaultAxis = None,
+    fault_after: FaultAfter = 60.0,
+    seconds: Seconds = None,
+    seed: Seed = None,
+) -> None:
+    """Send torque and motion of a simulated robot on the buses of a configuration, until Ctrl-C.
+
+    Its axes are the configured ones, healthy until --fault happens. Let `axiswatch run` with the same
+    configuration listen on the other side; for a bus inside one process use `axiswatch demo`.
+    """
+    read = configuration(config)
+    known = [axis.id for axis in read.axes]
+    faults = []
+    if fault:
+        where = axis_id(fault_axis, known) if fault_axis else known[0]
+        faults.append(Fault(where, factors(fault), fault_after))
+    console = Console(highlight=False)
+    stop = stop_on_signals()
+    with explained():
+        robot = SimulatedRobot(read, seed, faults)
+        with open_buses(read) as send_moment:
+            console.print(f"{len(known)} axes on {', '.join(bus.channel for bus in read.bus)}; Ctrl-C ends")
+            told = lambda f: console.print(f"{f.axis_id}: {described(f)}")  # noqa: E731
+            frames = run_robot(robot, send_moment, stop, told, seconds)
+    console.print(f"{frames} frames sent")
+
+
+def described(fault: Fault) -> str:
+    """A fault in words: fm x 1.3."""
+    return ", ".join(f"{name} x {factor:g}" for name, factor in fault.factors.items())
