@@ -1,0 +1,145 @@
+"""The program as its users run it: processes, their logs, their answers."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = (sys.executable, "-m", "service.commands.main")
+PATIENCE_S = 60.0
+
+T = TypeVar("T")
+
+_DEMO = (ROOT / "config" / "demo.toml").read_text(encoding="utf-8")
+_BUS = 'interface = "virtual"\nchannel = "axiswatch-demo"'
+
+
+def demo_config(folder: Path, bus: str | None = None, axes: int = 2, service: str = "") -> Path:
+    """The demo's configuration for its first axes, on a bus between processes of its own."""
+    (folder / "demo.dbc").write_bytes((ROOT / "config" / "demo.dbc").read_bytes())
+    group = ".".join(str(1 + secrets.randbelow(254)) for _ in range(3))
+    bus = bus or f'interface = "udp_multicast"\nchannel = "239.{group}"'
+    parts = _DEMO.split("[[robot.axis]]")
+    text = "[[robot.axis]]".join(parts[: 1 + axes])
+    assert _BUS in text
+    text = text.replace(_BUS, bus).replace('state_dir = "demo-state"', f'state_dir = "state"\n{service}')
+    file = folder / "robot.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def run_program(*arguments: str | Path, patience_s: float = PATIENCE_S) -> subprocess.CompletedProcess[str]:
+    """A command that ends by itself."""
+    command = [*PROGRAM, *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=patience_s, check=False, env=_environment()
+    )
+
+
+@contextmanager
+def running(*arguments: str | Path, log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A command that goes on; killed at the end if it is still there."""
+    with log.open("ab") as file:
+        process = subprocess.Popen(
+            [*PROGRAM, *map(str, arguments)],
+            cwd=ROOT,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            env=_environment(),
+        )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+class Daemon:
+    """``axiswatch run`` on a free port."""
+
+    def __init__(self, process: subprocess.Popen[bytes], log: Path, skip: int) -> None:
+        self.process, self._log, self._skip = process, log, skip
+        self.page = str(self._event("running")["page"])
+
+    def get(self, path: str) -> Any:
+        """The body of an answer, whatever its status."""
+        try:
+            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
+                return json.loads(answer.read())
+        except urllib.error.HTTPError as error:
+            return json.loads(error.read())
+
+    def text(self, path: str) -> str:
+        """The body of an answer as text."""
+        with urllib.request.urlopen(self.page + path, timeout=20) as answer:
+            return str(answer.read(), "utf-8")
+
+    def status(self, path: str) -> int:
+        """The status of an answer."""
+        try:
+            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
+                return int(answer.status)
+        except urllib.error.HTTPError as error:
+            return error.code
+
+    def events(self) -> list[dict[str, Any]]:
+        """The log of this run."""
+        lines = self._log.read_text(encoding="utf-8").splitlines()[self._skip :]
+        return [json.loads(line) for line in lines if line.startswith("{")]
+
+    def stop(self) -> int:
+        """SIGTERM; the exit code."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(PATIENCE_S)
+
+    def _event(self, name: str) -> dict[str, Any]:
+        def look() -> dict[str, Any] | None:
+            found = next((event for event in self.events() if event["event"] == name), None)
+            ended = self.process.poll() is not None and found is None
+            assert not ended, self._log.read_text(encoding="utf-8")
+            return found
+
+        return wait_for(look)
+
+
+@contextmanager
+def daemon(config: Path, *arguments: str | Path) -> Iterator[Daemon]:
+    """A running daemon; its log is ``daemon.log`` beside the configuration."""
+    log = config.parent / "daemon.log"
+    log.touch()
+    skip = len(log.read_text(encoding="utf-8").splitlines())
+    with running("run", "--config", config, "--port", "0", *arguments, log=log) as process:
+        yield Daemon(process, log, skip)
+
+
+def wait_for(look: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T:
+    """What ``look`` finds, as soon as it finds something."""
+    end = time.monotonic() + patience_s
+    while True:
+        found = look()
+        if found:
+            return found
+        assert time.monotonic() < end, f"waited {patience_s:.0f} s in vain for {look.__qualname__}"
+        time.sleep(0.05)
+
+
+def mistakes(result: subprocess.CompletedProcess[str]) -> tuple[int, Sequence[str]]:
+    """Exit code and lines of the error stream, which never hold a traceback."""
+    assert "Traceback" not in result.stderr, result.stderr
+    return result.returncode, result.stderr.splitlines()
+
+
+def _environment() -> dict[str, str]:
+    return {name: v for name, v in os.environ.items() if not name.startswith("AXISWATCH_")}

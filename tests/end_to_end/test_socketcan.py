@@ -1,0 +1,48 @@
+"""The daemon on real SocketCAN devices."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.end_to_end.processes import daemon, demo_config, mistakes, run_program, running, wait_for
+
+pytestmark = pytest.mark.vcan
+
+VCAN0 = 'interface = "socketcan"\nchannel = "vcan0"'
+
+
+def test_a_robot_on_vcan0_is_monitored_while_the_interface_goes_down_and_up(
+    tmp_path: Path, need: Callable[[str], str]
+) -> None:
+    config = demo_config(tmp_path, VCAN0, axes=1)
+    with daemon(config) as d:
+        with running("simulate", "--config", config, log=tmp_path / "robot.log"):
+            wait_for(lambda: d.status("readyz") == 200)
+            wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"] > 0)
+        ip = need("ip")
+        subprocess.run([ip, "link", "set", "vcan0", "down"], check=True)
+        try:
+            reasons = wait_for(
+                lambda: [r for r in d.get("readyz")["reasons"] if r.startswith("bus can0: down")]
+            )
+            assert "ip link set vcan0 up" in reasons[0]
+            assert d.status("healthz") == 200
+        finally:
+            subprocess.run([ip, "link", "set", "vcan0", "up"], check=True)
+        before = d.get("api/v1/axes/demo.axis1")["samples"]
+        with running("simulate", "--config", config, log=tmp_path / "robot.log"):
+            wait_for(lambda: d.status("readyz") == 200)
+            wait_for(lambda: d.get("api/v1/axes/demo.axis1")["samples"] > before)
+        assert d.stop() == 0
+
+
+def test_an_interface_that_does_not_exist_is_said_and_ends_with_3(tmp_path: Path) -> None:
+    config = demo_config(tmp_path, 'interface = "socketcan"\nchannel = "can9"', axes=1)
+    code, lines = mistakes(run_program("run", "--config", config))
+    assert code == 3
+    assert "bus can0: there is no network interface can9" in lines[-1]
+    assert "ip link add dev can9 type vcan" in lines[-1]
