@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -113,12 +114,12 @@ def test_frames_go_onto_the_bus_on_time(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1())
     with open_bus(config.bus[0]) as sender, open_bus(config.bus[0]) as listener:
         frames = [frame(0.02 * k, k) for k in range(6)]
+        before = time.time()
         assert len(list(play_frames({"bus0": sender}, frames, speed=2.0))) == 6
         received = [message for _ in range(6) if (message := listener.recv(5.0))]
     assert [message.data[0] for message in received] == list(range(6))
-    # On time or later, never early; the schedule is absolute.
-    start = received[0].timestamp
-    assert all(m.timestamp - start > 0.01 * k - 0.002 for k, m in enumerate(received))
+    # Never early, however late this machine may be.
+    assert all(m.timestamp - before > 0.01 * k - 0.001 for k, m in enumerate(received))
 
 
 def test_as_fast_as_the_bus_takes_it_and_stopped_early(tmp_path: Path) -> None:

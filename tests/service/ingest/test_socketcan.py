@@ -13,6 +13,7 @@ from pathlib import Path
 
 import can
 import pytest
+from can.interfaces.socketcan import SocketcanBus
 
 from service.config.schema import BusConfig
 from service.ingest.can_bus import open_bus, send
@@ -120,7 +121,7 @@ def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
 def test_what_the_kernel_drops_is_counted(tmp_path: Path) -> None:
     config = bus_config(tmp_path)
     with open_bus(config, [STANDARD]) as bus, open_bus(config) as sender:
-        assert isinstance(bus, can.interfaces.socketcan.SocketcanBus)
+        assert isinstance(bus, SocketcanBus)
         receiver = SocketReceiver(bus)
         bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
         for k in range(300):
@@ -132,6 +133,26 @@ def test_what_the_kernel_drops_is_counted(tmp_path: Path) -> None:
         send(sender, STANDARD, b"x")  # the count comes with the next frame
         assert receiver.read(5.0)
         assert kept + receiver.overflow == 300
+
+
+def test_the_reader_tells_what_the_kernel_dropped(tmp_path: Path) -> None:
+    config = bus_config(tmp_path)
+    reader, sent = CanReader(config, [STANDARD]), 300
+    reader.open()
+    assert isinstance(reader._bus, SocketcanBus)
+    reader._bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
+    with open_bus(config) as sender:
+        for k in range(300):
+            send(sender, STANDARD, k.to_bytes(2, "little"))
+        reader.start()
+        wait_for(lambda: reader.stats().frames > 0, reader.stats)
+        while not reader.stats().dropped["kernel_overflow"]:  # the count comes with a frame after the loss
+            send(sender, STANDARD, b"x")
+            sent += 1
+            time.sleep(0.05)
+    reader.close()
+    stats = reader.stats()
+    assert stats.frames + stats.dropped["kernel_overflow"] == sent
 
 
 def test_the_buffer_holds_a_pause_of_the_reader(tmp_path: Path) -> None:

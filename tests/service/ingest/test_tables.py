@@ -105,7 +105,7 @@ def test_rows_that_are_no_samples_are_counted(tmp_path: Path, suffix: str, seed:
 
 def test_the_order_of_times_counts_across_blocks(tmp_path: Path, seed: int) -> None:
     table = columns(seed)
-    table["t"][9000] = table["t"][10]
+    table["t"][8192] = table["t"][10]  # the first row of the second block
     write_parquet(tmp_path / "a.parquet", table)
     block, dropped = samples_of(tmp_path / "a.parquet", tmp_path, timed())
     assert len(block.t_us) == N - 1
