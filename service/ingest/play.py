@@ -20,6 +20,8 @@ from service.ingest.log_record import LogRecord
 from service.ingest.records import Record, read_record
 from service.ingest.table_record import Step
 
+_NAP_S = 0.05
+
 
 class PlayFrame(NamedTuple):
     """A frame to be sent so long after the first."""
@@ -86,11 +88,19 @@ def play_frames(
     stop = stop or threading.Event()
     start = time.monotonic()
     for frame in frames:
-        wait_s = start + frame.offset_s / speed - time.monotonic()
-        if stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
+        _wait(start + frame.offset_s / speed - time.monotonic(), stop)
+        if stop.is_set():
             return
         send(buses[frame.bus], frame.key, frame.data)
         yield frame
+
+
+def _wait(wait_s: float, stop: threading.Event) -> None:
+    """Wait so long, or until ``stop`` is set; it may take a nap to see that."""
+    if wait_s > _NAP_S:
+        stop.wait(wait_s)
+    elif wait_s > 0:
+        time.sleep(wait_s)  # a fifth of the work of an Event: matters at 2000 frames a second
 
 
 def _by_time(step: Step) -> Iterator[tuple[int, dict[str, tuple[float, float]]]]:
