@@ -59,24 +59,69 @@ class Assembly:
         return pieces
 
     def _tables(self, slots: list[_Slot]) -> Tables:
-        starts = np.cumsum([0] + [len(p.factors) for p in self._varying])
-        flat = [factor for p in self._varying for factor in p.factors]
+        n, p = len(self.drive.states), len(self.monitored)
+        filtered = self.drive.output == "angle" and COULOMB in self.drive.inputs
+        A = [s for s in slots if s.group == 0]
+        ext_start, ext_src, ext_slot = self._extended_rows(n, p)
+        inputs = self._input_products(n, p, filtered)
+        outputs = self._output_products(n, p)
+        factors = [factor for piece in self._varying for factor in piece.factors]
         return Tables(
-            n=len(self.drive.states),
-            p=len(self.monitored),
+            n=n,
+            p=p,
             m=len(self.drive.inputs),
             speed_state=self.drive.speed_state,
-            filtered_speed=int(self.drive.output == "angle" and COULOMB in self.drive.inputs),
-            ends=_ints(sum(s.group <= g for s in slots) for g in range(6)),
-            row=_ints(s.row for s in slots),
-            col=_ints(s.col for s in slots),
-            par=_ints(s.par for s in slots),
+            filtered_speed=int(filtered),
+            slots=len(slots),
+            A_row=_ints(s.row for s in A),
+            A_col=_ints(s.col for s in A),
+            ext_start=_ints(ext_start),
+            ext_src=np.array(ext_src, dtype=np.uint32),
+            ext_slot=np.array(ext_slot, dtype=np.uint32),
+            in_row=_ints(q[0] for q in inputs),
+            in_slot=_ints(q[1] for q in inputs),
+            in_col=_ints(q[2] for q in inputs),
+            in_par=_ints(q[3] for q in inputs),
+            out_slot=_ints(q[0] for q in outputs),
+            out_src=_ints(q[1] for q in outputs),
+            out_par=_ints(q[2] for q in outputs),
             kind=_ints(self.drive.inputs),
-            term_slot=_ints(self._index[p.slot] for p in self._varying),
-            factor_start=_ints(starts),
-            factor_par=_ints(i for i, _ in flat),
-            factor_exp=_ints(e for _, e in flat),
+            term_slot=_ints(self._index[piece.slot] for piece in self._varying),
+            factor_start=_ints(np.cumsum([0] + [len(piece.factors) for piece in self._varying])),
+            factor_par=_ints(i for i, _ in factors),
+            factor_exp=_ints(e for _, e in factors),
         )
+
+    def _extended_rows(self, n: int, p: int) -> tuple[list[int], list[int], list[int]]:
+        """Rows of [A A_i; 0 A] over (z_1 .. z_p, x), each padded to a positive even number of products."""
+        start, src, slot = [0], list[int](), list[int]()
+        for j in range(p + 1):
+            for r in range(n):
+                row = [(j * n + s.col, k) for s, k in self._index.items() if (s.group, s.row) == (0, r)]
+                row += [
+                    (p * n + s.col, k) for s, k in self._index.items() if (s.group, s.par, s.row) == (3, j, r)
+                ]
+                row += [(0, len(self._index))] * (len(row) % 2 if row else 2)
+                src += [c for c, _ in row]
+                slot += [k for _, k in row]
+                start.append(len(src))
+        return start, src, slot
+
+    def _input_products(self, n: int, p: int, filtered: bool) -> list[tuple[int, int, int, int]]:
+        """(element, slot, input, parameter or -1): B u for x, B_i u for z_i, and B u_i where u depends on theta."""
+        products = [(p * n + s.row, k, s.col, -1) for s, k in self._index.items() if s.group == 1]
+        products += [(s.par * n + s.row, k, s.col, -1) for s, k in self._index.items() if s.group == 4]
+        if filtered:
+            friction = [s for s in self._index if s.group == 1 and self.drive.inputs[s.col] == COULOMB]
+            products += [(i * n + s.row, self._index[s], s.col, i) for s in friction for i in range(p)]
+        return products
+
+    def _output_products(self, n: int, p: int) -> list[tuple[int, int, int]]:
+        """(slot, element, parameter or -1): C x for yhat, C z_i and C_i x for psi_i."""
+        C = [(s, k) for s, k in self._index.items() if s.group == 2]
+        products = [(k, p * n + s.col, -1) for s, k in C]
+        products += [(k, i * n + s.col, i) for s, k in C for i in range(p)]
+        return products + [(k, p * n + s.col, s.par) for s, k in self._index.items() if s.group == 5]
 
     def model_constants(self, model: AxisModel) -> dict[str, Floats]:
         """V0, coef, weight, rest, theta0, lower and upper of one axis, each as a vector."""
@@ -86,11 +131,10 @@ class Assembly:
             if not p.factors:
                 V0[self._index[p.slot]] += p.multiple * p.term.value(fixed)
         d = model.balance()
-        entries = int(self.tables.ends[0])
         return {
             "V0": V0,
             "coef": np.array([p.multiple * p.term.value(fixed) for p in self._varying]),
-            "weight": d[self.tables.col[:entries]] / d[self.tables.row[:entries]],
+            "weight": d[self.tables.A_col] / d[self.tables.A_row],
             "rest": model.drive.matrix("rest", model.nominal)[:, 0],
             "theta0": model.theta0,
             "lower": model.limits[0],

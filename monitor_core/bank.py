@@ -31,7 +31,9 @@ class Bank:
 
     def __init__(self, models: Sequence[AxisModel], settings: Sequence[Settings]) -> None:
         if not models or len(models) != len(settings):
-            raise ValueError(f"{len(models)} models and {len(settings)} settings: need one each, at least one")
+            raise ValueError(
+                f"{len(models)} models and {len(settings)} settings: need one each, at least one"
+            )
         first = models[0]
         for model in models:
             if (model.drive, model.monitored) != (first.drive, first.monitored):
@@ -40,7 +42,7 @@ class Bank:
         assembly = Assembly(first.drive, first.monitored)
         self._tables = t = assembly.tables
         W = len(models)
-        rows = constant_rows(t.n, t.p, t.row.size, t.term_slot.size, int(t.ends[0]))
+        rows = constant_rows(t)
         self._constants = np.zeros((rows, W))
         float_rows, int_rows = state_rows(t.n, t.p, t.m)
         self._floats = np.zeros((float_rows, W))
@@ -101,7 +103,7 @@ class Bank:
         return sorted(self._named(events), key=lambda pair: pair[0])
 
     def _named(self, events: Events) -> Iterator[tuple[int, Crossing | Calm]]:
-        for k in range(int(events.count[0])):
+        for k in range(int(events.filled[0])):
             kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
             theta, P_ii = events.value[:, k]
             name = self.models[a].monitored[i]
@@ -175,5 +177,9 @@ def _events(most_per_sample: int, samples: int) -> Events:
 
 def _trace(N: int, p: int, W: int) -> Trace:
     return Trace(
-        np.full((N, W), np.nan), np.empty((N, p, W)), np.empty((N, p, W)), np.empty((N, p, W)), np.empty((N, 2, p, W))
+        np.full((N, W), np.nan),
+        np.empty((N, p, W)),
+        np.empty((N, p, W)),
+        np.empty((N, p, W)),
+        np.empty((N, 2, p, W)),
     )

@@ -1,7 +1,7 @@
 """Alarm episodes: one alarm from the first crossing until the deviation has calmed down.
 
-After an alarm g starts again from zero and crosses again while the fault stays; those crossings update the open episode.
-It ends when |d| has stayed below nu for three memory lengths.
+After an alarm g starts again from zero and crosses again while the fault stays; those crossings update the open
+episode.  It ends when |d| has stayed below nu for three memory lengths.
 """
 
 from collections.abc import Iterable

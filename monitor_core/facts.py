@@ -51,5 +51,5 @@ class AxisFacts:
 
     @property
     def samples(self) -> int:
-        """Samples received, whatever became of them."""
+        """Samples received, whatever became of them; the other counters say what."""
         return sum(v for k, v in self.counters.items() if k not in ("projected",))

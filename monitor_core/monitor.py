@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
+_T = TypeVar("_T", bound=np.generic)
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -49,7 +51,9 @@ class AxisMonitor:
     @property
     def key(self) -> str:
         """What a saved state belongs to: schema, model, predictor.  Equal text, interchangeable states."""
-        s = replace(self.settings, alpha1=0.0, alpha2=1.0, P0=(), run_on=False, max_gap_s=self.settings.interval_s)
+        s = replace(
+            self.settings, alpha1=0.0, alpha2=1.0, P0=(), run_on=False, max_gap_s=self.settings.interval_s
+        )
         m = self.model
         nominal = sorted(m.nominal.items())
         return f"schema={SCHEMA} drive={m.drive.name}/{m.drive.output} {nominal} theta={m.monitored} {s}"
@@ -117,7 +121,14 @@ class AxisMonitor:
         floats, ints = self.bank.column(self.axis)
         names = self.model.monitored
         rows = [
-            (names.index(e.parameter), e.direction == "down", e.onset_us, e.raised_us, e.updated_us, e.crossings)
+            (
+                names.index(e.parameter),
+                e.direction == "down",
+                e.onset_us,
+                e.raised_us,
+                e.updated_us,
+                e.crossings,
+            )
             for e in self.book.open
         ]
         sizes = [(e.size, e.size_sd) for e in self.book.open]
@@ -137,7 +148,9 @@ class AxisMonitor:
         """
         rows = zip(arrays["episodes"], arrays["episode_sizes"], strict=True)
         episodes = [self._episode(row, size) for row, size in rows]
-        self.bank.restore(self.axis, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64))
+        self.bank.restore(
+            self.axis, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
+        )
         self.book = EpisodeBook(episodes)
 
     def _episode(self, row: NDArray[np.generic], size: NDArray[np.generic]) -> Episode:
@@ -157,5 +170,5 @@ class AxisMonitor:
         )
 
 
-def _column(values: NDArray[np.generic]) -> NDArray[np.generic]:
+def _column(values: NDArray[_T]) -> NDArray[_T]:
     return np.asarray(values)[:, np.newaxis]

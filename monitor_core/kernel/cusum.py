@@ -4,63 +4,133 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from monitor_core.kernel.state import State
-from monitor_core.kernel.tables import Constants, Floats, Ints
+from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.state import NEVER
+from monitor_core.kernel.tables import Floats, Ints
 
 UP, DOWN, CALM = 0, 1, 2
 """Kinds of event: g of an increase or of a decrease crossed h; the deviation has been below nu long enough."""
 
 
 class Events(NamedTuple):
-    """What happened in a block, in order of the samples.  The first ``count[0]`` entries are valid."""
+    """What happened in a block, in order of the samples.  The first ``filled[0]`` columns are valid."""
 
-    count: NDArray[np.int64]  # (1,)
+    filled: NDArray[np.int64]  # (1,)
     what: NDArray[np.int64]  # (5, capacity): kind, axis, parameter, time us, onset us
     value: NDArray[np.float64]  # (2, capacity): theta and P_ii at that sample
 
 
-@njit(cache=True, nogil=True)
-def _note(events: Events, kind: int, axis: int, i: int, t: int, onset: int, theta: float, P_ii: float) -> None:
-    k = events.count[0]
-    events.count[0] = k + 1
-    events.what[0, k] = kind
-    events.what[1, k] = axis
-    events.what[2, k] = i
-    events.what[3, k] = t
-    events.what[4, k] = onset
-    events.value[0, k] = theta
-    events.value[1, k] = P_ii
-
-
-@njit(cache=True, nogil=True)
-def cusum(
-    lanes: Any, p: int, con: Constants, st: State, on: Ints, first_axis: int, events: Events, reset: bool
+@kernel
+def deviate(
+    lanes: Any,
+    theta0: Floats,
+    alpha1: Floats,
+    lam0: Floats,
+    theta: Floats,
+    P: Floats,
+    d: Floats,
+    nu: Floats,
 ) -> None:
-    """g = max(0, g + d - nu), d = +/-(theta_i - theta0_i), nu = alpha1 sqrt(lam0 P_ii); g > h is an alarm.
-
-    After an alarm g starts again from 0 if ``reset`` (the paper's rule; its Figure 6 shows g run on instead).
-    The onset is the last time at which g was zero.
-    """
-    for i in range(p):
+    """d = theta_i - theta0_i and nu = alpha1 sqrt(lam0 P_ii)   (p, W)   (eq. 22)."""
+    for i in range(theta.shape[0]):
         for a in range(len(lanes)):
-            if not on[a]:
-                continue
-            d = st.theta[i, a] - con.theta0[i, a]
-            nu = con.alpha1[a] * math.sqrt(con.lam0[a] * st.P[i, i, a])
+            d[i, a] = theta[i, a] - theta0[i, a]
+            nu[i, a] = alpha1[a] * math.sqrt(lam0[a] * P[i, i, a])
+
+
+@kernel
+def accumulate(
+    lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, calm: Ints, d: Floats, nu: Floats, on: Ints
+) -> bool:
+    """g = max(0, g + d - nu) for d and for -d (eq. 21).
+
+    The onset is the last time at which g was zero, or the first of all.  Counts the consecutive samples with |d| <= nu.  True if any lane's g exceeds its h.
+    """
+    crossed = False
+    for i in range(d.shape[0]):
+        for a in range(len(lanes)):
+            up = max(0.0, g[0, i, a] + d[i, a] - nu[i, a])
+            down = max(0.0, g[1, i, a] - d[i, a] - nu[i, a])
+            g[0, i, a] = up if on[a] else g[0, i, a]
+            g[1, i, a] = down if on[a] else g[1, i, a]
+            onset[0, i, a] = t[a] if on[a] and (up == 0.0 or onset[0, i, a] == NEVER) else onset[0, i, a]
+            onset[1, i, a] = t[a] if on[a] and (down == 0.0 or onset[1, i, a] == NEVER) else onset[1, i, a]
+            more = calm[i, a] + 1 if abs(d[i, a]) <= nu[i, a] else 0
+            calm[i, a] = more if on[a] else calm[i, a]
+            crossed |= g[0, i, a] > h[i, a] or g[1, i, a] > h[i, a]
+    return crossed
+
+
+@kernel
+def alarm(
+    lanes: Any,
+    h: Floats,
+    t: Ints,
+    g: Floats,
+    onset: Ints,
+    theta: Floats,
+    P: Floats,
+    on: Ints,
+    a0: int,
+    reset: bool,
+    filled: Ints,
+    what: Ints,
+    value: Floats,
+) -> None:
+    """Note every g > h (eq. 23).  g then starts again from 0 if ``reset``: the paper's rule; its Figure 6 runs on."""
+    for i in range(theta.shape[0]):
+        for a in range(len(lanes)):
             for way in range(2):
-                g = max(0.0, st.g[way, i, a] + (d if way == 0 else -d) - nu)
-                if g == 0.0:
-                    st.onset[way, i, a] = st.t[a]
-                if g > con.h[i, a]:
-                    onset = st.onset[way, i, a]
-                    _note(events, way, first_axis + a, i, st.t[a], onset, st.theta[i, a], st.P[i, i, a])
-                    if reset:
-                        g = 0.0
-                        st.onset[way, i, a] = st.t[a]
-                st.g[way, i, a] = g
-            st.calm[i, a] = st.calm[i, a] + 1 if abs(d) <= nu else 0
-            if st.calm[i, a] == con.calm[a]:
-                _note(events, CALM, first_axis + a, i, st.t[a], st.t[a], st.theta[i, a], st.P[i, i, a])
+                if not (on[a] and g[way, i, a] > h[i, a]):
+                    continue
+                _note(filled, what, value, way, a0 + a, i, t[a], onset[way, i, a], theta[i, a], P[i, i, a])
+                if reset:
+                    g[way, i, a] = 0.0
+                    onset[way, i, a] = t[a]
+
+
+@kernel
+def calm_down(
+    lanes: Any,
+    needed: Floats,
+    t: Ints,
+    calm: Ints,
+    theta: Floats,
+    P: Floats,
+    on: Ints,
+    a0: int,
+    filled: Ints,
+    what: Ints,
+    value: Floats,
+) -> None:
+    """Note every parameter whose deviation has just been below nu for as many samples as needed."""
+    for i in range(theta.shape[0]):
+        for a in range(len(lanes)):
+            if on[a] and calm[i, a] == needed[a]:
+                _note(filled, what, value, CALM, a0 + a, i, t[a], t[a], theta[i, a], P[i, i, a])
+
+
+@kernel
+def _note(
+    filled: Ints,
+    what: Ints,
+    value: Floats,
+    kind: int,
+    axis: int,
+    i: int,
+    t: int,
+    onset: int,
+    theta: float,
+    P_ii: float,
+) -> None:
+    k = filled[0]
+    filled[0] = k + 1
+    what[0, k] = kind
+    what[1, k] = axis
+    what[2, k] = i
+    what[3, k] = t
+    what[4, k] = onset
+    value[0, k] = theta
+    value[1, k] = P_ii

@@ -2,32 +2,40 @@
 
 from typing import Any
 
-from numba import njit
+from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.tables import Floats, Ints
 
-from monitor_core.kernel.tables import Constants, Floats, Tables
 
-
-@njit(cache=True, nogil=True)
-def evaluate(lanes: Any, tables: Tables, con: Constants, theta: Floats, V: Floats, term: Floats) -> None:
+@kernel
+def evaluate(
+    lanes: Any,
+    slot: Ints,
+    factor_start: Ints,
+    factor_par: Ints,
+    factor_exp: Ints,
+    V0: Floats,
+    coef: Floats,
+    theta: Floats,
+    V: Floats,
+    term: Floats,
+) -> None:
     """V = V0 + sum of coef * prod theta_i^e_i, for every slot that has a monitored parameter.
 
-    ``V`` (slots, W) must hold V0 in all other slots; ``term`` (W,) is scratch.
+    ``V`` (slots + 1, W) must hold V0 in all other slots; ``term`` (W,) is scratch.
     """
-    for j in range(tables.term_slot.size):
-        s = tables.term_slot[j]
+    for j in range(slot.size):
         for a in range(len(lanes)):
-            V[s, a] = con.V0[s, a]
-    for j in range(tables.term_slot.size):
-        s = tables.term_slot[j]
+            V[slot[j], a] = V0[slot[j], a]
+    for j in range(slot.size):
         for a in range(len(lanes)):
-            term[a] = con.coef[j, a]
-        for f in range(tables.factor_start[j], tables.factor_start[j + 1]):
-            i, e = tables.factor_par[f], tables.factor_exp[f]
-            for _ in range(e):
+            term[a] = coef[j, a]
+        for f in range(factor_start[j], factor_start[j + 1]):
+            i = factor_par[f]
+            for _ in range(factor_exp[f]):
                 for a in range(len(lanes)):
                     term[a] *= theta[i, a]
-            for _ in range(-e):
+            for _ in range(-factor_exp[f]):
                 for a in range(len(lanes)):
                     term[a] /= theta[i, a]
         for a in range(len(lanes)):
-            V[s, a] += term[a]
+            V[slot[j], a] += term[a]

@@ -7,9 +7,9 @@ copied or compared without knowing what is in it.  ``state_views`` is the only p
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from monitor_core.kernel.compile import entry
 from monitor_core.kernel.tables import Constants, Floats, Ints, Tables
 
 NEVER = np.iinfo(np.int64).min
@@ -18,16 +18,26 @@ NEVER = np.iinfo(np.int64).min
 SCHEMA = 1
 """Version of the order below; part of the key of every checkpoint."""
 
-COUNTERS = ("used", "seeding", "settling", "not_finite", "not_increasing", "gap", "diverged", "projected")
-"""What became of the samples: the rows of ``State.counts``."""
-USED, SEEDING, SETTLING, NOT_FINITE, NOT_INCREASING, GAP, DIVERGED, PROJECTED = range(len(COUNTERS))
+COUNTERS = (
+    "used",
+    "seeding",
+    "settling",
+    "started",
+    "gap",
+    "not_finite",
+    "not_increasing",
+    "diverged",
+    "projected",
+)
+"""What became of the samples, each in one of these; ``projected`` counts updates of theta that its bounds held."""
+USED, SEEDING, SETTLING, STARTED, GAP, NOT_FINITE, NOT_INCREASING, DIVERGED, PROJECTED = range(len(COUNTERS))
 
 
 class State(NamedTuple):
     """Views into the two arrays; letters as in the paper."""
 
     x: Floats  # (n, W) state of the predictor, at the last sample, after its correction
-    z: Floats  # (p, n, W) dx/dtheta_i
+    z: Floats  # (p n, W) dx/dtheta_i, one after the other
     theta: Floats  # (p, W)
     P: Floats  # (p, p, W)
     g: Floats  # (2, p, W) CUSUM for an increase and for a decrease
@@ -44,8 +54,8 @@ class State(NamedTuple):
     counts: NDArray[np.int64]  # (len(COUNTERS), W)
 
 
-@njit(cache=True, nogil=True)
-def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:  # noqa: E741
+@entry
+def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
     """Name the rows of a bank's state: F (float_rows, W) and I (int_rows, W), both C-contiguous."""
     W = F.shape[1]
     a = n
@@ -59,7 +69,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:  # noqa: E
     r = q + 2 * p
     return State(
         F[:a],
-        F[a:b].reshape(p, n, W),
+        F[a:b],
         F[b:c],
         F[c:d].reshape(p, p, W),
         F[d:e].reshape(2, p, W),
@@ -82,13 +92,13 @@ def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     return n + p * n + p + p * p + 2 * p + m + p * m + 2 + p, 3 + 3 * p + len(COUNTERS)
 
 
-@njit(cache=True, nogil=True)
+@entry
 def constant_views(c: Floats, tables: Tables) -> Constants:
     """Name the rows of a bank's constants (constant_rows, W)."""
     n, p = tables.n, tables.p
-    s = tables.row.size
+    s = tables.slots
     t = s + tables.term_slot.size
-    w = t + tables.ends[0]
+    w = t + tables.A_row.size
     k = w + n
     r = k + n
     b = r + 4 * p

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
+Indices = NDArray[np.uint32]
+"""Unsigned: the compiler need not look for negative indices in the innermost loops."""
 Floats = NDArray[np.float64]
 
 TORQUE, COULOMB, ONE = 0, 1, 2
@@ -21,8 +23,8 @@ TORQUE, COULOMB, ONE = 0, 1, 2
 class Tables(NamedTuple):
     """Indices that all axes of a bank share.
 
-    Slots are ordered: entries of A row by row, of B, of C, then dA/dtheta_i, dB/dtheta_i, dC/dtheta_i.
-    The ranges of each group are in ``ends`` (six cumulative ends).
+    The extended vector (z_1 .. z_p, x) is flat here, n elements each.  Every product of the recursion is a row of a
+    list: which slot times which element goes where.
     """
 
     n: int  # states
@@ -30,10 +32,21 @@ class Tables(NamedTuple):
     m: int  # inputs
     speed_state: int  # index of the motor speed in x
     filtered_speed: int  # 1: friction uses the speed in x (angle is measured), 0: the measured speed
-    ends: Ints  # (6,) ends of the slot groups A, B, C, dA, dB, dC
-    row: Ints  # (slots,) row of the slot's entry (0 for C)
-    col: Ints  # (slots,) column of the slot's entry (input for B)
-    par: Ints  # (slots,) parameter of a derivative slot, -1 for A, B, C
+    slots: int  # length of V; V[slots] is an extra 0
+    A_row: Ints  # (entries of A,) row of each of the first slots, in order
+    A_col: Ints
+    ext_start: (
+        Ints  # ((p + 1) n + 1,) the extended matrix [A A_i; 0 A] by rows, each of an even number of products
+    )
+    ext_src: Indices  # which element of (z_1 .. z_p, x)
+    ext_slot: Indices  # times which slot
+    in_row: Ints  # inputs: element of (z_1 .. z_p, x) that gets
+    in_slot: Ints  # slot times
+    in_col: Ints  # input; first B and the B_i on u
+    in_par: Ints  # then B on the derivative of u with respect to this parameter; -1: on u itself
+    out_slot: Ints  # output: slot times
+    out_src: Ints  # element of (z_1 .. z_p, x) goes to
+    out_par: Ints  # psi of this parameter, or -1: to yhat
     kind: Ints  # (m,) TORQUE, COULOMB or ONE
     term_slot: Ints  # (terms,) slot that the term adds to
     factor_start: Ints  # (terms + 1,) range of each term's factors
@@ -65,6 +78,6 @@ class Constants(NamedTuple):
     calm: Floats  # (W,) samples below nu that end an alarm episode
 
 
-def constant_rows(n: int, p: int, slots: int, terms: int, entries: int) -> int:
+def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return slots + terms + entries + 2 * n + 4 * p + 10
+    return t.slots + t.term_slot.size + t.A_row.size + 2 * t.n + 4 * t.p + 10

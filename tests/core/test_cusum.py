@@ -93,7 +93,6 @@ def test_threshold_is_relative_to_each_parameter() -> None:
     assert [e.size for e in episodes] == pytest.approx(list(0.3 * MODEL.theta0))
 
 
-@pytest.mark.xfail(strict=True, reason="the onset is not set before the first update")
 def test_onset_of_a_deviation_that_was_always_there() -> None:
     episodes, _ = silent(displaced(CERTAIN, 0.3, 0.0, 0.0), 7)
     assert 0 <= episodes[0].onset_us <= H_US

@@ -93,10 +93,9 @@ def test_status_of_an_axis_through_its_life() -> None:
             seen.append(status)
     assert seen == [Status.WAITING, Status.SETTLING, Status.SEEDING, Status.TRACKING]
     # 100 samples settle, of which the first only starts the predictor; ten memory lengths of 20 find P(0).
-    assert counts(monitor) == {"settling": 99, "seeding": 200, "used": 100}
+    assert counts(monitor) == {"started": 1, "settling": 99, "seeding": 200, "used": 100}
 
 
-@pytest.mark.xfail(strict=True, reason="the first sample is in no counter")
 def test_every_sample_is_counted_once(seed: int) -> None:
     case = BY_NAME["paper"]
     monitor = alone(case)
@@ -146,7 +145,6 @@ def test_a_state_can_be_saved_right_after_the_predictor_ran_away(seed: int) -> N
     assert other.facts() == monitor.facts()
 
 
-@pytest.mark.xfail(strict=True, reason="P loses its sign when psi is huge, and a square root is taken of it")
 def test_facts_of_a_predictor_that_is_running_away(seed: int) -> None:
     monitor, rec = unstable(settle_s=0.1), experiment(seed)
     for k in range(2000):
@@ -154,12 +152,7 @@ def test_facts_of_a_predictor_that_is_running_away(seed: int) -> None:
         assert all(p.standard_deviation >= 0 for p in monitor.facts().parameters)
 
 
-OVERFLOWS = pytest.mark.xfail(strict=True, reason="eps^2 overflows in the running innovation variance")
-
-
-@pytest.mark.parametrize(
-    "huge", [1e30, pytest.param(1e160, marks=OVERFLOWS), pytest.param(1e300, marks=OVERFLOWS)]
-)
+@pytest.mark.parametrize("huge", [1e30, 1e160, 1e300])
 def test_one_absurd_value_leaves_everything_finite(huge: float, seed: int) -> None:
     monitor = AxisMonitor.alone(SPEED, Settings(0.005, P0=tuple((0.01 * SPEED.scale) ** 2), settle_s=0.1))
     rec = experiment(seed)

@@ -1,0 +1,142 @@
+"""What each lane does with its sample: nothing, start anew, move; and what it holds until the next one."""
+
+import math
+from typing import Any
+
+from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
+from monitor_core.kernel.tables import COULOMB, ONE, TORQUE, Floats, Ints
+
+SKIP, RESTART, SETTLE, SEED, TRACK = 0, 1, 2, 3, 4
+"""What a lane does: nothing; start its predictor anew; predict only; also run P to find P(0); all."""
+
+
+@kernel
+def admit(
+    lanes: Any,
+    t: Ints,
+    u: Floats,
+    y: Floats,
+    gap_us: Floats,
+    settle_us: Floats,
+    last: Ints,
+    settled: Ints,
+    seed_left: Ints,
+    counts: Ints,
+    does: Ints,
+    h: Floats,
+) -> bool:
+    """Decide what each lane does with its sample (t, u, y) and over which interval h (W,) in s; True if any moves.
+
+    A time that is not after the last one is refused; one that is earlier by more than a gap is a clock that was set.
+    """
+    any_moves = False
+    for a in range(len(lanes)):
+        h[a] = 0.0
+        if does[a] == SKIP:
+            continue
+        does[a] = SKIP
+        if not (math.isfinite(u[a]) and math.isfinite(y[a])):
+            counts[NOT_FINITE, a] += 1
+        elif last[a] == NEVER:
+            counts[STARTED, a] += 1
+            does[a] = RESTART
+        elif last[a] - gap_us[a] <= t[a] <= last[a]:
+            counts[NOT_INCREASING, a] += 1
+        elif t[a] < last[a] or t[a] - last[a] > gap_us[a]:
+            counts[GAP, a] += 1
+            does[a] = RESTART
+        else:
+            any_moves = True
+            h[a] = (t[a] - last[a]) * 1e-6
+            if t[a] < settled[a]:
+                does[a] = SETTLE
+            else:
+                does[a] = SEED if seed_left[a] > 0 else TRACK
+        if does[a] == RESTART:
+            settled[a] = t[a] + int(settle_us[a])
+    return any_moves
+
+
+@kernel
+def rest(lanes: Any, does: Ints, state_of_y: Floats, y: Floats, X: Floats) -> None:
+    """Start predictors anew: the drive moves rigidly with this sample's output.  theta, P and g stay."""
+    n = state_of_y.shape[0]
+    z = X.shape[0] - n
+    for a in range(len(lanes)):
+        if does[a] == RESTART:
+            for r in range(z):
+                X[r, a] = 0.0
+            for r in range(n):
+                X[z + r, a] = state_of_y[r, a] * y[a]
+
+
+@kernel
+def innovate(
+    lanes: Any,
+    y: Floats,
+    yhat: Floats,
+    S: Floats,
+    last: Ints,
+    counts: Ints,
+    does: Ints,
+    moves: Ints,
+    learns: Ints,
+    tracks: Ints,
+    eps: Floats,
+    X: Floats,
+) -> None:
+    """eps = y - yhat (eq. 11).  A predictor that has left the finite numbers is started anew by its next sample."""
+    for a in range(len(lanes)):
+        if does[a] >= SETTLE and not math.isfinite(y[a] - yhat[a] + S[a]):
+            counts[DIVERGED, a] += 1
+            last[a] = NEVER
+            does[a] = SKIP
+            for r in range(X.shape[0]):
+                X[r, a] = 0.0
+        moves[a] = does[a] >= SETTLE
+        learns[a] = does[a] >= SEED
+        tracks[a] = does[a] == TRACK
+        eps[a] = y[a] - yhat[a] if moves[a] else 0.0
+
+
+@kernel
+def hold(
+    lanes: Any,
+    kind: Ints,
+    speed_state: int,
+    filtered_speed: int,
+    speed_scale: Floats,
+    t: Ints,
+    torque: Floats,
+    y: Floats,
+    does: Ints,
+    X: Floats,
+    last: Ints,
+    u: Floats,
+    du: Floats,
+    torque_before: Floats,
+) -> None:
+    """The sample's inputs act from now on: torque, friction of the speed, constant.
+
+    Where the angle is measured, friction follows the predicted speed, so it depends on theta: du_i = tanh' z_i.
+    """
+    p = du.shape[0]
+    n = X.shape[0] // (p + 1)
+    for a in range(len(lanes)):
+        if does[a] == SKIP:
+            continue
+        last[a] = t[a]
+        for c in range(kind.size):
+            if kind[c] == ONE:
+                u[c, a] = 1.0
+            elif kind[c] == COULOMB:
+                speed = X[p * n + speed_state, a] if filtered_speed else y[a]
+                f = math.tanh(speed / speed_scale[a])
+                u[c, a] = f
+                for i in range(p):
+                    slope = (1.0 - f * f) / speed_scale[a] if filtered_speed else 0.0
+                    du[i, c, a] = slope * X[i * n + speed_state, a]
+            elif kind[c] == TORQUE:
+                torque_before[a] = torque[a] if does[a] == RESTART else u[c, a]
+                u[c, a] = torque[a]

@@ -1,0 +1,31 @@
+"""How the functions of the kernel are compiled.
+
+They take plain arrays, few at a time: a tuple of many arrays as an argument costs more to compile and to pass than the
+arithmetic behind it.  No fast-math: the same bits for one axis and for many.  Division as numpy does it: a test for
+zero would stop SIMD.
+"""
+
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar, cast
+
+from numba import njit
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def _compiled(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
+    # The wrappers that nobody calls cost a third of the compile time; numba's types do not know their options.
+    compile_: Any = njit
+    decorator = compile_(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
+    return cast("Callable[_P, _R]", decorator(function))
+
+
+def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Compile a piece of the kernel; it is called by other pieces only, never from Python."""
+    return _compiled(function, no_cpython_wrapper=True)
+
+
+def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Compile an entry of the kernel: callable from Python, kept on disk, releases the GIL."""
+    return _compiled(function)
