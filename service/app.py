@@ -119,7 +119,8 @@ def _worker(
     stop: threading.Event,
 ) -> tuple[Worker, Journal]:
     """The worker over the files of the state directory; they are closed in the reverse order."""
-    recording = Recording(stack.enter_context(FrameRecorder(record)) if record else None)
+    recording = Recording(FrameRecorder(record) if record else None)
+    stack.callback(recording.close)
     journal = Journal(config.service.state_dir / "alarms.sqlite")
     stack.callback(journal.close)
     checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")

@@ -42,6 +42,15 @@ class Recording:
             self.problem = f"recording has ended: {error}"
             log.error("recording has ended", reason=str(error))
 
+    def close(self) -> None:
+        """Close the file; what the disk does not take now, either, has been said."""
+        if self._recorder is None:
+            return
+        try:
+            self._recorder.close()
+        except OSError as error:
+            log.error("the recording could not be closed", reason=str(error))
+
 
 class BusIntake:
     """One bus: its frames, and its state as it is shown and logged."""

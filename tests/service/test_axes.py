@@ -1,0 +1,74 @@
+"""From the configuration to the engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monitor_core.kalman import filter_gain, slowest_time_constant
+from service.axes import SETTLING_TIME_CONSTANTS, AxisError, axis_model, axis_settings
+from service.config import NamedAxis
+from tests.service.monitoring.robots import demo
+
+
+def changed(tmp_path: Path, estimator: dict[str, Any], **axis: Any) -> NamedAxis:
+    found = demo(tmp_path, 1).axes[0]
+    parts = found.config.estimator.model_copy(update=estimator)
+    return found._replace(config=found.config.model_copy(update={"estimator": parts, **axis}))
+
+
+def speed(tmp_path: Path, estimator: dict[str, Any]) -> NamedAxis:
+    axis = demo(tmp_path, 1).axes[0]
+    return changed(tmp_path, estimator, angle=None, speed=axis.config.angle)
+
+
+def test_gain_and_innovation_variance_come_from_the_noises(tmp_path: Path) -> None:
+    axis = changed(tmp_path, {}, settling_time_s=None, torque_delay_s=0.001)
+    model = axis_model(axis.config)
+    settings = axis_settings(axis, model)
+    K, lam0 = filter_gain(model, 0.005, 0.05, 1e-4)
+    assert tuple(K) == settings.K
+    assert settings.lam0 == lam0
+    assert settings.settle_s == SETTLING_TIME_CONSTANTS * slowest_time_constant(model, K, 0.005)
+    assert (settings.interval_s, settings.max_gap_s, settings.delay_s) == (0.005, 0.05, 0.001)
+    assert (settings.lam, settings.alpha1, settings.alpha2, settings.speed_scale) == (0.995, 3.0, 20.0, 1.0)
+    assert settings.P0 == (206.0, 0.0065, 30.6)
+
+
+def test_what_is_given_goes_before_what_is_computed(tmp_path: Path) -> None:
+    model = axis_model(demo(tmp_path, 1).axes[0].config)
+    K, lam0 = filter_gain(model, 0.005, 0.1, 1e-4)
+    gain = tuple(float(k) for k in K)
+    given = changed(
+        tmp_path, {"gain": gain, "innovation_variance": 1e-7, "torque_noise": None}, settling_time_s=3.0
+    )
+    settings = axis_settings(given, model)
+    assert (settings.K, settings.lam0, settings.settle_s) == (gain, 1e-7, 3.0)
+    half = axis_settings(changed(tmp_path, {"gain": gain, "torque_noise": 0.1}), model)
+    assert (half.K, half.lam0) == (gain, lam0)
+
+
+def test_output_error_has_no_gain(tmp_path: Path) -> None:
+    axis = speed(tmp_path, {"predictor": "output-error", "output_noise": 0.5})
+    settings = axis_settings(axis, axis_model(axis.config))
+    assert (settings.K, settings.lam0) == ((), 0.25)
+
+
+def test_a_gain_that_does_not_stabilise_is_refused_by_name(tmp_path: Path) -> None:
+    axis = changed(tmp_path, {"gain": (0.0, 0.0, -5.0, 0.0, 0.0, 0.1), "innovation_variance": 1e-7})
+    with pytest.raises(AxisError, match=r"demo\.axis1: the predictor is not stable: give another gain"):
+        axis_settings(axis, axis_model(axis.config))
+
+
+def test_model_has_names_scales_and_bounds(tmp_path: Path) -> None:
+    config = demo(tmp_path, 1).axes[0].config
+    parts = config.model.model_copy(
+        update={"monitor": ("fc", "kT"), "scales": {"fc": 0.5}, "bounds": {"kT": (0.5, 2.0)}}
+    )
+    model = axis_model(config.model_copy(update={"model": parts}))
+    assert model.drive.output == "angle"
+    np.testing.assert_array_equal(model.scale, [0.5, 1.0])
+    np.testing.assert_array_equal(model.limits[:, 1], [0.5, 2.0])
