@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from service.commands.exits import EXIT_CODES
+from service.words import did_you_mean
 
 COMMANDS = ("demo", "check", "listen", "run", "simulate", "play", "replay", "warm", "version")
 """In the order of the help: look around, commission, run, try, install."""
@@ -19,9 +20,9 @@ class _LazyGroup(TyperGroup):
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - as in the base class
         return list(COMMANDS)
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
-            return None
+            ctx.fail(f"no command {cmd_name!r}: {did_you_mean(cmd_name, COMMANDS)}")
         one = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
         one.command(cmd_name)(getattr(import_module(f"service.commands.{cmd_name}"), cmd_name))
         return typer.main.get_command(one)
