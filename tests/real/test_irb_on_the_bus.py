@@ -1,0 +1,145 @@
+"""The record of a real robot axis as CAN frames over a real bus into the daemon; its recording replayed."""
+
+import json
+import re
+import shutil
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from service.config import load
+from service.ingest.records import read_record
+from service.monitoring.banks import Monitors
+from service.store.checkpoints import Checkpoint, Checkpoints
+from tests.end_to_end.processes import Daemon, daemon, run_program, wait_for
+from tests.real.irb import AXIS, CONFIG
+
+pytestmark = [pytest.mark.records, pytest.mark.vcan]
+SAMPLES = 19838
+PATIENCE_S = 300.0
+"""Compiling the kernel inside a virtual machine takes minutes, the first time."""
+VALUES = ("estimate", "standard_deviation", "p_diagonal")
+
+
+class Played(NamedTuple):
+    """What is left of a daemon that has seen the whole record."""
+
+    config: Path
+    recording: Path
+    axis: Any
+    metrics: str
+    status: int
+
+
+@pytest.fixture(scope="module")
+def original(records_dir: Path) -> Path:
+    return records_dir / "irb" / "robot_arm.mat"
+
+
+@pytest.fixture(scope="module")
+def played(original: Path, tmp_path_factory: pytest.TempPathFactory) -> Played:
+    folder = tmp_path_factory.mktemp("irb")
+    config, recording = folder / "irb.toml", folder / "received.log"
+    for file in (CONFIG, CONFIG.with_suffix(".dbc")):
+        shutil.copy(file, folder)
+    with daemon(config, "--record", recording) as running:
+        must_succeed("play", "--config", config, original)
+        axis = when_all_is_in(running)
+        with urllib.request.urlopen(f"{running.page}metrics", timeout=PATIENCE_S) as answer:
+            metrics = answer.read().decode()
+        return Played(config, recording, axis, metrics, running.stop())
+
+
+def must_succeed(*arguments: str | Path) -> None:
+    done = run_program(*arguments, patience_s=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def when_all_is_in(running: Daemon) -> Any:
+    """What the daemon says of the axis once it has seen all samples, or for half a minute no further one."""
+    counts: list[int] = []
+
+    def look() -> Any:
+        axis = running.get(f"api/v1/axes/{AXIS}")
+        counts.append(axis["samples"])
+        if counts[-1] >= SAMPLES - 1 or (counts[-1] and counts[-30:] == counts[-1:] * 30):
+            return axis
+        time.sleep(1)  # the worker publishes about every second
+        return None
+
+    return wait_for(look, PATIENCE_S)
+
+
+def replayed(played: Played, record: Path) -> Any:
+    """The axis after ``axiswatch replay`` of a record."""
+    found = played.config.with_name(f"{record.name}.json")
+    must_succeed("replay", "--config", played.config, "--json", found, record)
+    return json.loads(found.read_text(encoding="utf-8"))["axes"][0]
+
+
+def test_no_frame_is_lost(played: Played) -> None:
+    assert len(played.recording.read_text().splitlines()) == SAMPLES
+    lost = {name: value for name, value in _counters(played.metrics) if "dropped" in name and value}
+    assert lost == {}
+    assert dict(_counters(played.metrics))['axiswatch_frames_total{bus="can0"}'] == SAMPLES
+    assert played.axis["counters"]["used"] + played.axis["counters"]["settling"] == SAMPLES - 1
+    assert played.status == 0
+
+
+def test_estimates_come_out_of_rest_and_of_the_metrics(played: Played) -> None:
+    metrics = dict(_counters(played.metrics))
+    assert [p["name"] for p in played.axis["parameters"]] == ["kT", "1/Ja", "fm"]
+    for p in played.axis["parameters"]:
+        labels = f'{{axis="{AXIS}",parameter="{p["name"]}"}}'
+        assert p["status"] == "tracking"
+        for value in VALUES:
+            assert metrics[f"axiswatch_parameter_{value}{labels}"] == p[value]
+        assert p["estimate"] == pytest.approx(p["nominal"], abs=3 * p["standard_deviation"])
+
+
+def test_replay_of_the_recorded_frames_gives_the_same_bits(played: Played) -> None:
+    live, again = _values(played.axis), _values(replayed(played, played.recording))
+    assert again == live
+
+
+def test_replay_of_the_recorded_frames_gives_the_same_state(played: Played) -> None:
+    """All of it: theta, the whole P, g, the predictor."""
+    config = load(played.config, {})
+    monitors = Monitors(config.axes)
+    for step in read_record(played.recording, config).steps():
+        monitors.run(step.samples)
+    monitor = monitors.by_id[AXIS]
+    saved = _saved(config.service.state_dir / "checkpoints.sqlite", monitor.key)
+    for name, array in monitor.to_arrays().items():
+        np.testing.assert_array_equal(saved.arrays[name], array, err_msg=name)
+
+
+def test_quantised_on_the_bus_the_record_gives_the_same_estimates(played: Played, original: Path) -> None:
+    live = played.axis["parameters"]
+    for there, here in zip(live, replayed(played, original)["parameters"], strict=True):
+        assert there["estimate"] == pytest.approx(here["estimate"], abs=0.2 * here["standard_deviation"])
+        assert there["p_diagonal"] == pytest.approx(here["p_diagonal"], rel=0.2)
+
+
+def _values(axis: Any) -> list[list[float]]:
+    return [[p[value] for value in VALUES] for p in axis["parameters"]]
+
+
+def _counters(metrics: str) -> Iterator[tuple[str, float]]:
+    for line in re.findall(r"^(axiswatch_\S+) (\S+)$", metrics, re.MULTILINE):
+        yield line[0], float(line[1])
+
+
+def _saved(path: Path, key: str) -> Checkpoint:
+    store = Checkpoints(path)
+    try:
+        found = store.load(AXIS, key, 0)
+    finally:
+        store.close()
+    assert isinstance(found, Checkpoint)
+    return found
