@@ -1,0 +1,90 @@
+"""Commands that go on, on a real bus between processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import urllib.request
+from pathlib import Path
+
+from tests.end_to_end.processes import PROGRAM, ROOT, daemon, demo_config, run_program, running, wait_for
+
+
+def test_demo_shows_a_page_and_names_its_fault(tmp_path: Path) -> None:
+    log = tmp_path / "demo.log"
+    options = ("--port", "0", "--axes", "2", "--fault-after", "3", "--state-dir", tmp_path / "state")
+    with running("demo", *options, log=log) as process:
+        page = wait_for(lambda: re.search(r"dashboard: (http://\S+)", log.read_text(encoding="utf-8")))[1]
+        with urllib.request.urlopen(page, timeout=20) as answer:
+            assert b"<html" in answer.read()
+
+        def alarms() -> list[dict[str, object]]:
+            with urllib.request.urlopen(page + "api/v1/alarms", timeout=20) as answer:
+                found: list[dict[str, object]] = json.loads(answer.read())["alarms"]
+                return found
+
+        (alarm,) = wait_for(alarms)
+        assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    assert "fm x 1.3 after 3 s" in log.read_text(encoding="utf-8")
+    assert (tmp_path / "state" / "checkpoints.sqlite").is_file()
+
+
+def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
+    config = demo_config(tmp_path, axes=1)
+    record = tmp_path / "frames.log"
+    with daemon(config, "--record", record) as d:
+        done = run_program("simulate", "--config", config, "--seconds", "1.5", "--seed", "7")
+        assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "300 frames sent")
+        wait_for(lambda: d.get("api/v1/axes/demo.axis1")["samples"] == 300)
+        assert d.stop() == 0
+    lines = tmp_path / "lines.txt"
+    with running("listen", "--config", config, log=lines) as listener:
+        wait_for(lambda: "can0: up" in lines.read_text(encoding="utf-8"))
+        assert "demo.axis1\ttorque\tnothing yet" in lines.read_text(encoding="utf-8")
+        played = run_program("play", "--config", config, "--speed", "2", record)
+        assert (played.returncode, played.stdout) == (0, "300 frames sent\n")
+        wait_for(lambda: "can0: up, 300 frames" in lines.read_text(encoding="utf-8"))
+        listener.send_signal(signal.SIGTERM)
+        assert listener.wait(30) == 0
+    last = lines.read_text(encoding="utf-8").splitlines()[-3:]
+    sent = record.read_text(encoding="utf-8").splitlines()[-1].split("#")[1].split()[0]
+    counter = int.from_bytes(bytes.fromhex(sent)[6:8], "little")
+    assert last[2].split("\t")[:5] == [
+        "demo.axis1",
+        "counter",
+        str(counter),
+        "Axis1State.Counter",
+        str(counter),
+    ]
+    torque = int.from_bytes(bytes.fromhex(sent)[:2], "little", signed=True) / 1000
+    assert last[0].split("\t")[2] == f"{torque:.6g} N m"
+
+
+def test_listen_on_a_terminal_is_one_table_and_ends_by_itself(tmp_path: Path) -> None:
+    config = demo_config(tmp_path, axes=1)
+    ours, theirs = pty.openpty()
+    command = [*PROGRAM, "listen", "--config", str(config), "--seconds", "0.5"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=theirs, stderr=theirs, stdin=subprocess.DEVNULL)
+    os.close(theirs)
+    shown = b"".join(iter(lambda: _read(ours), b""))
+    os.close(ours)
+    assert process.wait(60) == 0
+    for words in (b"quantity", b"nothing yet", b"can0: up, 0 frames"):
+        assert words in shown
+
+
+def _read(terminal: int) -> bytes:
+    """What is there, empty at the end."""
+    ready, _, _ = select.select([terminal], [], [], 60)
+    assert ready
+    try:
+        return os.read(terminal, 65536)
+    except OSError:  # the other end is closed
+        return b""

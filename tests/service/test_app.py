@@ -1,0 +1,31 @@
+"""The daemon as a whole, inside this process."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+import structlog
+
+from service.app import DaemonFailedError, run_daemon
+from service.monitoring.core import Core
+from service.store.journal import Journal
+from tests.service.monitoring.robots import demo
+
+
+def test_a_worker_that_fails_stops_the_daemon_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(_: Core) -> None:
+        raise ZeroDivisionError("a fault of the program")
+
+    config = demo(tmp_path, 1)
+    web = config.web.model_copy(update={"port": 0})
+    monkeypatch.setattr(Core, "run", broken)
+    with structlog.testing.capture_logs() as logs, pytest.raises(DaemonFailedError) as failure:
+        run_daemon(config.model_copy(update={"web": web}))
+    assert isinstance(failure.value.__cause__, ZeroDivisionError)
+    assert "the worker has failed; the daemon stops" in [entry["event"] for entry in logs]
+    Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer
+    assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
