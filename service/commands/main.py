@@ -24,7 +24,9 @@ class _LazyGroup(TyperGroup):
         if cmd_name not in COMMANDS:
             ctx.fail(f"no command {cmd_name!r}: {did_you_mean(cmd_name, COMMANDS)}")
         one = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
-        one.command(cmd_name)(getattr(import_module(f"service.commands.{cmd_name}"), cmd_name))
+        one.command(cmd_name, epilog=" ".join(EXIT_CODES.split()))(
+            getattr(import_module(f"service.commands.{cmd_name}"), cmd_name)
+        )
         return typer.main.get_command(one)
 
 
@@ -33,7 +35,7 @@ app = typer.Typer(
     name="axiswatch",
     help="Condition monitoring of robot axes: friction, inertia and torque constant from the torque and the "
     "angle on the CAN bus.",
-    epilog=EXIT_CODES.replace("\n", " "),
+    epilog=" ".join(EXIT_CODES.split()),
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",

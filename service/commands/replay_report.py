@@ -56,7 +56,7 @@ def as_json(report: Report) -> str:
 
 def tables(report: Report) -> Iterator[Table]:
     """The estimates at the end, and the alarms."""
-    columns = ("axis", "samples", "parameter", "nominal", "estimate", "deviation", "alarms")
+    columns = ("axis", "samples", "parameter", "unit", "nominal", "estimate", "change", "alarms")
     estimates = Table(*columns, title="Estimates at the end", title_justify="left")
     for axis in report.config.axes:
         facts = report.monitors.by_id[axis.id].facts()
@@ -68,20 +68,28 @@ def tables(report: Report) -> Iterator[Table]:
 
 
 def _cells(p: ParameterFacts) -> tuple[str, ...]:
-    estimate = f"{p.estimate:.5g} ± {p.standard_deviation:.1g} {p.unit if p.unit != '1' else ''}"
-    return p.name, f"{p.nominal:.5g}", estimate.rstrip(), _percent(p.estimate - p.nominal, p.nominal)
+    estimate = f"{p.estimate:.4g} ± {p.standard_deviation:.1g}"
+    unit = "" if p.unit == "1" else p.unit
+    return p.name, unit, f"{p.nominal:.4g}", estimate, _percent(p.estimate - p.nominal, p.nominal)
 
 
 def _alarm_table(report: Report) -> Table:
     table = Table(
-        "axis", "parameter", "change", "onset", "raised", "ended", title="Alarms", title_justify="left"
+        "axis",
+        "parameter",
+        "change",
+        "onset",
+        "raised",
+        "ended",
+        title="Alarms (times in UTC)",
+        title_justify="left",
     )
     for axis in report.config.axes:
         nominal = {p.name: p.nominal for p in report.monitors.by_id[axis.id].facts().parameters}
         for e in report.alarms(axis.id):
             change = f"{e.size:+.3g} ± {e.size_sd:.1g} ({_percent(e.size, nominal[e.parameter])})"
-            ended = maybe_iso(e.ended_us) or "open"
-            cells = (axis.id, e.parameter, change, iso(e.onset_us), iso(e.raised_us), ended)
+            times = (_short(e.onset_us), _short(e.raised_us), _short(e.ended_us))
+            cells = (axis.id, e.parameter, change, *times)
             table.add_row(*map(escape, cells), style="red" if e.ended_us is None else None)
     if not table.row_count:
         table.add_row("none")
@@ -128,6 +136,11 @@ def _alarm(e: Episode) -> Json:
         "size_sd": _number(e.size_sd),
         "crossings": e.crossings,
     }
+
+
+def _short(t_us: int | None) -> str:
+    """A time for people, to a tenth of a second."""
+    return "open" if t_us is None else iso(t_us)[:21].replace("T", " ")
 
 
 def _number(value: float) -> float | None:
