@@ -1,0 +1,112 @@
+"""The simulated robot: kinds of axes, order of samples, pace."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from service.config import Config, NamedAxis
+from service.monitoring.banks import Monitors
+from service.simulation.axis import ControlledAxis
+from service.simulation.robot import Fault, Moment, SimulatedRobot
+from service.simulation.sending import run_robot
+from tests.service.monitoring.robots import demo
+
+
+def axis(tmp_path: Path, estimator: dict[str, Any], **changes: Any) -> NamedAxis:
+    found = demo(tmp_path, 1).axes[0]
+    parts = found.config.estimator.model_copy(update={"initial_p": {}, **estimator})
+    return found._replace(config=found.config.model_copy(update={"estimator": parts, **changes}))
+
+
+def kinds(tmp_path: Path) -> dict[str, NamedAxis]:
+    torque = demo(tmp_path, 1).axes[0].config.torque
+    return {
+        "angle": axis(tmp_path, {}),
+        "late torque": axis(tmp_path, {}, torque_delay_s=0.002),
+        "torque late by a whole interval": axis(tmp_path, {}, torque_delay_s=0.005),
+        "speed": axis(tmp_path, {"output_noise": 0.02}, angle=None, speed=torque),
+        "output error": axis(
+            tmp_path,
+            {"predictor": "output-error", "output_noise": 0.2, "torque_noise": None},
+            angle=None,
+            speed=torque,
+        ),
+        "slow samples": axis(tmp_path, {}, sample_interval_s=0.01, maximum_gap_s=0.1),
+    }
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["angle", "late torque", "torque late by a whole interval", "speed", "output error", "slow samples"],
+)
+def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
+    one = kinds(tmp_path)[kind]
+    robot = ControlledAxis(one, np.random.default_rng(seed))
+    n = round(40 / robot.interval_s)
+    readings = [robot.sample(k) for k in range(n)]
+    times = np.arange(n) * round(robot.interval_s * 1e6)
+    u, y = (np.array(column) for column in zip(*readings, strict=True))
+    assert 0.5 < u.std() < 2.0
+    monitors = Monitors([one])
+    assert monitors.run({one.id: (times, u, y)}) == []
+    for p in monitors.by_id[one.id].facts().parameters:
+        assert abs(p.estimate - p.nominal) < 0.15 * p.nominal, p.name
+
+
+def test_axes_of_different_intervals_come_in_the_order_of_time(tmp_path: Path, seed: int) -> None:
+    config = demo(tmp_path, 2)
+    fast, slow = config.robot[0].axis
+    slow = slow.model_copy(update={"sample_interval_s": 0.012})
+    robot = config.robot[0].model_copy(update={"axis": (fast, slow)})
+    moments = list(itertools.islice(SimulatedRobot(_with(config, robot), seed).moments(), 300))
+    times = [m.time_s for m in moments]
+    assert times == sorted(times)
+    for axis_id, interval_s in (("demo.axis1", 0.005), ("demo.axis2", 0.012)):
+        own = [m for m in moments if axis_id in m.readings]
+        assert [m.number for m in own] == list(range(len(own)))
+        np.testing.assert_allclose([m.time_s for m in own], np.arange(len(own)) * interval_s)
+
+
+def _with(config: Config, robot: Any) -> Config:
+    return config.model_copy(update={"robot": (robot,)})
+
+
+def test_faults_happen_once_and_in_time(tmp_path: Path, seed: int) -> None:
+    config = demo(tmp_path, 2)
+    faults = [Fault("demo.axis2", {"fm": 2.0}, 0.5), Fault("demo.axis1", {"kT": 0.5}, 0.2)]
+    happened: list[Fault] = []
+    healthy = SimulatedRobot(config, seed).moments()
+    broken = SimulatedRobot(config, seed, faults).moments(happened.append)
+    first_difference: dict[str, int] = {}
+    for a, b in itertools.islice(zip(healthy, broken, strict=True), 200):
+        for axis_id, reading in a.readings.items():
+            if reading != b.readings[axis_id]:
+                first_difference.setdefault(axis_id, a.number)
+    assert happened == [faults[1], faults[0]]
+    assert first_difference == {"demo.axis1": 41, "demo.axis2": 101}  # the sample after the fault
+
+
+def test_the_same_seed_is_the_same_robot(tmp_path: Path, seed: int) -> None:
+    first, second, other = (SimulatedRobot(demo(tmp_path, 2), s).moments() for s in (seed, seed, seed + 1))
+    assert next(first) == next(second) != next(other)
+
+
+def test_sending_ends_by_time_or_when_told(tmp_path: Path, seed: int) -> None:
+    sent: list[float] = []
+
+    def send(moment: Moment) -> int:
+        sent.append(moment.time_s)
+        return 2
+
+    robot = SimulatedRobot(demo(tmp_path, 1), seed)
+    assert run_robot(robot, send, threading.Event(), duration_s=0.05) == 20
+    np.testing.assert_allclose(sent, np.arange(10) * 0.005)
+    stop = threading.Event()
+    stop.set()
+    assert run_robot(robot, send, stop) == 0
