@@ -85,6 +85,6 @@ def _run(config: Config, fault: Fault) -> None:
 def _begin(robot: RobotThread, url: str, fault: Fault) -> None:
     robot.start()
     changes = ", ".join(f"{name} x {factor:g}" for name, factor in fault.factors.items())
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
     console.print(f"{fault.axis_id}: {changes} after {fault.after_s:g} s.  Ctrl-C ends the demo.")

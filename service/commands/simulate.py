@@ -37,7 +37,7 @@ def simulate(
     if fault:
         where = axis_id(fault_axis, known) if fault_axis else known[0]
         faults.append(Fault(where, factors(fault), fault_after))
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     stop = stop_on_signals()
     with explained():
         robot = SimulatedRobot(read, seed, faults)

@@ -19,11 +19,15 @@ def test_a_robot_on_vcan0_is_monitored_while_the_interface_goes_down_and_up(
     tmp_path: Path, need: Callable[[str], str]
 ) -> None:
     config = demo_config(tmp_path, VCAN0, axes=1)
-    with daemon(config) as d:
+    ip = need("ip")
+    subprocess.run([ip, "link", "set", "vcan0", "down"], check=True)
+    with daemon(config) as d:  # starts all the same, and waits
+        reasons = wait_for(lambda: d.get("readyz")["reasons"])
+        assert reasons[0].startswith("bus can0: down")
+        subprocess.run([ip, "link", "set", "vcan0", "up"], check=True)
         with running("simulate", "--config", config, log=tmp_path / "robot.log"):
             wait_for(lambda: d.status("readyz") == 200)
             wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"] > 0)
-        ip = need("ip")
         subprocess.run([ip, "link", "set", "vcan0", "down"], check=True)
         try:
             reasons = wait_for(
