@@ -47,8 +47,13 @@ class Bank:
         float_rows, int_rows = state_rows(t.n, t.p, t.m)
         self._floats = np.zeros((float_rows, W))
         self._ints = np.zeros((int_rows, W), dtype=np.int64)
+        self.state: State = state_views(self._floats, self._ints, t.n, t.p, t.m)
+        """Named views into the state, axis last.  Writing to them changes the monitors."""
+        named = constant_views(self._constants, t)
+        self.thresholds: Floats = named.h
+        """h (p, W)"""
         for a, (model, setting) in enumerate(zip(models, settings, strict=True)):
-            fill(constant_views(self._constants, t), a, _constants(assembly, model, setting))
+            fill(named, a, _constants(assembly, model, setting))
             self._start(a, model, setting)
 
     def _start(self, a: int, model: AxisModel, s: Settings) -> None:
@@ -62,11 +67,6 @@ class Bank:
         if np.shape(certain) != model.scale.shape:
             raise ValueError(f"P0 has {len(s.P0)} entries, {len(model.scale)} parameters are monitored")
         np.fill_diagonal(st.P[:, :, a], certain)
-
-    @property
-    def state(self) -> State:
-        """Named views into the state, axis last.  Writing to them changes the monitors."""
-        return state_views(self._floats, self._ints, self._tables.n, self._tables.p, self._tables.m)
 
     def run(
         self, t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None = None
@@ -130,10 +130,6 @@ class Bank:
             raise ValueError("a state with values that are not finite")
         self._floats[:, a] = floats
         self._ints[:, a] = ints
-
-    def thresholds(self, a: int) -> Floats:
-        """h (p,) of axis a."""
-        return constant_views(self._constants, self._tables).h[:, a].copy()
 
 
 def standard_deviation(s: Settings, P_ii: float) -> float:

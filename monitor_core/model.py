@@ -213,6 +213,7 @@ class AxisModel:
     def _limits(self, name: str) -> tuple[float, float]:
         if name in self.bounds:
             return self.bounds[name]
+        size = self.scales.get(name, abs(self._nominal(name)))
         if not self.drive.parameter(name).positive:
-            return (-math.inf, math.inf)
+            return (self._nominal(name) - 10 * size, self._nominal(name) + 10 * size)
         return (0.1 * self._nominal(name), 10 * self._nominal(name))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import TypeVar
@@ -101,8 +102,8 @@ class AxisMonitor:
             p_diagonal=P_ii,
             g_up=float(st.g[0, i, a]),
             g_down=float(st.g[1, i, a]),
-            h=float(self.bank.thresholds(a)[i]),
-            nu=float(self.settings.alpha1 * np.sqrt(self.settings.lam0 * P_ii)),
+            h=float(self.bank.thresholds[i, a]),
+            nu=float(self.settings.alpha1 * math.sqrt(self.settings.lam0 * P_ii)),
             status=self._status(parameter.name),
         )
 

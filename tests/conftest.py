@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from service.kernel_cache import choose
+
 ROOT = Path(__file__).resolve().parent.parent
 CI = os.environ.get("CI") == "true"
 
@@ -17,6 +19,7 @@ CI = os.environ.get("CI") == "true"
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".cache" / "numba"))
+choose(os.environ)
 
 SEED = int(os.environ.get("AXISWATCH_SEED") or secrets.randbits(32))
 _REPEAT = f"axiswatch seed: {SEED} (AXISWATCH_SEED={SEED} repeats this run)"

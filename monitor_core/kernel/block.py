@@ -21,7 +21,7 @@ from monitor_core.kernel.recursion import (
     update_theta,
 )
 from monitor_core.kernel.state import PROJECTED, SEEDING, SETTLING, USED, constant_views, state_views
-from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
+from monitor_core.kernel.tables import TORQUE, Floats, Indices, Ints, Tables
 
 LANES = 32
 """Lanes side by side: their work arrays fit the first cache."""
@@ -44,6 +44,49 @@ class Trace(NamedTuple):
     theta: Floats  # (N, p, W)
     P: Floats  # (N, p, W) diagonal
     g: Floats  # (N, 2, p, W)
+
+
+# Copies are written out as loops: numpy's broadcasting, compiled, would double the time to compile all of this.
+
+
+@kernel
+def _times(indices: Indices, W: int) -> Indices:
+    out = np.empty_like(indices)
+    for q in range(indices.size):
+        out[q] = indices[q] * np.uint64(W)
+    return out
+
+
+@kernel
+def _copy(source: Floats, target: Floats, row: int) -> None:
+    """Into the rows of target from ``row`` on."""
+    for r in range(source.shape[0]):
+        for a in range(source.shape[1]):
+            target[row + r, a] = source[r, a]
+
+
+@kernel
+def _columns(bank: Any, first: int, W: int) -> Any:
+    out = np.empty((bank.shape[0], W), bank.dtype)
+    for r in range(bank.shape[0]):
+        for a in range(W):
+            out[r, a] = bank[r, first + a]
+    return out
+
+
+@kernel
+def _put_back(columns: Any, bank: Any, first: int) -> None:
+    for r in range(columns.shape[0]):
+        for a in range(columns.shape[1]):
+            bank[r, first + a] = columns[r, a]
+
+
+@kernel
+def _most(number: Ints, first: int, W: int) -> int:
+    most = 0
+    for a in range(W):
+        most = max(most, number[first + a])
+    return most
 
 
 @kernel
@@ -144,43 +187,29 @@ def _run_lanes(
 ) -> None:
     """Samples of lanes a0 .. a0 + W - 1; C, F, I are the constants and the state of just these lanes."""
     T, con = tables, constant_views(C, tables)
+    filled, what, value = events.filled, events.what, events.value
     st = state_views(F, I, T.n, T.p, T.m)
     W, z = F.shape[1], T.p * T.n
-    V = np.zeros((T.slots + 1, W))
-    V[:-1] = con.V0
-    X, now, after, G = (
-        np.zeros((z + T.n, W)),
-        np.zeros((z + T.n, W)),
-        np.zeros((z + T.n, W)),
-        np.zeros((z + T.n, W)),
-    )
+    X, G, V = np.zeros((z + T.n, W)), np.zeros((z + T.n, W)), np.zeros((T.slots + 1, W))
+    X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
+    now, after, src, slot = np.zeros(X.size), np.zeros(X.size), _times(T.ext_src, W), _times(T.ext_slot, W)
     psi, Ppsi, d, nu = np.zeros((T.p, W)), np.zeros((T.p, W)), np.zeros((T.p, W)), np.zeros((T.p, W))
-    u, y, h, yhat, eps, S, scratch = (
-        np.zeros(W),
-        np.zeros(W),
-        np.zeros(W),
-        np.zeros(W),
-        np.zeros(W),
-        np.zeros(W),
-        np.zeros(W),
-    )
-    h_first, u_first = np.zeros(W), np.zeros((T.m, W))
-    t, does, steps, terms, hit = (
-        np.zeros(W, np.int64),
+    u_first, h_first = np.zeros((T.m, W)), np.zeros(W)
+    u, y, h, yhat = np.zeros(W), np.zeros(W), np.zeros(W), np.zeros(W)
+    eps, S, tmp = np.zeros(W), np.zeros(W), np.zeros(W)
+    t, does, steps, terms = (
         np.zeros(W, np.int64),
         np.zeros(W, np.int64),
         np.zeros(W, np.int64),
         np.zeros(W, np.int64),
     )
-    moves, learns, tracks, fit = (
-        np.zeros(W, np.int64),
-        np.zeros(W, np.int64),
-        np.zeros(W, np.int64),
-        np.zeros(W, np.int64),
-    )
-    X[:z] = st.z
-    X[z:] = st.x
-    for k in range(samples.number[a0 : a0 + W].max()):
+    moves, learns, tracks = np.zeros(W, np.int64), np.zeros(W, np.int64), np.zeros(W, np.int64)
+    hit, fit = np.zeros(W, np.int64), np.zeros(W, np.int64)
+    _copy(con.V0, V, 0)
+    _copy(st.z, X, 0)
+    _copy(st.x, X, z)
+    # fmt: off  (one line per step of the recursion)
+    for k in range(_most(samples.number, a0, W)):
         _take(lanes, k, a0, samples.t, samples.u, samples.y, samples.number, t, u, y, does, learns)
         if admit(
             lanes, t, u, y, con.gap_us, con.settle_us, st.t, st.settled, st.seed_left, st.counts, does, h
@@ -195,31 +224,15 @@ def _run_lanes(
                 con.coef,
                 st.theta,
                 V,
-                scratch,
+                tmp,
             )
             if _delayed(lanes, T.kind, con.delay, st.torque_before, st.u, h, h_first, u_first):
                 drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, u_first, st.du, G)
                 split(lanes, T.A_row, con.weight, V, h_first, steps, terms)
-                propagate(
-                    lanes,
-                    T.ext_start,
-                    T.ext_src,
-                    T.ext_slot,
-                    V,
-                    G,
-                    h_first,
-                    steps,
-                    terms,
-                    X,
-                    now,
-                    after,
-                    scratch,
-                )
+                propagate(lanes, T.ext_start, src, slot, V_, G_, h_first, steps, terms, X_, now, after, tmp)
             drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, st.u, st.du, G)
             split(lanes, T.A_row, con.weight, V, h, steps, terms)
-            propagate(
-                lanes, T.ext_start, T.ext_src, T.ext_slot, V, G, h, steps, terms, X, now, after, scratch
-            )
+            propagate(lanes, T.ext_start, src, slot, V_, G_, h, steps, terms, X_, now, after, tmp)
             predict(lanes, T.out_slot, T.out_src, T.out_par, V, X, yhat, psi)
             gain(lanes, con.lam, st.P, psi, Ppsi, S)
             innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
@@ -228,38 +241,11 @@ def _run_lanes(
             find_P0(lanes, con.seed, st.seed_left, st.P_sum, st.P, does)
             running_variance(lanes, con.lam, con.lam_slow, st.lam0_running, eps, S, learns)
             correct(lanes, con.K, X, eps, psi, moves)
-            deviate(lanes, con.theta0, con.alpha1, con.lam0, st.theta, st.P, d, nu)
             _tally(lanes, does, hit, st.counts)
-            crossed = accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tracks)
-            if crossed:
-                alarm(
-                    lanes,
-                    con.h,
-                    t,
-                    st.g,
-                    st.onset,
-                    st.theta,
-                    st.P,
-                    tracks,
-                    a0,
-                    reset,
-                    events.filled,
-                    events.what,
-                    events.value,
-                )
-            calm_down(
-                lanes,
-                con.calm,
-                t,
-                st.calm,
-                st.theta,
-                st.P,
-                tracks,
-                a0,
-                events.filled,
-                events.what,
-                events.value,
-            )
+            deviate(lanes, con.theta0, con.alpha1, con.lam0, st.theta, st.P, d, nu)
+            if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tracks):
+                alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tracks, a0, reset, filled, what, value)
+            calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tracks, a0, filled, what, value)
         rest(lanes, does, con.rest, y, X)
         hold(
             lanes,
@@ -294,8 +280,9 @@ def _run_lanes(
                 trace.P,
                 trace.g,
             )
-    st.z[:] = X[:z]
-    st.x[:] = X[z:]
+    # fmt: on
+    _copy(X[:z], st.z, 0)
+    _copy(X[z:], st.x, 0)
 
 
 @entry
@@ -311,10 +298,10 @@ def run_axes(
 ) -> None:
     """The bank axis by axis: the shape for few axes."""
     for a in range(F.shape[1]):
-        con, f, i = C[:, a : a + 1].copy(), F[:, a : a + 1].copy(), I[:, a : a + 1].copy()
+        con, f, i = _columns(C, a, 1), _columns(F, a, 1), _columns(I, a, 1)
         _run_lanes((0,), tables, con, f, i, samples, a, reset, events, trace)
-        F[:, a : a + 1] = f
-        I[:, a : a + 1] = i
+        _put_back(f, F, a)
+        _put_back(i, I, a)
 
 
 @entry
@@ -330,8 +317,8 @@ def run_side_by_side(
 ) -> None:
     """The bank in lanes, as many at a time as keep the work arrays in the fastest cache: the shape for many axes."""
     for a in range(0, F.shape[1], LANES):
-        b = min(a + LANES, F.shape[1])
-        con, f, i = C[:, a:b].copy(), F[:, a:b].copy(), I[:, a:b].copy()
-        _run_lanes(np.arange(b - a), tables, con, f, i, samples, a, reset, events, trace)
-        F[:, a:b] = f
-        I[:, a:b] = i
+        W = min(LANES, F.shape[1] - a)
+        con, f, i = _columns(C, a, W), _columns(F, a, W), _columns(I, a, W)
+        _run_lanes(np.arange(W), tables, con, f, i, samples, a, reset, events, trace)
+        _put_back(f, F, a)
+        _put_back(i, I, a)

@@ -46,7 +46,8 @@ def accumulate(
 ) -> bool:
     """g = max(0, g + d - nu) for d and for -d (eq. 21).
 
-    The onset is the last time at which g was zero, or the first of all.  Counts the consecutive samples with |d| <= nu.  True if any lane's g exceeds its h.
+    The onset is the last time at which g was zero, or the first of all.  Counts the consecutive samples with
+    |d| <= nu.  True if any lane's g exceeds its h.
     """
     crossed = False
     for i in range(d.shape[0]):

@@ -22,7 +22,7 @@ _TAIL = 1e-13
 _RATES = np.array([0.0] + [(_TAIL * math.factorial(k)) ** (1 / k) for k in range(1, 18)])
 """Largest r for which r^k / k!, the first term of the derivative left out after k + 1 terms, is below _TAIL."""
 
-MOST_STEPS = 10_000
+MOST_STEPS = 1000
 """More substeps than any interval below the gap limit needs; a norm beyond that (or NaN) makes the lane diverge."""
 
 
@@ -75,7 +75,7 @@ def drive(
 @kernel
 def propagate(
     lanes: Any,
-    start: Ints,
+    start: Indices,
     src: Indices,
     slot: Indices,
     V: Floats,
@@ -88,37 +88,42 @@ def propagate(
     t_next: Floats,
     scale: Floats,
 ) -> None:
-    """Move X ((p + 1) n, W) = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.
+    """Move X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.
 
-    Lanes that need fewer substeps or terms than others get terms that are exactly zero, so a lane's result does
-    not depend on its neighbours.  Products come in pairs: half the traffic of the sums, in the same order.
+    The innermost loops of the kernel: V, G, X are flat here, ``src`` and ``slot`` already multiplied by W, and every
+    index is unsigned, which is what lets the compiler leave out all that is not arithmetic.  Products come in pairs:
+    half the traffic of the sums, in the same order.  Lanes that need fewer substeps or terms than others get terms
+    that are exactly zero, so a lane's result does not depend on its neighbours.
     ``t``, ``t_next`` (as X) and ``scale`` (W,) are scratch.
     """
+    W, one, two = np.uint64(len(lanes)), np.uint64(1), np.uint64(2)
     most_steps = 0
     most_terms = 0
     for a in range(len(lanes)):
         most_steps = max(most_steps, steps[a])
         most_terms = max(most_terms, terms[a])
     for step in range(most_steps):
-        for r in range(X.shape[0]):
-            for a in range(len(lanes)):
-                t[r, a] = X[r, a]
+        for e in range(X.size):
+            t[e] = X[e]
         for k in range(1, most_terms + 1):
             for a in range(len(lanes)):
                 scale[a] = h[a] / (steps[a] * k) if step < steps[a] and k <= terms[a] else 0.0
-            for r in range(X.shape[0]):
-                q = start[r]
-                s0, c0, s1, c1 = slot[q], src[q], slot[q + 1], src[q + 1]
-                for a in range(len(lanes)):
-                    t_next[r, a] = V[s0, a] * t[c0, a] + V[s1, a] * t[c1, a]
-                for q in range(start[r] + 2, start[r + 1], 2):
-                    s0, c0, s1, c1 = slot[q], src[q], slot[q + 1], src[q + 1]
-                    for a in range(len(lanes)):
-                        t_next[r, a] = (t_next[r, a] + V[s0, a] * t[c0, a]) + V[s1, a] * t[c1, a]
+            q = start[0]
+            for r in range(np.uint64(start.size) - one):
+                o = r * W
+                s0, c0, s1, c1 = slot[q], src[q], slot[q + one], src[q + one]
+                for a in range(W):
+                    t_next[o + a] = V[s0 + a] * t[c0 + a] + V[s1 + a] * t[c1 + a]
+                q += two
+                while q < start[r + one]:
+                    s0, c0, s1, c1 = slot[q], src[q], slot[q + one], src[q + one]
+                    for a in range(W):
+                        t_next[o + a] = (t_next[o + a] + V[s0 + a] * t[c0 + a]) + V[s1 + a] * t[c1 + a]
+                    q += two
                 if k == 1:
-                    for a in range(len(lanes)):
-                        t_next[r, a] += G[r, a]
-                for a in range(len(lanes)):
-                    t_next[r, a] *= scale[a]
-                    X[r, a] += t_next[r, a]
+                    for a in range(W):
+                        t_next[o + a] += G[o + a]
+                for a in range(W):
+                    t_next[o + a] *= scale[a]
+                    X[o + a] += t_next[o + a]
             t, t_next = t_next, t

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.int64]
-Indices = NDArray[np.uint32]
+Indices = NDArray[np.uint64]
 """Unsigned: the compiler need not look for negative indices in the innermost loops."""
 Floats = NDArray[np.float64]
 
@@ -35,9 +35,7 @@ class Tables(NamedTuple):
     slots: int  # length of V; V[slots] is an extra 0
     A_row: Ints  # (entries of A,) row of each of the first slots, in order
     A_col: Ints
-    ext_start: (
-        Ints  # ((p + 1) n + 1,) the extended matrix [A A_i; 0 A] by rows, each of an even number of products
-    )
+    ext_start: Indices  # ((p + 1) n + 1,) the extended matrix [A A_i; 0 A] by rows, each of an even number of products
     ext_src: Indices  # which element of (z_1 .. z_p, x)
     ext_slot: Indices  # times which slot
     in_row: Ints  # inputs: element of (z_1 .. z_p, x) that gets

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from service.commands.exits import EXIT_CODES
-from service.commands.kernel_cache import find_place, usual_places
+from service.kernel_cache import choose
 from service.words import did_you_mean
 
 COMMANDS = ("demo", "check", "listen", "run", "simulate", "play", "replay", "warm", "version")
@@ -55,7 +55,7 @@ def main() -> None:
     # Before numpy is imported: on matrices this small more threads only cost.
     for library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    find_place(os.environ, usual_places())
+    choose(os.environ)
     app()
 
 

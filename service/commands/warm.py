@@ -6,7 +6,7 @@ from time import perf_counter
 def warm() -> None:
     """Compile the numeric kernel into numba's cache, so that the next start need not.
 
-    The cache is beside the installed program, or in the folder NUMBA_CACHE_DIR. It holds for this version and
+    The cache lies below NUMBA_CACHE_DIR if that is set, else in ~/.cache/axiswatch. It holds for this version and
     this kind of processor.
     """
     start = perf_counter()
