@@ -66,8 +66,8 @@ def test_scales_and_limits() -> None:
     values = {**V, "tau0": 0.0, "fm": -2.0}
     model = AxisModel(three_mass("speed"), values, ("kT", "fm", "tau0"), {"tau0": 0.3}, {"fm": (-5, -1)})
     assert model.scale == pytest.approx([31, 2, 0.3])
-    assert model.limits[0] == pytest.approx([3.1, -5, -np.inf])
-    assert model.limits[1] == pytest.approx([310, -1, np.inf])
+    assert model.limits[0] == pytest.approx([3.1, -5, -3])
+    assert model.limits[1] == pytest.approx([310, -1, 3])
 
 
 def test_balance_brings_the_norm_of_the_reference_drive_down() -> None:

@@ -29,8 +29,12 @@ _BUS = 'interface = "virtual"\nchannel = "axiswatch-demo"'
 def demo_config(folder: Path, bus: str | None = None, axes: int = 2, service: str = "") -> Path:
     """The demo's configuration for its first axes, on a bus between processes of its own."""
     (folder / "demo.dbc").write_bytes((ROOT / "config" / "demo.dbc").read_bytes())
-    group = ".".join(str(1 + secrets.randbelow(254)) for _ in range(3))
-    bus = bus or f'interface = "udp_multicast"\nchannel = "239.{group}"'
+    # A port of its own, too: Linux hands a socket the datagrams of every group that anyone here has joined.
+    group, port = (
+        ".".join(str(1 + secrets.randbelow(254)) for _ in range(3)),
+        20_000 + secrets.randbelow(12_000),
+    )
+    bus = bus or f'interface = "udp_multicast"\nchannel = "239.{group}"\noptions = {{ port = {port} }}'
     parts = _DEMO.split("[[robot.axis]]")
     text = "[[robot.axis]]".join(parts[: 1 + axes])
     assert _BUS in text
