@@ -38,6 +38,8 @@ class Bank:
         for model in models:
             if (model.drive, model.monitored) != (first.drive, first.monitored):
                 raise ValueError("the axes of a bank must share the drive and the monitored parameters")
+        if len({s.run_on for s in settings}) > 1:
+            raise ValueError("the axes of a bank must agree on run_on")
         self.models, self.settings = tuple(models), tuple(settings)
         assembly = Assembly(first.drive, first.monitored)
         self._tables = t = assembly.tables

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.kernel.admission import SEED, SETTLE, SKIP, TRACK, admit, hold, innovate, rest
+from monitor_core.kernel.columns import columns, copy, most, put_back, times
 from monitor_core.kernel.compile import entry, kernel
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.laurent import evaluate
@@ -21,7 +22,7 @@ from monitor_core.kernel.recursion import (
     update_theta,
 )
 from monitor_core.kernel.state import PROJECTED, SEEDING, SETTLING, USED, constant_views, state_views
-from monitor_core.kernel.tables import TORQUE, Floats, Indices, Ints, Tables
+from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
 
 LANES = 32
 """Lanes side by side: their work arrays fit the first cache."""
@@ -44,49 +45,6 @@ class Trace(NamedTuple):
     theta: Floats  # (N, p, W)
     P: Floats  # (N, p, W) diagonal
     g: Floats  # (N, 2, p, W)
-
-
-# Copies are written out as loops: numpy's broadcasting, compiled, would double the time to compile all of this.
-
-
-@kernel
-def _times(indices: Indices, W: int) -> Indices:
-    out = np.empty_like(indices)
-    for q in range(indices.size):
-        out[q] = indices[q] * np.uint64(W)
-    return out
-
-
-@kernel
-def _copy(source: Floats, target: Floats, row: int) -> None:
-    """Into the rows of target from ``row`` on."""
-    for r in range(source.shape[0]):
-        for a in range(source.shape[1]):
-            target[row + r, a] = source[r, a]
-
-
-@kernel
-def _columns(bank: Any, first: int, W: int) -> Any:
-    out = np.empty((bank.shape[0], W), bank.dtype)
-    for r in range(bank.shape[0]):
-        for a in range(W):
-            out[r, a] = bank[r, first + a]
-    return out
-
-
-@kernel
-def _put_back(columns: Any, bank: Any, first: int) -> None:
-    for r in range(columns.shape[0]):
-        for a in range(columns.shape[1]):
-            bank[r, first + a] = columns[r, a]
-
-
-@kernel
-def _most(number: Ints, first: int, W: int) -> int:
-    most = 0
-    for a in range(W):
-        most = max(most, number[first + a])
-    return most
 
 
 @kernel
@@ -186,13 +144,13 @@ def _run_lanes(
     trace: Trace,
 ) -> None:
     """Samples of lanes a0 .. a0 + W - 1; C, F, I are the constants and the state of just these lanes."""
-    T, con = tables, constant_views(C, tables)
+    T, tr, con = tables, trace, constant_views(C, tables)
     filled, what, value = events.filled, events.what, events.value
     st = state_views(F, I, T.n, T.p, T.m)
     W, z = F.shape[1], T.p * T.n
     X, G, V = np.zeros((z + T.n, W)), np.zeros((z + T.n, W)), np.zeros((T.slots + 1, W))
     X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
-    now, after, src, slot = np.zeros(X.size), np.zeros(X.size), _times(T.ext_src, W), _times(T.ext_slot, W)
+    now, after, src, slot = np.zeros(X.size), np.zeros(X.size), times(T.ext_src, W), times(T.ext_slot, W)
     psi, Ppsi, d, nu = np.zeros((T.p, W)), np.zeros((T.p, W)), np.zeros((T.p, W)), np.zeros((T.p, W))
     u_first, h_first = np.zeros((T.m, W)), np.zeros(W)
     u, y, h, yhat = np.zeros(W), np.zeros(W), np.zeros(W), np.zeros(W)
@@ -205,27 +163,15 @@ def _run_lanes(
     )
     moves, learns, tracks = np.zeros(W, np.int64), np.zeros(W, np.int64), np.zeros(W, np.int64)
     hit, fit = np.zeros(W, np.int64), np.zeros(W, np.int64)
-    _copy(con.V0, V, 0)
-    _copy(st.z, X, 0)
-    _copy(st.x, X, z)
-    # fmt: off  (one line per step of the recursion)
-    for k in range(_most(samples.number, a0, W)):
+    copy(con.V0, V, 0)
+    copy(st.z, X, 0)
+    copy(st.x, X, z)
+    # One line for each step of the recursion.
+    # fmt: off
+    for k in range(most(samples.number, a0, W)):
         _take(lanes, k, a0, samples.t, samples.u, samples.y, samples.number, t, u, y, does, learns)
-        if admit(
-            lanes, t, u, y, con.gap_us, con.settle_us, st.t, st.settled, st.seed_left, st.counts, does, h
-        ):
-            evaluate(
-                lanes,
-                T.term_slot,
-                T.factor_start,
-                T.factor_par,
-                T.factor_exp,
-                con.V0,
-                con.coef,
-                st.theta,
-                V,
-                tmp,
-            )
+        if admit(lanes, t, u, y, con.gap_us, con.settle_us, st.t, st.settled, st.seed_left, st.counts, does, h):
+            evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V, tmp)
             if _delayed(lanes, T.kind, con.delay, st.torque_before, st.u, h, h_first, u_first):
                 drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, u_first, st.du, G)
                 split(lanes, T.A_row, con.weight, V, h_first, steps, terms)
@@ -247,42 +193,13 @@ def _run_lanes(
                 alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tracks, a0, reset, filled, what, value)
             calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tracks, a0, filled, what, value)
         rest(lanes, does, con.rest, y, X)
-        hold(
-            lanes,
-            T.kind,
-            T.speed_state,
-            T.filtered_speed,
-            con.speed_scale,
-            t,
-            u,
-            y,
-            does,
-            X,
-            st.t,
-            st.u,
-            st.du,
-            st.torque_before,
-        )
-        if trace.eps.size:
-            _record(
-                lanes,
-                k,
-                a0,
-                learns,
-                eps,
-                psi,
-                st.theta,
-                st.P,
-                st.g,
-                trace.eps,
-                trace.psi,
-                trace.theta,
-                trace.P,
-                trace.g,
-            )
+        hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.speed_scale, t, u, y, does, X, st.t, st.u, st.du,
+             st.torque_before)
+        if tr.eps.size:
+            _record(lanes, k, a0, learns, eps, psi, st.theta, st.P, st.g, tr.eps, tr.psi, tr.theta, tr.P, tr.g)
     # fmt: on
-    _copy(X[:z], st.z, 0)
-    _copy(X[z:], st.x, 0)
+    copy(X[:z], st.z, 0)
+    copy(X[z:], st.x, 0)
 
 
 @entry
@@ -298,10 +215,10 @@ def run_axes(
 ) -> None:
     """The bank axis by axis: the shape for few axes."""
     for a in range(F.shape[1]):
-        con, f, i = _columns(C, a, 1), _columns(F, a, 1), _columns(I, a, 1)
+        con, f, i = columns(C, a, 1), columns(F, a, 1), columns(I, a, 1)
         _run_lanes((0,), tables, con, f, i, samples, a, reset, events, trace)
-        _put_back(f, F, a)
-        _put_back(i, I, a)
+        put_back(f, F, a)
+        put_back(i, I, a)
 
 
 @entry
@@ -318,7 +235,7 @@ def run_side_by_side(
     """The bank in lanes, as many at a time as keep the work arrays in the fastest cache: the shape for many axes."""
     for a in range(0, F.shape[1], LANES):
         W = min(LANES, F.shape[1] - a)
-        con, f, i = _columns(C, a, W), _columns(F, a, W), _columns(I, a, W)
+        con, f, i = columns(C, a, W), columns(F, a, W), columns(I, a, W)
         _run_lanes(np.arange(W), tables, con, f, i, samples, a, reset, events, trace)
-        _put_back(f, F, a)
-        _put_back(i, I, a)
+        put_back(f, F, a)
+        put_back(i, I, a)

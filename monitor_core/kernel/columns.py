@@ -1,0 +1,55 @@
+"""Moving columns between a bank and the lanes of a run.
+
+Written out as loops: numpy's broadcasting, compiled, would double the time to compile the whole kernel.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.tables import Floats, Indices, Ints
+
+
+@kernel
+def times(indices: Indices, W: int) -> Indices:
+    """Indices of flat arrays with W numbers a row."""
+    out = np.empty_like(indices)
+    for q in range(indices.size):
+        out[q] = indices[q] * np.uint64(W)
+    return out
+
+
+@kernel
+def copy(source: Floats, target: Floats, row: int) -> None:
+    """Into the rows of target from ``row`` on."""
+    for r in range(source.shape[0]):
+        for a in range(source.shape[1]):
+            target[row + r, a] = source[r, a]
+
+
+@kernel
+def columns(bank: Any, first: int, W: int) -> Any:
+    """A contiguous copy of W columns from ``first`` on."""
+    out = np.empty((bank.shape[0], W), bank.dtype)
+    for r in range(bank.shape[0]):
+        for a in range(W):
+            out[r, a] = bank[r, first + a]
+    return out
+
+
+@kernel
+def put_back(lanes: Any, bank: Any, first: int) -> None:
+    """The columns back where ``columns`` took them from."""
+    for r in range(lanes.shape[0]):
+        for a in range(lanes.shape[1]):
+            bank[r, first + a] = lanes[r, a]
+
+
+@kernel
+def most(number: Ints, first: int, W: int) -> int:
+    """The largest of W numbers from ``first`` on."""
+    top = 0
+    for a in range(W):
+        top = max(top, number[first + a])
+    return top
