@@ -9,12 +9,13 @@ from typing import Literal, NamedTuple
 from service.ingest.errors import IngestError
 from service.ingest.frames import Sample
 
-REASONS = ("not_finite", "repeated", "out_of_order", "unpaired", "late", "missing")
+REASONS = ("not_finite", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing")
 """Why values did not become a sample; ``Assembler.dropped`` counts them, and as "missing" whole samples.
 
 not_finite: NaN or infinite.  repeated: the same quantity again within half an interval.  out_of_order: not
-after the last sample.  unpaired: the partner never came.  late: came after its partner had been given up or
-paired otherwise.  missing: samples that never came, from the interval between two samples.
+after the last sample.  untimed: the sample counter contradicts the time of receipt.  unpaired: the partner
+never came.  late: came after its partner had been given up or paired otherwise.  missing: samples that never
+came, from the interval between two samples.
 """
 
 Kind = Literal["torque", "motion"]

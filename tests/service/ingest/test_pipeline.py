@@ -161,9 +161,10 @@ def test_a_counter_tells_repeated_frames_and_gaps(tmp_path: Path) -> None:
 
 def test_a_counter_that_starts_again(tmp_path: Path) -> None:
     ingest = Ingest(make_config(tmp_path, axis2(time=counted("Both2"))), "bus0")
-    frames = [both2(START_US + 5000 * k, 1.0, 2.0, 30_000 + k if k < 10 else k) for k in range(20)]
-    assert len(ingest.feed(frames)["r.two"]) == 20
-    assert ingest.axis_events("r.two")["clock_reanchored"] == 1
+    frames = [both2(START_US + 5000 * k, 1.0, 2.0, 30_000 + k if k < 10 else k) for k in range(300)]
+    assert len(ingest.feed(frames)["r.two"]) == 100
+    assert axis_drops(ingest, "r.two") == {"untimed": 2 * 200, "missing": 200}
+    assert ingest.axis_events("r.two") == {"clock_reanchored": 1, "clock_set_back": 0}
 
 
 def test_values_as_decoded(tmp_path: Path) -> None:
