@@ -1,0 +1,65 @@
+"""The daemon as a process of its own, a simulated robot as another: CPU, memory, time to the first estimate."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.bench.costs import cpu, memory_mb
+from tests.bench.measure import Say
+from tests.end_to_end.processes import Daemon, daemon, demo_config, running, wait_for
+
+pytestmark = pytest.mark.bench
+
+AXES, WATCHED_S = 6, 20.0
+SETTLING = "settling_time_s = 1.5"
+
+
+def samples(d: Daemon) -> int:
+    return sum(int(axis["samples"]) for axis in d.get("api/v1/axes")["axes"])
+
+
+def test_six_axes_at_200_hz(tmp_path: Path, say: Say) -> None:
+    config = demo_config(tmp_path, axes=AXES)
+    with daemon(config) as d, running("simulate", "--config", config, log=tmp_path / "robot.log") as robot:
+        wait_for(lambda: d.status("readyz") == 200)
+        time.sleep(2)
+        count, before, robot_before = samples(d), cpu(d.process.pid), cpu(robot.pid)
+        time.sleep(WATCHED_S)
+        after, robot_after = cpu(d.process.pid), cpu(robot.pid)
+        rate = (samples(d) - count) / (after.at_s - before.at_s)
+        rows = [
+            ("daemon, of one core", after.share_since(before), "10 %"),
+            ("daemon, resident MB", memory_mb(d.process.pid), 250),
+            ("samples/s and axis", rate / AXES, 200),
+            ("the robot beside it", robot_after.share_since(robot_before), "-"),
+        ]
+    say(f"the daemon, {AXES} axes at 200 Hz over {WATCHED_S:.0f} s", ("", "found", "target"), rows)
+
+
+def test_time_to_the_first_estimate(tmp_path: Path, say: Say, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    config = demo_config(tmp_path, axes=AXES)
+    text = config.read_text(encoding="utf-8")
+    assert SETTLING in text
+    # Else the predictor's settling, which is time of the robot, is what is measured.
+    config.write_text(text.replace(SETTLING, "settling_time_s = 0.0"), encoding="utf-8")
+    rows = []
+    with running("simulate", "--config", config, log=tmp_path / "robot.log"):
+        time.sleep(3)
+        for cache, target in (("empty", 10), ("filled", 3)):
+            rows.append((cache, *first_estimate(config), target))
+    header = ("compile cache", "page s", "estimate s", "resident MB", "most MB", "target s")
+    say(f"from the start of the daemon to the first estimate, {AXES} axes, without settling", header, rows)
+
+
+def first_estimate(config: Path) -> tuple[float, float, float, float]:
+    start = time.monotonic()
+    with daemon(config) as d:
+        page_s = time.monotonic() - start
+        wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"])
+        found = time.monotonic() - start, memory_mb(d.process.pid), memory_mb(d.process.pid, "VmHWM")
+        assert d.stop() == 0
+    return page_s, *found

@@ -1,0 +1,86 @@
+"""What a sample costs in the kernel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from monitor_core.bank import FEWEST_LANES
+from monitor_core.model import Output
+from monitor_core.reference import Record, experiment, reference_model
+from tests.bench.axes import LANES, ONE_BY_ONE, forced, run_of, settings
+from tests.bench.measure import Say, in_turns
+from tests.core.oracle import Paper
+
+pytestmark = pytest.mark.bench
+
+BLOCK = 1000
+DAEMON_BLOCK = 20
+"""Samples of an axis at 200 Hz between two turns of the daemon's worker."""
+TRANSCRIBED = 150
+OUTPUTS: tuple[Output, ...] = ("speed", "angle")
+AXES = (1, 6, 16, 64)
+FEW = (2, 3, 4, 5, 6, 7, 8, 12, 16)
+TARGET_US = {1: 2.0, 64: 0.5}
+
+
+@pytest.mark.parametrize("axes", AXES)
+def test_block_of_1000_samples(axes: int, seed: int, benchmark: Any) -> None:
+    """For pytest-benchmark's own table: ms for one axis are us per sample."""
+    run = run_of("speed", axes, BLOCK, seed)
+    benchmark.pedantic(run, rounds=9, warmup_rounds=1)
+
+
+def test_one_axis_against_the_transcription(seed: int, say: Say) -> None:
+    say(
+        "one axis, three masses, kT 1/Ja fm: us per sample",
+        ("", "kernel", "target", "numpy and scipy", "ratio"),
+        [against_the_transcription(output, seed) for output in OUTPUTS],
+    )
+
+
+def against_the_transcription(output: Output, seed: int) -> tuple[object, ...]:
+    samples = experiment(seed, output=output)
+    first = Record(samples.t_us[:TRANSCRIBED], samples.u[:TRANSCRIBED], samples.y[:TRANSCRIBED])
+
+    def transcription() -> object:
+        return Paper(reference_model(output), settings(output, seed)).run(*first)
+
+    medians = in_turns({"kernel": run_of(output, 1, BLOCK, seed), "paper": transcription}, 9)
+    ours, theirs = medians["kernel"] / BLOCK * 1e6, medians["paper"] / TRANSCRIBED * 1e6
+    target = TARGET_US[1] if output == "speed" else "-"
+    return f"{output} output", ours, target, theirs, f"{theirs / ours:.0f} times"
+
+
+def test_many_axes(seed: int, say: Say) -> None:
+    medians = in_turns({(o, axes): run_of(o, axes, BLOCK, seed) for o in OUTPUTS for axes in AXES}, 9)
+    cost = {key: t / BLOCK / key[1] * 1e6 for key, t in medians.items()}
+    say(
+        "many axes: us per sample and axis",
+        ("axes", *(f"{output} output" for output in OUTPUTS), "target (speed)"),
+        [(axes, *(cost[o, axes] for o in OUTPUTS), TARGET_US.get(axes, "-")) for axes in AXES],
+    )
+
+
+@pytest.mark.parametrize(("samples", "rounds"), [(DAEMON_BLOCK, 99), (BLOCK, 9)])
+def test_few_axes_one_by_one_or_in_lanes(samples: int, rounds: int, seed: int, say: Say) -> None:
+    variants = {
+        (o, axes, shape): forced(run_of(o, axes, samples, seed), shape)
+        for axes in FEW
+        for o in OUTPUTS
+        for shape in (ONE_BY_ONE, LANES)
+    }
+    medians = in_turns(variants, rounds)
+    rows = []
+    for axes in FEW:
+        row: list[object] = [axes]
+        for o in OUTPUTS:
+            one, lanes = (medians[o, axes, shape] / samples / axes * 1e6 for shape in (ONE_BY_ONE, LANES))
+            row += [one, lanes, one / lanes]
+        rows.append(row)
+    say(
+        f"FEWEST_LANES (now {FEWEST_LANES}), blocks of {samples} samples: us per sample and axis",
+        ("axes", *(f"{o} {what}" for o in OUTPUTS for what in ("one by one", "lanes", "ratio"))),
+        rows,
+    )
