@@ -7,7 +7,7 @@ from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config
 from service.config.tables import present
 from service.config.wording import Finding
-from service.ingest.dbc import DbcError, find_message, find_signal, read_dbc
+from service.ingest.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 
 
 class _Wanted(NamedTuple):
@@ -43,7 +43,8 @@ def dbc_names(config: Config) -> Iterator[Finding]:
             yield Finding(wanted.message_path, str(error))
             continue
         try:
-            find_signal(message, wanted.signal)
+            find = find_signal if wanted.signal_path[-1] == "signal" else find_counter
+            find(message, wanted.signal)
         except DbcError as error:
             yield Finding(wanted.signal_path, str(error))
 
@@ -61,14 +62,35 @@ def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
                 )
 
 
-DBC_RULES = (dbc_files, dbc_names, one_axis_for_each_signal)
+def counters_beside_values(config: Config) -> Iterator[Finding]:
+    """A sample counter is in the message of the torque or of the motion, where these are right."""
+    wrong = {finding.path for finding in dbc_names(config)}
+    for wanted in _by_axis(config):
+        values = [w for w in wanted if w.signal_path[-1] == "signal"]
+        counter = next((w for w in wanted if w not in values), None)
+        if counter is None or len(values) < 2 or wrong & {w.message_path for w in wanted}:
+            continue
+        messages = dict.fromkeys(value.message for value in values)
+        if counter.message not in messages:
+            names = " or ".join(f'"{message}"' for message in messages)
+            yield Finding(
+                counter.message_path, f"the counter must come with the torque or the motion: {names}"
+            )
+
+
+DBC_RULES = (dbc_files, dbc_names, one_axis_for_each_signal, counters_beside_values)
 
 
 def _wanted(config: Config) -> Iterator[_Wanted]:
+    for wanted in _by_axis(config):
+        yield from wanted
+
+
+def _by_axis(config: Config) -> Iterator[list[_Wanted]]:
     for i, robot in enumerate(config.robot):
         for k, axis in enumerate(robot.axis if present(robot, "axis") else ()):
             if present(axis, "bus"):
-                yield from _of_axis(axis, ("robot", i, "axis", k))
+                yield list(_of_axis(axis, ("robot", i, "axis", k)))
 
 
 def _of_axis(axis: AxisConfig, path: Keys) -> Iterator[_Wanted]:

@@ -88,12 +88,18 @@ def one_motion(axis: AxisConfig) -> Iterator[Finding]:
 
 def torque_delay(axis: AxisConfig) -> Iterator[Finding]:
     """The torque is at most one interval late."""
-    return _at_most_an_interval(axis, "torque_delay_s", axis.torque_delay_s)
+    if axis.torque_delay_s > axis.sample_interval_s:
+        yield Finding(("torque_delay_s",), f"must be at most sample_interval_s = {axis.sample_interval_s}")
 
 
 def pairing_tolerance(axis: AxisConfig) -> Iterator[Finding]:
     """A wider tolerance would pair values of different samples."""
-    return _at_most_an_interval(axis, "pairing_tolerance_s", axis.pairing_tolerance_s)
+    interval_s = axis.sample_interval_s
+    if axis.pairing_tolerance_s >= interval_s / 2:
+        limit = (
+            f"must be below half of sample_interval_s = {interval_s}: values of different samples would pair"
+        )
+        yield Finding(("pairing_tolerance_s",), limit)
 
 
 def maximum_gap(axis: AxisConfig) -> Iterator[Finding]:
@@ -118,11 +124,6 @@ def _same_names(key: str, tables: Sequence[BusConfig | RobotConfig | AxisConfig]
     for i, table in enumerate(tables):
         if present(table, "name") and first.setdefault(table.name, i) != i:
             yield Finding((key, i, "name"), "must differ from the name of", (key, first[table.name]))
-
-
-def _at_most_an_interval(axis: AxisConfig, key: str, value: float) -> Iterator[Finding]:
-    if value > axis.sample_interval_s:
-        yield Finding((key,), f"must be at most sample_interval_s = {axis.sample_interval_s}")
 
 
 FILE_RULES: tuple[Rule[Config], ...] = (bus_names, robot_names, bus_references, *DBC_RULES)

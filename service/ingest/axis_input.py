@@ -8,6 +8,7 @@ from typing import NamedTuple
 from service.config.schema import NamedAxis, SignalConfig
 from service.ingest.assemble import Assembler
 from service.ingest.clock import SampleClock
+from service.ingest.dbc import DbcError, find_counter
 from service.ingest.decode import Decoder, FrameKey
 from service.ingest.errors import IngestError
 from service.ingest.frames import Sample
@@ -52,7 +53,7 @@ class AxisInput:
         self.torque = _quantity("torque", config.torque, decoder)
         self.motion = _quantity(config.output, config.motion, decoder)
         self.counter: Quantity | None = None
-        self._counter_scale, self._counter_offset = 1.0, 0.0
+        self._counter_offset = 0.0
         self._clock: SampleClock | None = None
         try:
             self.assembler = Assembler(
@@ -108,7 +109,7 @@ class AxisInput:
 
     def _raw(self, count: float) -> int:
         assert self.counter is not None
-        return round((count - self._counter_offset) / self._counter_scale)
+        return round(count - self._counter_offset)
 
     def _check_counter(self, decoder: Decoder) -> None:
         assert self.counter is not None
@@ -118,10 +119,11 @@ class AxisInput:
                 f"message of the torque, {self.torque.message}, or of the {self.motion.name}, "
                 f"{self.motion.message}"
             )
-        signal = decoder.message(self.counter.key).get_signal_by_name(self.counter.signal)
-        if signal.is_float:
-            raise IngestError(f"axis {self.id}: counter_signal {signal.name} must be an integer, not a float")
-        self._counter_scale, self._counter_offset = signal.scale, signal.offset
+        try:
+            signal = find_counter(decoder.message(self.counter.key), self.counter.signal)
+        except DbcError as error:
+            raise IngestError(f"axis {self.id}: {error}") from None
+        self._counter_offset = signal.offset
         self._clock = SampleClock(self._interval_s, signal.length)
 
 

@@ -61,6 +61,19 @@ def find_signal(message: Message, name: str) -> Signal:
     return by_name[name]
 
 
+def find_counter(message: Message, name: str) -> Signal:
+    """The signal of that name, which counts samples.
+
+    Raises:
+        DbcError: there is none, or it is no whole number that goes up by one.
+    """
+    signal = find_signal(message, name)
+    if signal.is_float or signal.scale != 1:
+        found = "a float" if signal.is_float else f"an integer with factor {signal.scale:g}"
+        raise DbcError(f"a sample counter must be an integer with factor 1; in the DBC {name} is {found}")
+    return signal
+
+
 @lru_cache(maxsize=16)
 def _read(path: Path, _modified_ns: int, _size: int) -> Database:
     try:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from service.ingest.dbc import DbcError, find_message, find_signal, read_dbc
+from service.ingest.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 
 HEAD = 'VERSION ""\nBU_: X\n'
 GOOD = 'BO_ 257 Good: 8 X\n SG_ Value : 0|16@1- (0.1,0) [0|0] "°" X\n SG_ Other : 16|16@1- (1,0) [0|0] "" X\n'
@@ -90,3 +90,16 @@ def test_a_file_is_read_again_when_it_changes(tmp_path: Path) -> None:
     write(tmp_path, GOOD.replace("Good", "Best"))
     os.utime(file, ns=(1, 1))
     assert [message.name for message in read_dbc(file).messages] == ["Best"]
+
+
+def test_a_counter_is_a_whole_number(tmp_path: Path) -> None:
+    real = GOOD + "SIG_VALTYPE_ 257 Other : 1;\n"
+    message = find_message(read_dbc(write(tmp_path, GOOD)), "Good")
+    assert find_counter(message, "Other").length == 16
+    with pytest.raises(
+        DbcError, match=r"must be an integer with factor 1; in the DBC Value is .* factor 0\.1"
+    ):
+        find_counter(message, "Value")
+    message = find_message(read_dbc(write(tmp_path, real.replace("16|16", "16|32"))), "Good")
+    with pytest.raises(DbcError, match="Other is a float"):
+        find_counter(message, "Other")

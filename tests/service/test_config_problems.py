@@ -201,10 +201,10 @@ MISTAKES = [
     ),
     Mistake(
         "maximum_gap_s = 0.06",
-        "pairing_tolerance_s = 1",
+        "pairing_tolerance_s = 0.0025",
         f"{FIRST}.pairing_tolerance_s",
-        "1",
-        "at most sample_interval_s",
+        "0.0025",
+        "must be below half of sample_interval_s = 0.005",
         18,
     ),
     Mistake(
@@ -305,6 +305,33 @@ MISTAKES = [
         24,
     ),
     Mistake('"Counter"', '"Count"', f"{FIRST}.time.counter_signal", '"Count"', 'did you mean "Counter"', 27),
+    Mistake(
+        '"Counter"', '"Angle"', f"{FIRST}.time.counter_signal", '"Angle"', "an integer with factor 1e-05", 27
+    ),
+    Mistake(
+        'counter_message = "Axis1Angle"',
+        'counter_message = "Axis2Angle"',
+        f"{FIRST}.time.counter_message",
+        '"Axis2Angle"',
+        'with the torque or the motion: "Axis1Torque" or "Axis1Angle"',
+        26,
+    ),
+    Mistake(
+        'counter_message = "Axis1Angle"',
+        'counter_message = "Axis1Angel"',
+        f"{FIRST}.time.counter_message",
+        '"Axis1Angel"',
+        'did you mean "Axis1Angle"',
+        26,
+    ),
+    Mistake(
+        'message = "Axis1Torque"',
+        'message = "Axis1Troque"',
+        f"{FIRST}.torque.message",
+        '"Axis1Troque"',
+        'did you mean "Axis1Torque"',
+        20,
+    ),
     Mistake(
         '"Axis2Torque"',
         '"Axis1Torque"',

@@ -186,7 +186,11 @@ def test_values_as_decoded(tmp_path: Path) -> None:
         (axis1(time=counted("Both2")), r"axis r\.one: counter_message is Both2, but .* Torque1, .* Angle1"),
         (
             axis4(time={"counter_message": "Wide4", "counter_signal": "Speed"}),
-            r"axis r\.four: counter_signal Speed must be an integer",
+            r"axis r\.four: a sample counter must be an integer .* Speed is a float",
+        ),
+        (
+            axis2(time={"counter_message": "Both2", "counter_signal": "Torque"}),
+            r"axis r\.two: .* Torque is an integer with factor 0\.000976562",
         ),
         (axis1(pairing_tolerance_s=0.003), r"axis r\.one: pairing_tolerance_s = 0\.003 must be below half"),
     ],
