@@ -16,22 +16,25 @@ COPY monitor_core monitor_core
 COPY service service
 COPY config config
 # numba knows a compiled kernel by its source's modification time, and image layers keep whole seconds only:
-# round first, then compile.
+# round first, then compile.  Without the libraries' own tests and the installer the image is 90 MB smaller.
 RUN /opt/axiswatch/bin/pip install --no-cache-dir --no-compile --no-deps . \
+ && /opt/axiswatch/bin/pip uninstall --yes setuptools pip \
+ && find /opt/axiswatch -type d -name tests -prune -exec rm -r {} + \
  && find /opt/axiswatch -name '*.py' -exec touch -d "@$(date +%s)" {} + \
  && /opt/axiswatch/bin/python -m compileall -q -j 0 /opt/axiswatch/lib
 
 FROM ${BASE_IMAGE}
 COPY --from=build /opt/axiswatch /opt/axiswatch
 RUN useradd --system --no-create-home --home-dir /var/lib/axiswatch --shell /usr/sbin/nologin axiswatch \
- && install -d -o axiswatch -g axiswatch /var/lib/axiswatch && install -d /etc/axiswatch
+ && install -d -o axiswatch -g axiswatch /var/lib/axiswatch /var/cache/axiswatch && install -d /etc/axiswatch
 ENV PATH=/opt/axiswatch/bin:$PATH \
     PYTHONUNBUFFERED=1 \
-    NUMBA_CACHE_DIR=/var/lib/axiswatch/numba \
+    NUMBA_CACHE_DIR=/var/cache/axiswatch \
     OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 USER axiswatch
 WORKDIR /var/lib/axiswatch
-# Compiled for the processor that builds the image; on another kind the first start compiles again.
+# Compiled for the processor that builds the image; on another kind the first start compiles again.  Not in the
+# volume: that of an older image would hide it.
 RUN axiswatch warm
 VOLUME /var/lib/axiswatch
 EXPOSE 8080

@@ -100,3 +100,17 @@ def test_unit_lets_the_program_compile_and_see_the_bus() -> None:
     assert re.search(r"^Environment=NUMBA_CACHE_DIR=%S/axiswatch/", unit, re.MULTILINE)
     assert re.search(r"^StateDirectory=axiswatch$", unit, re.MULTILINE)
     assert re.search(r"^RestrictAddressFamilies=.*\bAF_CAN\b", unit, re.MULTILINE)
+
+
+def test_image_keeps_its_compiled_kernel_where_no_volume_hides_it() -> None:
+    lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
+    cache = next(
+        word.split("=", 1)[1] for line in lines for word in line.split() if "NUMBA_CACHE_DIR=" in word
+    )
+    volumes = [line.split()[1] for line in lines if line.startswith("VOLUME")]
+    assert volumes == ["/var/lib/axiswatch"]
+    assert not Path(cache).is_relative_to(volumes[0])
+    made = next(
+        i for i, line in enumerate(lines) if f"-o axiswatch -g axiswatch {volumes[0]} {cache}" in line
+    )
+    assert made < lines.index("USER axiswatch") < lines.index("RUN axiswatch warm")
