@@ -35,6 +35,7 @@ class FrameRecorder:
         self.path = path
         self._writer = can.CanutilsLogWriter(self._file)
         self._writer.last_timestamp = 0.0  # else times before that of the first frame are changed
+        self._failed = False
 
     def write(self, bus: str, frames: Iterable[Frame]) -> None:
         """Write frames of a bus; they are in the file when this returns.
@@ -47,11 +48,23 @@ class FrameRecorder:
                 self._writer.on_message_received(_message(bus, frame))
             self._file.flush()
         except OSError as error:
-            raise RecordError(f"cannot write {self.path}: {error.strerror}") from None
+            self._failed = True
+            raise self._error(error) from None
 
     def close(self) -> None:
-        """Close the file."""
-        self._writer.stop()
+        """Close the file; a second time does nothing.
+
+        Raises:
+            RecordError: the disk does not take what is left, and ``write`` has not said so already.
+        """
+        try:
+            self._writer.stop()
+        except OSError as error:  # what was buffered goes now, and the file is closed all the same
+            if not self._failed:
+                raise self._error(error) from None
+
+    def _error(self, error: OSError) -> RecordError:
+        return RecordError(f"cannot write {self.path}: {error.strerror}")
 
     def __enter__(self) -> Self:
         return self

@@ -43,13 +43,13 @@ class Recording:
             log.error("recording has ended", reason=str(error))
 
     def close(self) -> None:
-        """Close the file; what the disk does not take now, either, has been said."""
+        """Close the file."""
         if self._recorder is None:
             return
         try:
             self._recorder.close()
-        except OSError as error:
-            log.error("the recording could not be closed", reason=str(error))
+        except RecordError as error:
+            log.error("the end of the recording is lost", reason=str(error))
 
 
 class BusIntake:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import struct
 from pathlib import Path
@@ -91,15 +92,30 @@ def test_what_cannot_be_recorded(tmp_path: Path) -> None:
         FrameRecorder(tmp_path / "no" / "a.log")
 
 
-def test_a_full_disk() -> None:
-    recorder = FrameRecorder.__new__(FrameRecorder)
-    recorder.path = Path("/dev/full")
-    recorder._file = recorder.path.open("w", encoding="utf-8")
-    recorder._writer = can.CanutilsLogWriter(recorder._file)
-    with pytest.raises(RecordError, match="cannot write /dev/full: No space left on device"):
+def fill_the_disk(recorder: FrameRecorder) -> None:
+    """From now on the disk takes nothing more."""
+    full = os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, recorder._file.fileno())
+    os.close(full)
+
+
+def test_a_full_disk_is_said_once(tmp_path: Path) -> None:
+    recorder = FrameRecorder(tmp_path / "a.log")
+    fill_the_disk(recorder)
+    with pytest.raises(RecordError, match=r"cannot write .*a\.log: No space left on device"):
         recorder.write("bus0", traffic(0, 1))
-    with pytest.raises(OSError, match="No space left"):
+    recorder.close()
+    recorder.close()
+    assert recorder._file.closed
+
+
+def test_a_disk_that_is_full_when_the_record_is_closed(tmp_path: Path) -> None:
+    recorder = FrameRecorder(tmp_path / "a.log")
+    fill_the_disk(recorder)
+    recorder._file.write("what a disk took only into its buffer")
+    with pytest.raises(RecordError, match=r"cannot write .*a\.log: No space left on device"):
         recorder.close()
+    assert recorder._file.closed
 
 
 @pytest.mark.parametrize("suffix", LOG_SUFFIXES)

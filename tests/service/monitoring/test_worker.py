@@ -10,6 +10,7 @@ from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
+from structlog.testing import capture_logs
 
 from monitor_core.facts import Status
 from service.config import Config
@@ -152,8 +153,10 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
     bench.compiled.set_result(None)
     bench.worker.start()
     bench.worker.stop()
-    bench.recording.close()
+    with capture_logs() as logs:
+        bench.recording.close()
     bench.close()
+    assert logs == []  # it has been said
     assert bench.worker.error is None
     assert "recording has ended: cannot write" in bench.worker.snapshot.messages[0]
     assert bench.worker.snapshot.axes[0].facts.samples == 2400
