@@ -32,6 +32,7 @@ class AxisView:
             bus=self.axis.config.bus,
             drive=drive.name,
             output=drive.output,
+            interval_s=self.axis.config.sample_interval_s,
             nominal=self.nominal,
             facts=_as_recorded(facts, open_episodes),
             open_episodes=open_episodes,

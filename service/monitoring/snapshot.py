@@ -48,6 +48,8 @@ class AxisSnapshot:
     """Name of the drive structure, e.g. three-mass"""
     output: str
     """"speed" or "angle": what is measured besides torque"""
+    interval_s: float
+    """Nominal sample interval [s]"""
     nominal: Mapping[str, tuple[float, str]]
     """All values of the model, by name, with their units"""
     facts: AxisFacts

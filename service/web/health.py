@@ -9,6 +9,8 @@ OLDEST_SNAPSHOT_S = 10.0
 """The worker swaps in a snapshot about every second, with or without samples; an older one means it hangs."""
 
 OLDEST_SAMPLE_S = 5.0
+OLDEST_SAMPLE_INTERVALS = 10
+"""An axis whose last sample is older than both is not being monitored."""
 
 
 def is_alive(snapshot: Snapshot, now_us: int) -> bool:
@@ -39,4 +41,5 @@ def _of_axis(axis: AxisSnapshot, now_us: int) -> str | None:
     age = sample_age_s(axis, now_us)
     if age is None:
         return f"{axis.id}: no sample yet"
-    return f"{axis.id}: no sample for {age:.0f} s" if age > OLDEST_SAMPLE_S else None
+    oldest_s = max(OLDEST_SAMPLE_S, OLDEST_SAMPLE_INTERVALS * axis.interval_s)
+    return f"{axis.id}: no sample for {age:.0f} s" if age > oldest_s else None

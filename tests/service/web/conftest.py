@@ -116,6 +116,7 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         bus="can0",
         drive="three-mass",
         output="angle",
+        interval_s=0.005,
         nominal=NOMINAL,
         facts=facts,
         open_episodes=(FM_ALARM,),

@@ -238,5 +238,8 @@ def test_ready_while_all_axes_get_samples(stage: Stage, client: TestClient) -> N
     stage.now_us += 7_000_000
     silent = get(client, "/readyz", status=503)["reasons"]
     assert silent == ["demo.axis1: no sample for 8 s", "demo.axis2: no sample for 8 s"]
+    slow = replace(stage.snapshot.axes[1], interval_s=0.8)
+    stage.snapshot = replace(stage.snapshot, axes=(stage.snapshot.axes[0], slow))
+    assert get(client, "/readyz", status=503)["reasons"] == ["demo.axis1: no sample for 8 s"]
     stage.now_us += 7_000_000
     assert "the worker has not reported for 14 s" in get(client, "/readyz", status=503)["reasons"]
