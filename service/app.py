@@ -19,6 +19,7 @@ from service.monitoring.core import Core
 from service.monitoring.intake import BusIntake, Recording
 from service.monitoring.restoring import restore
 from service.monitoring.saving import Saver
+from service.monitoring.warming import CacheFiller
 from service.monitoring.worker import Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
@@ -56,7 +57,7 @@ def run_daemon(
     stop = stop or threading.Event()
     with ExitStack() as stack:
         core = Core(config)
-        compiled = _in_background(config)
+        compiled = _in_background(config, stack)
         readers = _open_buses(config, core, stack)
         worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
         _stop_on_signals(stop, stack)
@@ -81,20 +82,23 @@ def run_daemon(
     log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
 
 
-def _in_background(config: Config) -> Future[None]:
+def _in_background(config: Config, stack: ExitStack) -> Future[None]:
     """Compile the kernel, or load it from its cache, while the rest starts.
 
     On monitors of its own: those of the worker are touched by one thread only.
     """
     done: Future[None] = Future()
+    filler = CacheFiller()
+    stack.callback(filler.stop)
 
     def compile_kernel() -> None:
         try:
-            Monitors(config.axes).compile()
+            monitors = Monitors(config.axes)
+            if filler.fill(monitors.bank_sizes):
+                monitors.compile()
+                done.set_result(None)
         except BaseException as error:
             done.set_exception(error)
-        else:
-            done.set_result(None)
 
     threading.Thread(target=compile_kernel, name="compiler", daemon=True).start()
     return done

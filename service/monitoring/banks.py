@@ -44,6 +44,11 @@ class Monitors:
         """Let every axis take its samples; what changed, axis by axis in order of time."""
         return [change for bank in self._banks for change in bank.run(samples)]
 
+    @property
+    def bank_sizes(self) -> list[int]:
+        """How many axes share each bank."""
+        return [len(bank.lanes) for bank in self._banks]
+
     def compile(self) -> None:
         """Have the kernel ready: compiled, or loaded from its cache."""
         self.run({})

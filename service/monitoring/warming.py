@@ -1,10 +1,29 @@
 """Compile the kernel before anything waits for it."""
 
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterable
+from pathlib import Path
+
 import numpy as np
+import structlog
 
 from monitor_core.bank import FEWEST_LANES, Bank
+from monitor_core.kernel.block import run_axes, run_side_by_side
 from monitor_core.reference import INTERVAL_S, reference_model
 from monitor_core.settings import Settings
+from service.kernel_cache import VARIABLE
+
+_CHILD = """
+import sys
+from service.monitoring.warming import compile_kernel
+for lanes in sys.argv[1:]:
+    compile_kernel(int(lanes))
+"""
+
+log = structlog.get_logger(__name__)
 
 
 def compile_kernel(lanes: int) -> None:
@@ -17,3 +36,59 @@ def compile_all() -> None:
     """Both shapes of the kernel: few axes and many."""
     for lanes in (1, FEWEST_LANES):
         compile_kernel(lanes)
+
+
+class CacheFiller:
+    """Compiles the kernel into its cache in a process of its own.
+
+    What the compiler has taken stays with its process: 100 MB that the daemon would keep for good.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._child: subprocess.Popen[str] | None = None
+        self._stopped = False
+
+    def fill(self, lanes: Iterable[int]) -> bool:
+        """Fill the cache for banks of so many axes, where it is empty; False when ``stop`` has ended that.
+
+        A failure is only logged: then the kernel will be compiled where it is called.
+        """
+        missing = [n for n in lanes if not _is_cached(n)]
+        if missing:
+            self._run([sys.executable, "-P", "-c", _CHILD, *map(str, missing)])
+        return not self._stopped
+
+    def stop(self) -> None:
+        """End the compilation, if there is one, from another thread."""
+        with self._lock:
+            self._stopped = True
+            if self._child is not None:
+                self._child.kill()
+
+    def _run(self, command: list[str]) -> None:
+        quiet = subprocess.DEVNULL
+        try:
+            with self._lock:
+                if self._stopped:
+                    return
+                self._child = subprocess.Popen(
+                    command, stdin=quiet, stdout=quiet, stderr=subprocess.PIPE, text=True
+                )
+        except OSError as error:
+            _say_failed(str(error))
+            return
+        _, said = self._child.communicate()
+        if self._child.returncode != 0 and not self._stopped:
+            _say_failed(said.strip().rpartition("\n")[2] or f"exit code {self._child.returncode}")
+
+
+def _is_cached(lanes: int) -> bool:
+    """Whether the cache holds this shape of the kernel; for another processor it would not be used."""
+    entry = run_axes if lanes < FEWEST_LANES else run_side_by_side
+    folder = os.environ.get(VARIABLE)
+    return folder is not None and any(Path(folder).rglob(f"*.{entry.__name__}-*.nbc"))
+
+
+def _say_failed(reason: str) -> None:
+    log.warning("the kernel could not be compiled in a process of its own", reason=reason)
