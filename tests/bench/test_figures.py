@@ -40,8 +40,9 @@ def test_figure_6(seed: int, say: Say) -> None:
         delay = "beyond 5" if row.delay_s > LEFT_S else f"{row.delay_s:.2f}"
         g = (f"{v:.1f}" for v in row.largest_g)
         rows.append((parameter or "none", *shares, row.false, delay if parameter else "-", *g))
+    duration_s = perf_counter() - start
     say(
-        f"Figure 6, +20 % after 5 s of 10 s, {FIGURE_6} seeds; g: median of the largest, in theta_0 ({perf_counter() - start:.0f} s)",
+        f"Figure 6, +20 % after 5 s of 10 s, {FIGURE_6} seeds, {duration_s:.0f} s; g: median largest",
         (
             "fault in",
             "right first",
