@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.kernel.admission import SEED, SETTLE, SKIP, TRACK, admit, hold, innovate, rest
-from monitor_core.kernel.columns import columns, copy, most, put_back, times
+from monitor_core.kernel.columns import columns, copy, floats, ints, most, put_back, table, times
 from monitor_core.kernel.compile import entry, kernel
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.laurent import evaluate
@@ -148,21 +148,15 @@ def _run_lanes(
     filled, what, value = events.filled, events.what, events.value
     st = state_views(F, I, T.n, T.p, T.m)
     W, z = F.shape[1], T.p * T.n
-    X, G, V = np.zeros((z + T.n, W)), np.zeros((z + T.n, W)), np.zeros((T.slots + 1, W))
+    X, G, V = table(z + T.n, W), table(z + T.n, W), table(T.slots + 1, W)
     X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
-    now, after, src, slot = np.zeros(X.size), np.zeros(X.size), times(T.ext_src, W), times(T.ext_slot, W)
-    psi, Ppsi, d, nu = np.zeros((T.p, W)), np.zeros((T.p, W)), np.zeros((T.p, W)), np.zeros((T.p, W))
-    u_first, h_first = np.zeros((T.m, W)), np.zeros(W)
-    u, y, h, yhat = np.zeros(W), np.zeros(W), np.zeros(W), np.zeros(W)
-    eps, S, tmp = np.zeros(W), np.zeros(W), np.zeros(W)
-    t, does, steps, terms = (
-        np.zeros(W, np.int64),
-        np.zeros(W, np.int64),
-        np.zeros(W, np.int64),
-        np.zeros(W, np.int64),
-    )
-    moves, learns, tracks = np.zeros(W, np.int64), np.zeros(W, np.int64), np.zeros(W, np.int64)
-    hit, fit = np.zeros(W, np.int64), np.zeros(W, np.int64)
+    now, after, src, slot = floats(X.size), floats(X.size), times(T.ext_src, W), times(T.ext_slot, W)
+    psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
+    u, y, h, h_first, yhat, eps, S, tmp = (
+        floats(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W),
+    )  # fmt: skip
+    t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
+    moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
     copy(con.V0, V, 0)
     copy(st.z, X, 0)
     copy(st.x, X, z)

@@ -1,6 +1,7 @@
-"""Moving columns between a bank and the lanes of a run.
+"""Work arrays of a run, and columns moved between a bank and its lanes.
 
-Written out as loops: numpy's broadcasting, compiled, would double the time to compile the whole kernel.
+Written out as loops, and allocated here only: numpy's broadcasting and its constructors, compiled wherever they are
+used, would double the time to compile the whole kernel.
 """
 
 from typing import Any
@@ -9,6 +10,24 @@ import numpy as np
 
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.tables import Floats, Indices, Ints
+
+
+@kernel
+def floats(W: int) -> Floats:
+    """Zeros (W,)."""
+    return np.zeros(W)
+
+
+@kernel
+def ints(W: int) -> Ints:
+    """Zeros (W,)."""
+    return np.zeros(W, np.int64)
+
+
+@kernel
+def table(rows: int, W: int) -> Floats:
+    """Zeros (rows, W)."""
+    return np.zeros((rows, W))
 
 
 @kernel
