@@ -1,0 +1,50 @@
+"""The daemon over minutes, and from an empty kernel cache."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from structlog.testing import capture_logs
+
+from monitor_core.bank import FEWEST_LANES
+from service.kernel_cache import VARIABLE
+from service.monitoring.warming import CacheFiller
+from tests.bench.costs import memory_mb
+from tests.end_to_end.processes import daemon, demo_config, running, wait_for
+
+pytestmark = pytest.mark.soak
+
+MINUTES = 5
+MOST_GROWTH_MB = 15
+"""The history of six axes grows by 1 MB in that time."""
+
+
+def test_memory_does_not_grow(tmp_path: Path) -> None:
+    config = demo_config(tmp_path, axes=6)
+    with daemon(config) as d, running("simulate", "--config", config, log=tmp_path / "robot.log"):
+        wait_for(lambda: d.status("readyz") == 200)
+        used_mb = []
+        for _ in range(MINUTES):
+            end = time.monotonic() + 60
+            while time.monotonic() < end:
+                assert d.text("metrics")
+                assert d.get("api/v1/axes/demo.axis1/history")["time"]
+                time.sleep(1)
+            used_mb.append(memory_mb(d.process.pid))
+        print(f"resident MB after each minute: {used_mb}")
+        samples = sum(axis["samples"] for axis in d.get("api/v1/axes")["axes"])
+        assert d.stop() == 0
+    assert samples > 0.95 * MINUTES * 60 * 6 * 200
+    assert used_mb[-1] - used_mb[0] < MOST_GROWTH_MB
+
+
+def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    with capture_logs() as logs:
+        assert CacheFiller().fill([1, FEWEST_LANES])
+        monkeypatch.setattr(sys, "executable", "/no/such/program")
+        assert CacheFiller().fill([1, FEWEST_LANES])
+    assert logs == []
