@@ -27,11 +27,11 @@ test: lint ## everything that CI checks: lint, tests, tests on real SocketCAN de
 	@tools/install-test-packages.sh
 	@tools/run-tests.sh $(ARGS)
 
-bench: $(READY) ## measure speed
-	@$(BIN)/python -m pytest -m bench $(ARGS)
+bench: $(READY) ## measure: kernel, compile time, daemon, the paper's figures (two minutes)
+	@$(BIN)/python -m pytest -m bench tests/bench $(ARGS)
 
-soak: $(READY) ## the long runs
-	@$(BIN)/python -m pytest -m soak $(ARGS)
+soak: $(READY) ## the long runs (half an hour)
+	@$(BIN)/python -m pytest -m soak tests/soak $(ARGS)
 
 lint: $(READY) ## ruff and mypy
 	@$(BIN)/ruff check .

@@ -40,5 +40,6 @@ def test_law(name: str) -> None:
 
 
 def test_there_are_laws_and_each_run_of_them_differs() -> None:
-    assert not settings.default.derandomize, "CI=true lets hypothesis repeat the same examples: unset it"
+    default = settings.default
+    assert default and not default.derandomize, "CI=true lets hypothesis repeat the same examples: unset it"
     assert len(LAWS) >= 5
