@@ -28,7 +28,9 @@ Loop = Annotated[bool, typer.Option("--loop", help="Begin again at the end, unti
 def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop = False) -> None:
     """Send a record on the buses of a configuration, at the speed of its own times.
 
-    A CAN log is sent as it is; a table goes through the DBC, by the columns that the configuration names.
+    A CAN log is sent as it is; a table goes through the DBC, by the columns that the configuration names. The daemon
+    goes by the times at which it receives frames: another speed than 1 shows it other motions than the robot made, so
+    it is for trying the wiring. To have a record evaluated fast, use `replay`.
     """
     if not (math.isfinite(speed) and speed >= 0):
         raise typer.BadParameter("must be 0 or greater", param_hint="--speed")

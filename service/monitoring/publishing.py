@@ -20,7 +20,9 @@ class AxisView:
     history: HistoryKeeper
     nominal: Mapping[str, tuple[float, str]]
 
-    def snapshot(self, open_episodes: tuple[Episode, ...], dropped: Mapping[str, int]) -> AxisSnapshot:
+    def snapshot(
+        self, open_episodes: tuple[Episode, ...], dropped: Mapping[str, int], clock: Mapping[str, int]
+    ) -> AxisSnapshot:
         """The axis now.  ``open_episodes`` are those of the journal, and the only ones shown."""
         facts = self.monitor.facts()
         self.history.add(facts)
@@ -37,6 +39,7 @@ class AxisView:
             facts=_as_recorded(facts, open_episodes),
             open_episodes=open_episodes,
             dropped=dropped,
+            clock=clock,
             history=self.history.history,
         )
 

@@ -56,6 +56,8 @@ class AxisSnapshot:
     open_episodes: tuple[Episode, ...]
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (service.ingest.assemble.REASONS)"""
+    clock: Mapping[str, int]
+    """How often the time line of the samples began anew, by cause (service.ingest.pipeline.Ingest.axis_events)"""
     history: History
 
 

@@ -15,9 +15,9 @@ from service.config import Config
 from service.monitoring.alarms import Alarms
 from service.monitoring.core import Core
 from service.monitoring.intake import BusIntake, Recording
-from service.monitoring.publishing import axis_view
+from service.monitoring.publishing import AxisView, axis_view
 from service.monitoring.saving import Saver
-from service.monitoring.snapshot import Snapshot
+from service.monitoring.snapshot import AxisSnapshot, Snapshot
 from service.monitoring.timing import ProcessingTime
 
 TICK_S = 0.1
@@ -133,22 +133,20 @@ class Worker:
         self.snapshot = self._snapshot()
 
     def _snapshot(self) -> Snapshot:
-        dropped = {
-            axis_id: ingest.axis_dropped(axis_id)
-            for ingest in self._core.ingests.values()
-            for axis_id in ingest.axis_ids
-        }
         return Snapshot(
             taken_us=self._now_us(),
             started_us=self._started_us,
-            axes=tuple(
-                view.snapshot(self._alarms.open(view.axis.id), dropped[view.axis.id]) for view in self._views
-            ),
+            axes=tuple(self._axis(view) for view in self._views),
             buses=tuple(bus.snapshot() for bus in self._buses),
             processing=self._time.histogram(),
             checkpoint_us=self._saver.saved_us,
             messages=self._all_messages(),
         )
+
+    def _axis(self, view: AxisView) -> AxisSnapshot:
+        axis_id, ingest = view.axis.id, self._core.ingests[view.axis.config.bus]
+        open_alarms = self._alarms.open(axis_id)
+        return view.snapshot(open_alarms, ingest.axis_dropped(axis_id), ingest.axis_events(axis_id))
 
     def _all_messages(self) -> tuple[str, ...]:
         now = (self._alarms.problem, self._saver.problem, self._recording.problem)

@@ -115,6 +115,12 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
         ("axis", "reason"),
         _by_reason((a.id, a.dropped) for a in axes),
     )
+    yield _counter(
+        "clock_restarts",
+        "How often the time line of the samples began anew: the controller restarted, or a clock was set.",
+        ("axis", "cause"),
+        _by_reason((a.id, a.clock) for a in axes),
+    )
     # +Inf before the first sample: the rule that finds a silent axis also finds one that was never heard.
     ages = [(a.id, sample_age_s(a, now_us)) for a in axes]
     yield _gauge(

@@ -88,6 +88,9 @@ class Axis(Body):
     dropped: dict[str, int] = Field(
         description="decoded values that did not become a sample, number by reason"
     )
+    clock: dict[str, int] = Field(
+        description="how often the time line of the samples began anew, number by cause"
+    )
     model: Model
 
 

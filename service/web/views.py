@@ -33,6 +33,7 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         samples=a.facts.samples,
         counters=dict(a.facts.counters),
         dropped=dict(a.dropped),
+        clock=dict(a.clock),
         model=_model(a),
     )
 

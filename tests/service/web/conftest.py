@@ -121,6 +121,7 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         facts=facts,
         open_episodes=(FM_ALARM,),
         dropped=dropped,
+        clock={"clock_reanchored": 3},
         history=history(100),
     )
 

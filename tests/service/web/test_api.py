@@ -47,6 +47,7 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert first["samples"] == 121_210
     assert first["counters"]["gap"] == 2
     assert first["dropped"] == {"no_partner": 5, "late": 0}
+    assert first["clock"] == {"clock_reanchored": 3}
     assert first["innovation_unit"] == "rad"
     assert second["last_sample"] is None
     assert second["last_sample_age_s"] is None

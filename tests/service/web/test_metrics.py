@@ -103,6 +103,7 @@ def test_reasons_count_from_zero(stage: Stage) -> None:
     assert found[("axiswatch_frames_dropped_total", "can0", "queue_full")] == 12
     assert found[("axiswatch_frames_dropped_total", "can1", "socket")] == 0
     assert found[("axiswatch_values_dropped_total", "demo.axis2", "late")] == 0
+    assert found[("axiswatch_clock_restarts_total", "demo.axis1", "clock_reanchored")] == 3
 
 
 def test_names_that_need_escaping_come_back(stage: Stage) -> None:
