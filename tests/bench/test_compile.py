@@ -15,12 +15,13 @@ from tests.end_to_end.processes import ROOT
 pytestmark = pytest.mark.bench
 
 _COMPILE = """
-import resource, sys
+import os, sys
 from time import perf_counter
 from service.monitoring.warming import compile_kernel
+from tests.bench.costs import memory_mb
 start = perf_counter()
 compile_kernel(int(sys.argv[1]))
-print(perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6)
+print(perf_counter() - start, memory_mb(os.getpid(), "VmHWM"))
 """
 
 
