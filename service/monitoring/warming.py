@@ -67,13 +67,14 @@ class CacheFiller:
                 self._child.kill()
 
     def _run(self, command: list[str]) -> None:
-        quiet = subprocess.DEVNULL
+        quiet, pipe = subprocess.DEVNULL, subprocess.PIPE
         try:
             with self._lock:
                 if self._stopped:
                     return
+                # A session of its own: Ctrl-C is for the daemon, which ends the child itself.
                 self._child = subprocess.Popen(
-                    command, stdin=quiet, stdout=quiet, stderr=subprocess.PIPE, text=True
+                    command, stdin=quiet, stdout=quiet, stderr=pipe, text=True, start_new_session=True
                 )
         except OSError as error:
             _say_failed(str(error))
