@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from monitor_core.assembly import Assembly, fill
 from monitor_core.episodes import DIRECTIONS, Calm, Crossing
-from monitor_core.kernel.block import Samples, Trace, run_axes, run_side_by_side
+from monitor_core.kernel.block import Samples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import Floats, constant_rows
@@ -18,6 +18,9 @@ from monitor_core.settings import Settings
 FEWEST_LANES = 8
 """From so many axes on the bank runs in lanes.  Lanes are faster from four on, twice as fast at eight (``make bench``
 measures it), but the six axes of one robot then save a thousandth of a core and wait 3 s longer for the compiler."""
+
+MOST_LANES = 32
+"""Lanes side by side: their work arrays fit the first cache."""
 
 CALM_MEMORIES = 3
 SLOW_MEMORIES = 10
@@ -100,9 +103,18 @@ class Bank:
     ) -> list[tuple[int, Crossing | Calm]]:
         samples = _samples(t_us, u, y, count, len(self.models))
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
-        run = run_axes if len(self.models) < FEWEST_LANES else run_side_by_side
         reset = not self.settings[0].run_on
-        run(self._tables, self._constants, self._floats, self._ints, samples, reset, events, trace)
+        run(
+            _lanes(len(self.models)),
+            self._tables,
+            self._constants,
+            self._floats,
+            self._ints,
+            samples,
+            reset,
+            events,
+            trace,
+        )
         return sorted(self._named(events), key=lambda pair: pair[0])
 
     def _named(self, events: Events) -> Iterator[tuple[int, Crossing | Calm]]:
@@ -138,6 +150,11 @@ class Bank:
 def standard_deviation(s: Settings, P_ii: float) -> float:
     """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda))."""
     return math.sqrt(s.lam0 * P_ii / (1 + s.lam))
+
+
+def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
+    """One lane for few axes, which are then run one after the other; else as many as there is use for."""
+    return (0,) if axes < FEWEST_LANES else np.arange(min(axes, MOST_LANES))
 
 
 def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:

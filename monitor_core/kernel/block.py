@@ -21,11 +21,15 @@ from monitor_core.kernel.recursion import (
     update_P,
     update_theta,
 )
-from monitor_core.kernel.state import PROJECTED, SEEDING, SETTLING, USED, constant_views, state_views
+from monitor_core.kernel.state import (
+    PROJECTED,
+    SEEDING,
+    SETTLING,
+    USED,
+    kernel_constant_views,
+    kernel_state_views,
+)
 from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
-
-LANES = 32
-"""Lanes side by side: their work arrays fit the first cache."""
 
 
 class Samples(NamedTuple):
@@ -64,9 +68,9 @@ def _take(
 ) -> None:
     """The lanes' samples k; a lane that has no more of them skips."""
     for a in range(len(lanes)):
-        b = a0 + a
+        b = min(a0 + a, number.size - 1)
         t[a], u[a], y[a] = s_t[k, b], s_u[k, b], s_y[k, b]
-        does[a] = TRACK if k < number[b] else SKIP
+        does[a] = TRACK if a0 + a == b and k < number[b] else SKIP
         learns[a] = 0
 
 
@@ -119,7 +123,7 @@ def _record(
     to_P: Floats,
     to_g: Floats,
 ) -> None:
-    for a in range(len(lanes)):
+    for a in range(min(len(lanes), to_eps.shape[1] - a0)):
         b = a0 + a
         to_eps[k, b] = eps[a] if learns[a] else math.nan
         for i in range(theta.shape[0]):
@@ -130,106 +134,72 @@ def _record(
             to_g[k, 1, i, b] = g[1, i, a]
 
 
-@kernel
-def _run_lanes(
+@entry
+def run(
     lanes: Any,
     tables: Tables,
     C: Floats,
     F: Floats,
     I: Ints,
     samples: Samples,
-    a0: int,
     reset: bool,
     events: Events,
     trace: Trace,
 ) -> None:
-    """Samples of lanes a0 .. a0 + W - 1; C, F, I are the constants and the state of just these lanes."""
-    T, tr, con = tables, trace, constant_views(C, tables)
+    """A block of samples through the bank of constants C and state F, I, as many axes at a time as there are lanes.
+
+    Lanes beyond the last axis repeat it, without samples; what they do is not kept.
+    """
+    T, tr, W, z = tables, trace, len(lanes), tables.p * tables.n
     filled, what, value = events.filled, events.what, events.value
-    st = state_views(F, I, T.n, T.p, T.m)
-    W, z = F.shape[1], T.p * T.n
-    X, G, V = table(z + T.n, W), table(z + T.n, W), table(T.slots + 1, W)
-    X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
-    now, after, src, slot = floats(X.size), floats(X.size), times(T.ext_src, W), times(T.ext_slot, W)
-    psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
-    u, y, h, h_first, yhat, eps, S, tmp = (
-        floats(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W),
-    )  # fmt: skip
-    t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
-    moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
-    copy(con.V0, V, 0)
-    copy(st.z, X, 0)
-    copy(st.x, X, z)
-    # One line for each step of the recursion.
-    # fmt: off
-    for k in range(most(samples.number, a0, W)):
-        _take(lanes, k, a0, samples.t, samples.u, samples.y, samples.number, t, u, y, does, learns)
-        if admit(lanes, t, u, y, con.gap_us, con.settle_us, st.t, st.settled, st.seed_left, st.counts, does, h):
-            evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V, tmp)
-            if _delayed(lanes, T.kind, con.delay, st.torque_before, st.u, h, h_first, u_first):
-                drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, u_first, st.du, G)
-                split(lanes, T.A_row, con.weight, V, h_first, steps, terms)
-                propagate(lanes, T.ext_start, src, slot, V_, G_, h_first, steps, terms, X_, now, after, tmp)
-            drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, st.u, st.du, G)
-            split(lanes, T.A_row, con.weight, V, h, steps, terms)
-            propagate(lanes, T.ext_start, src, slot, V_, G_, h, steps, terms, X_, now, after, tmp)
-            predict(lanes, T.out_slot, T.out_src, T.out_par, V, X, yhat, psi)
-            gain(lanes, con.lam, st.P, psi, Ppsi, S)
-            innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
-            update_theta(lanes, con.lower, con.upper, st.theta, eps, Ppsi, S, tracks, hit)
-            update_P(lanes, con.lam, st.P, Ppsi, S, learns, fit)
-            find_P0(lanes, con.seed, st.seed_left, st.P_sum, st.P, does)
-            running_variance(lanes, con.lam, con.lam_slow, st.lam0_running, eps, S, learns)
-            correct(lanes, con.K, X, eps, psi, moves)
-            _tally(lanes, does, hit, st.counts)
-            deviate(lanes, con.theta0, con.alpha1, con.lam0, st.theta, st.P, d, nu)
-            if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tracks):
-                alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tracks, a0, reset, filled, what, value)
-            calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tracks, a0, filled, what, value)
-        rest(lanes, does, con.rest, y, X)
-        hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.speed_scale, t, u, y, does, X, st.t, st.u, st.du,
-             st.torque_before)
-        if tr.eps.size:
-            _record(lanes, k, a0, learns, eps, psi, st.theta, st.P, st.g, tr.eps, tr.psi, tr.theta, tr.P, tr.g)
-    # fmt: on
-    copy(X[:z], st.z, 0)
-    copy(X[z:], st.x, 0)
-
-
-@entry
-def run_axes(
-    tables: Tables,
-    C: Floats,
-    F: Floats,
-    I: Ints,
-    samples: Samples,
-    reset: bool,
-    events: Events,
-    trace: Trace,
-) -> None:
-    """The bank axis by axis: the shape for few axes."""
-    for a in range(F.shape[1]):
-        con, f, i = columns(C, a, 1), columns(F, a, 1), columns(I, a, 1)
-        _run_lanes((0,), tables, con, f, i, samples, a, reset, events, trace)
-        put_back(f, F, a)
-        put_back(i, I, a)
-
-
-@entry
-def run_side_by_side(
-    tables: Tables,
-    C: Floats,
-    F: Floats,
-    I: Ints,
-    samples: Samples,
-    reset: bool,
-    events: Events,
-    trace: Trace,
-) -> None:
-    """The bank in lanes, as many at a time as keep the work arrays in the fastest cache: the shape for many axes."""
-    for a in range(0, F.shape[1], LANES):
-        W = min(LANES, F.shape[1] - a)
-        con, f, i = columns(C, a, W), columns(F, a, W), columns(I, a, W)
-        _run_lanes(np.arange(W), tables, con, f, i, samples, a, reset, events, trace)
-        put_back(f, F, a)
-        put_back(i, I, a)
+    for a0 in range(0, F.shape[1], W):
+        C_, F_, I_ = columns(C, a0, W), columns(F, a0, W), columns(I, a0, W)
+        con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, T.n, T.p, T.m)
+        X, G, V = table(z + T.n, W), table(z + T.n, W), table(T.slots + 1, W)
+        X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
+        now, after, src, slot = floats(X.size), floats(X.size), times(T.ext_src, W), times(T.ext_slot, W)
+        psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
+        u, y, h, h_first = floats(W), floats(W), floats(W), floats(W)
+        yhat, eps, S, tmp = floats(W), floats(W), floats(W), floats(W)
+        t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
+        moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
+        copy(con.V0, V, 0)
+        copy(st.z, X, 0)
+        copy(st.x, X, z)
+        # One line for each step of the recursion.
+        # fmt: off
+        for k in range(most(samples.number, a0, W)):
+            _take(lanes, k, a0, samples.t, samples.u, samples.y, samples.number, t, u, y, does, learns)
+            if admit(lanes, t, u, y, con.gap_us, con.settle_us, st.t, st.settled, st.seed_left, st.counts, does, h):
+                evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V,
+                         tmp)
+                if _delayed(lanes, T.kind, con.delay, st.torque_before, st.u, h, h_first, u_first):
+                    drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, u_first, st.du, G)
+                    split(lanes, T.A_row, con.weight, V, h_first, steps, terms)
+                    propagate(lanes, T.ext_start, src, slot, V_, G_, h_first, steps, terms, X_, now, after, tmp)
+                drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, st.u, st.du, G)
+                split(lanes, T.A_row, con.weight, V, h, steps, terms)
+                propagate(lanes, T.ext_start, src, slot, V_, G_, h, steps, terms, X_, now, after, tmp)
+                predict(lanes, T.out_slot, T.out_src, T.out_par, V, X, yhat, psi)
+                gain(lanes, con.lam, st.P, psi, Ppsi, S)
+                innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
+                update_theta(lanes, con.lower, con.upper, st.theta, eps, Ppsi, S, tracks, hit)
+                update_P(lanes, con.lam, st.P, Ppsi, S, learns, fit)
+                find_P0(lanes, con.seed, st.seed_left, st.P_sum, st.P, does)
+                running_variance(lanes, con.lam, con.lam_slow, st.lam0_running, eps, S, learns)
+                correct(lanes, con.K, X, eps, psi, moves)
+                _tally(lanes, does, hit, st.counts)
+                deviate(lanes, con.theta0, con.alpha1, con.lam0, st.theta, st.P, d, nu)
+                if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tracks):
+                    alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tracks, a0, reset, filled, what, value)
+                calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tracks, a0, filled, what, value)
+            rest(lanes, does, con.rest, y, X)
+            hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.speed_scale, t, u, y, does, X, st.t, st.u, st.du,
+                 st.torque_before)
+            if tr.eps.size:
+                _record(lanes, k, a0, learns, eps, psi, st.theta, st.P, st.g, tr.eps, tr.psi, tr.theta, tr.P, tr.g)
+        # fmt: on
+        copy(X[:z], st.z, 0)
+        copy(X[z:], st.x, 0)
+        put_back(F_, F, a0)
+        put_back(I_, I, a0)

@@ -49,11 +49,11 @@ def copy(source: Floats, target: Floats, row: int) -> None:
 
 @kernel
 def columns(bank: Any, first: int, W: int) -> Any:
-    """A contiguous copy of W columns from ``first`` on."""
+    """A contiguous copy of W columns from ``first`` on, the bank's last one repeated where it has no more."""
     out = np.empty((bank.shape[0], W), bank.dtype)
     for r in range(bank.shape[0]):
         for a in range(W):
-            out[r, a] = bank[r, first + a]
+            out[r, a] = bank[r, min(first + a, bank.shape[1] - 1)]
     return out
 
 
@@ -61,7 +61,7 @@ def columns(bank: Any, first: int, W: int) -> Any:
 def put_back(lanes: Any, bank: Any, first: int) -> None:
     """The columns back where ``columns`` took them from."""
     for r in range(lanes.shape[0]):
-        for a in range(lanes.shape[1]):
+        for a in range(min(lanes.shape[1], bank.shape[1] - first)):
             bank[r, first + a] = lanes[r, a]
 
 
@@ -69,6 +69,6 @@ def put_back(lanes: Any, bank: Any, first: int) -> None:
 def most(number: Ints, first: int, W: int) -> int:
     """The largest of W numbers from ``first`` on."""
     top = 0
-    for a in range(W):
+    for a in range(min(W, number.size - first)):
         top = max(top, number[first + a])
     return top

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.compile import entry
+from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.tables import Constants, Floats, Ints, Tables
 
 NEVER = np.iinfo(np.int64).min
@@ -54,7 +54,6 @@ class State(NamedTuple):
     counts: NDArray[np.int64]  # (len(COUNTERS), W)
 
 
-@entry
 def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
     """Name the rows of a bank's state: F (float_rows, W) and I (int_rows, W), both C-contiguous."""
     W = F.shape[1]
@@ -92,7 +91,6 @@ def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     return n + p * n + p + p * p + 2 * p + m + p * m + 2 + p, 3 + 3 * p + len(COUNTERS)
 
 
-@entry
 def constant_views(c: Floats, tables: Tables) -> Constants:
     """Name the rows of a bank's constants (constant_rows, W)."""
     n, p = tables.n, tables.p
@@ -123,3 +121,8 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 8],
         c[b + 9],
     )
+
+
+kernel_state_views = kernel(state_views)
+kernel_constant_views = kernel(constant_views)
+"""The same for the kernel: compiled to be called from Python, too, they would cost it a second."""

@@ -11,7 +11,6 @@ import numpy as np
 import structlog
 
 from monitor_core.bank import FEWEST_LANES, Bank
-from monitor_core.kernel.block import run_axes, run_side_by_side
 from monitor_core.reference import INTERVAL_S, reference_model
 from monitor_core.settings import Settings
 from service.kernel_cache import VARIABLE
@@ -27,9 +26,11 @@ log = structlog.get_logger(__name__)
 
 
 def compile_kernel(lanes: int) -> None:
-    """Have the kernel ready for banks of so many axes: compiled, or loaded from its cache."""
+    """Have the kernel ready for banks of so many axes: compiled, or loaded from its cache, which is marked."""
     bank = Bank([reference_model()] * lanes, [Settings(interval_s=INTERVAL_S)] * lanes)
     bank.run(np.zeros((0, lanes), np.int64), np.zeros((0, lanes)), np.zeros((0, lanes)))
+    if mark := _mark(lanes):
+        mark.touch()
 
 
 def compile_all() -> None:
@@ -86,9 +87,15 @@ class CacheFiller:
 
 def _is_cached(lanes: int) -> bool:
     """Whether the cache holds this shape of the kernel; for another processor it would not be used."""
-    entry = run_axes if lanes < FEWEST_LANES else run_side_by_side
+    mark = _mark(lanes)
+    return mark is not None and mark.exists()
+
+
+def _mark(lanes: int) -> Path | None:
+    """The file that says so: both shapes lie in the same files of numba's."""
     folder = os.environ.get(VARIABLE)
-    return folder is not None and any(Path(folder).rglob(f"*.{entry.__name__}-*.nbc"))
+    shape = "few-axes" if lanes < FEWEST_LANES else "many-axes"
+    return Path(folder) / f"{shape}.compiled" if folder else None
 
 
 def _say_failed(reason: str) -> None:
