@@ -88,9 +88,9 @@ def side_by_side(records: list[Record], counts: list[int]) -> tuple[Record, NDAr
 
 
 @law
-@given(seed=seeds, case=cases, W=st.integers(1, 10), lanes=st.booleans(), data=st.data())
+@given(seed=seeds, case=cases, W=st.integers(1, 10), lanes=st.integers(0, 12), data=st.data())
 def test_an_axis_does_not_feel_its_neighbours(
-    seed: int, case: Case, W: int, lanes: bool, data: st.DataObject
+    seed: int, case: Case, W: int, lanes: int, data: st.DataObject
 ) -> None:
     rng = np.random.default_rng(seed)
     axes = different_axes(rng, case, W)
@@ -99,6 +99,7 @@ def test_an_axis_does_not_feel_its_neighbours(
     bank = Bank([model for model, _ in axes], [s for _, s in axes])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
+        patch.setattr(bank_module, "MOST_LANES", lanes)
         block, n = side_by_side(records, counts)
         events = bank.run(*block, n)
         block, n = side_by_side(
