@@ -15,7 +15,7 @@ SEEDS = 1000
 BY_LUCK = 1e-6
 """Probability with which a limit on a count is missed though the share is as stated."""
 FALSE = 1e-4
-"""Share of the records with an alarm before the fault: all in fm, in the first seconds (8 of 21000 seeds)."""
+"""Share of healthy records with an alarm: 2 of 24 000 in their 10 s, none before the time of the fault."""
 
 
 @pytest.fixture(scope="module")
