@@ -86,3 +86,10 @@ def answers_to_curl(d: Daemon) -> None:
             subprocess.run([curl, "--silent", "--show-error", "--fail", address], check=True, timeout=30)
         else:
             assert d.status(address.removeprefix(d.page)) == 200
+
+
+def test_files_that_are_named_are_there() -> None:
+    named = set(re.findall(r"`((?:service|monitor_core)/[\w./]*)`|\]\(([\w./]+)\)", README))
+    paths = {path for pair in named for path in pair if path}
+    assert len(paths) > 15
+    assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
