@@ -1,0 +1,131 @@
+"""The flat form of a drive: variables and linear equations, before anything is eliminated.
+
+Drawings (drawing.py) and Modelica texts (modelica/) both end here; elimination.py starts here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from monitor_core.modeling.laurent import Laurent
+
+CONSTANT = "1"
+"""The name of the input that is always one: constant terms of equations are its coefficients."""
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where something comes from: a component ("" is the whole model), a file ("" if there is none), a line."""
+
+    component: str = ""
+    file: str = ""
+    line: int = 0
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        return ": ".join(part for part in (place, self.component) if part)
+
+
+class ModelError(Exception):
+    """A drive that cannot be made into a model; the text names file, line and component, and what would be right."""
+
+    def __init__(self, problem: str, origin: Origin | None = None) -> None:
+        self.problem, self.origin = problem, origin or Origin()
+        place = str(self.origin)
+        super().__init__(f"{place}: {problem}" if place else problem)
+
+
+@dataclass(frozen=True, slots=True)
+class FlatParameter:
+    """A parameter that the user named or drew.
+
+    ``unit`` as units.py writes it ("kg m^2"); "" is not known.  ``value`` is the nominal value where the
+    drawing gives one.  ``positive``: zero or less makes no sense.
+    """
+
+    name: str
+    unit: str
+    meaning: str = ""
+    value: float | None = None
+    positive: bool = False
+    origin: Origin = field(default_factory=Origin)
+
+
+@dataclass(frozen=True, slots=True)
+class FlatVariable:
+    """An unknown.  ``unit``: "rad", "rad/s", "rad/s^2", "N m", or "" for a signal whose unit is not known.
+
+    ``prefer``: a good coordinate (the angle of an inertia).  ``relative``: the deflection of a spring or damper.
+    """
+
+    name: str
+    unit: str
+    prefer: bool = False
+    relative: bool = False
+    origin: Origin = field(default_factory=Origin)
+
+
+@dataclass(frozen=True, slots=True)
+class FlatInput:
+    """A known signal.
+
+    ``kind`` as in monitor_core.kernel.tables.  ``angle`` is the variable that a function of the motion depends
+    on (Coulomb friction: on its derivative; gravity: on itself), else "".
+    """
+
+    name: str
+    kind: int
+    angle: str = ""
+    origin: Origin = field(default_factory=Origin)
+
+
+@dataclass(frozen=True, slots=True)
+class FlatSensor:
+    """A sensor: the angle of its flange, and whether it was drawn as "speed" or "angle"."""
+
+    name: str
+    angle: str
+    quantity: str
+    origin: Origin = field(default_factory=Origin)
+
+
+Symbol = tuple[str, int]
+"""A variable or an input, and how many times it is differentiated."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlatEquation:
+    """sum of coefficient * d^k variable / dt^k = 0, inputs and CONSTANT among the variables (with k = 0)."""
+
+    terms: Mapping[Symbol, Laurent]
+    origin: Origin = field(default_factory=Origin)
+
+
+@dataclass(frozen=True, slots=True)
+class FlatModel:
+    """All of a drive.  Every variable of every equation is in ``variables`` or ``inputs``."""
+
+    name: str
+    parameters: tuple[FlatParameter, ...]
+    variables: tuple[FlatVariable, ...]
+    inputs: tuple[FlatInput, ...]
+    sensors: tuple[FlatSensor, ...]
+    equations: tuple[FlatEquation, ...]
+    origin: Origin = field(default_factory=Origin)
+    components: tuple[FlatComponent, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FlatComponent:
+    """What was drawn, for pictures and messages: kind ("inertia", "spring", ...), its flanges and their nodes.
+
+    ``nodes``: the names of the connection sets that its flanges belong to, in the order flange_a, flange_b.
+    ``parameters``: role ("J", "c", "d", "ratio") -> expression.
+    """
+
+    name: str
+    kind: str
+    nodes: tuple[str, ...]
+    parameters: Mapping[str, Laurent]
+    origin: Origin = field(default_factory=Origin)
