@@ -135,7 +135,8 @@ class Laurent:
         """
         exact = all(isinstance(values[name], int | Fraction) for name in self.names)
         return sum(
-            (c if exact else float(c)) * math.prod(Fraction(values[n]) ** e if exact else values[n] ** e for n, e in m)
+            (c if exact else float(c))
+            * math.prod(Fraction(values[n]) ** e if exact else values[n] ** e for n, e in m)
             for m, c in self
         )
 
@@ -186,7 +187,7 @@ def _exact_quotient(dividend: Laurent, divisor: Laurent) -> Laurent | None:
         return Laurent()
     if len(dividend.terms) != len(divisor.terms):
         return None
-    (m1, c1), (m2, c2) = max(dividend), max(divisor)
+    m1, c1 = max(dividend)
     for m2, c2 in divisor:
         candidate = Laurent({m1: c1}) / Laurent({m2: c2})
         if candidate * divisor == dividend:
