@@ -1,0 +1,155 @@
+"""Exact ranks for generic parameter values: the parameters drawn at random modulo a large prime.
+
+A determinant that is not identically zero is zero at a random point with probability degree / prime (Schwartz and
+Zippel), so the rank at a random point can only be too small, and hardly ever is; several points and two primes
+make that impossible for practical purposes.  31 bits: a product of two residues fits into numpy's int64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.kernel.tables import Ints
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.statespace import Definition, Entries, StateSpace
+
+PRIMES = (2**31 - 1, 2**31 - 19)
+POINTS = 3
+
+Seed = int | np.random.Generator
+
+
+class Point(NamedTuple):
+    """Values of parameters modulo a prime, none of them zero."""
+
+    prime: int
+    values: Mapping[str, int]
+
+
+def random_points(
+    names: Iterable[str], definitions: Sequence[Definition], seed: Seed, count: int = POINTS
+) -> Iterator[Point]:
+    """Points over alternating primes: ``names`` at random, then what ``definitions`` make of them."""
+    rng = np.random.default_rng(seed)
+    defined = {d.name for d in definitions}
+    free = sorted(set(names) - defined)
+    for k in range(count):
+        prime = PRIMES[k % len(PRIMES)]
+        values = dict(zip(free, rng.integers(1, prime, len(free)).tolist(), strict=True))
+        for definition in definitions:
+            values[definition.name] = residue(definition.value, Point(prime, values))
+        yield Point(prime, values)
+
+
+def points_of(ss: StateSpace, seed: Seed, count: int = POINTS) -> Iterator[Point]:
+    """Random points for all names of a state space."""
+    names = {p.name for p in (*ss.parameters, *ss.drawn)}
+    for entries in (ss.A, ss.B, ss.C):
+        names.update(*(entry.names for entry in entries.values()))
+    names.update(*(d.value.names for d in ss.definitions))
+    return random_points(names, ss.definitions, seed, count)
+
+
+def terms_at(entry: Laurent, point: Point) -> Iterator[tuple[int, dict[str, int]]]:
+    """Value and exponents of each term.
+
+    Raises:
+        ValueError: a denominator is a multiple of the prime.
+    """
+    for monomial, c in entry.terms.items():
+        value = c.numerator * pow(c.denominator, -1, point.prime)
+        for name, e in monomial:
+            value = value * pow(point.values[name], e, point.prime) % point.prime
+        yield value % point.prime, dict(monomial)
+
+
+def residue(entry: Laurent, point: Point) -> int:
+    """The value of a Laurent sum."""
+    return sum(value for value, _ in terms_at(entry, point)) % point.prime
+
+
+def residues(entries: Entries, shape: tuple[int, int], point: Point) -> Ints:
+    """The values of a matrix."""
+    out = np.zeros(shape, dtype=np.int64)
+    for place, entry in entries.items():
+        out[place] = residue(entry, point)
+    return out
+
+
+def echelon(matrix: Ints, prime: int) -> tuple[Ints, tuple[int, ...]]:
+    """Reduced row echelon form without zero rows, and the columns of its pivots."""
+    M = matrix % prime
+    pivots: list[int] = []
+    for column in range(M.shape[1]):
+        row = len(pivots)
+        below = np.flatnonzero(M[row:, column])
+        if not below.size:
+            continue
+        M[[row, row + below[0]]] = M[[row + below[0], row]]
+        M[row] = M[row] * pow(int(M[row, column]), -1, prime) % prime
+        factors = M[:, column].copy()
+        factors[row] = 0
+        hit = np.flatnonzero(factors)
+        M[hit] = (M[hit] - factors[hit, None] * M[row] % prime) % prime
+        pivots.append(column)
+        if len(pivots) == len(M):
+            break
+    return M[: len(pivots)], tuple(pivots)
+
+
+def rank(matrix: Ints, prime: int) -> int:
+    """Rank modulo the prime."""
+    return len(echelon(matrix, prime)[1])
+
+
+def null_space(matrix: Ints, prime: int) -> Ints:
+    """Rows (d, columns) in reduced echelon form that span all v with matrix v = 0."""
+    reduced, pivots = echelon(matrix, prime)
+    free = [column for column in range(matrix.shape[1]) if column not in pivots]
+    out = np.zeros((len(free), matrix.shape[1]), dtype=np.int64)
+    for k, column in enumerate(free):
+        out[k, column] = 1
+        out[k, list(pivots)] = -reduced[:, column] % prime
+    return echelon(out, prime)[0]
+
+
+def generic_rank(
+    rows: Sequence[Sequence[Laurent]], seed: Seed, definitions: Sequence[Definition] = ()
+) -> int:
+    """Rank of a matrix of Laurent sums for generic values of its parameters; ``definitions`` tie some of them."""
+    entries = {(i, j): entry for i, row in enumerate(rows) for j, entry in enumerate(row) if entry}
+    names = set[str]().union(*(e.names for e in entries.values()), *(d.value.names for d in definitions))
+    shape = (len(rows), max((len(row) for row in rows), default=0))
+    points = random_points(names, definitions, seed)
+    return max(rank(residues(entries, shape, point), point.prime) for point in points)
+
+
+def krylov_rank(A: Ints, start: Ints, prime: int) -> int:
+    """Rank of  [start, A start, A^2 start, ...]: dimension of what A makes of the columns (n, m)."""
+    newest = start.T % prime
+    basis, before = echelon(newest, prime)[0], 0
+    while len(basis) > before:  # once nothing is added, nothing will ever be
+        newest, before = product(newest, A.T, prime), len(basis)
+        basis = echelon(np.vstack([basis, newest]), prime)[0]
+    return len(basis)
+
+
+def product(left: Ints, right: Ints, prime: int) -> Ints:
+    """Matrix product; each of the two is reduced modulo the prime."""
+    out = np.zeros((left.shape[0], right.shape[1]), dtype=np.int64)
+    for k in range(left.shape[1]):
+        out += left[:, k, None] * right[k] % prime
+    return np.asarray(out % prime)
+
+
+def minimality(ss: StateSpace, seed: Seed) -> tuple[int, int]:
+    """Dimensions of the part that the inputs reach and of the part that the sensors see, for generic values."""
+    n, m, q = len(ss.states), len(ss.inputs), len(ss.sensors)
+    ranks = []
+    for point in points_of(ss, seed):
+        A, B, C = (residues(e, s, point) for e, s in ((ss.A, (n, n)), (ss.B, (n, m)), (ss.C, (q, n))))
+        ranks.append((krylov_rank(A, B, point.prime), krylov_rank(A.T, C.T, point.prime)))
+    return max(c for c, _ in ranks), max(o for _, o in ranks)
