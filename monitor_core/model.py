@@ -1,114 +1,48 @@
-"""The numeric model of a drive: named parameters with units, and A, B, C as sums of Laurent terms.
+"""One axis: a drive with nominal values, and the parameters to be monitored.
 
-    x' = A(theta) x + B(theta) u,      y = C(theta) x
-
-``Drive`` is the structure of a family of axes (library.py has the three-mass drive of the paper),
-``AxisModel`` is one axis of it: nominal values and the parameters to be monitored.
+``Drive`` (drive.py) is the structure of a family of axes (library.py has the three-mass drive of the paper),
+``AxisModel`` is one axis of it.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import scipy.linalg as sla
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.drive import (
+    Definition,
+    Drive,
+    Matrix,
+    Output,
+    Parameter,
+    Quantity,
+    Term,
+    split_name,
+)
+from monitor_core.kernel.tables import COSINE, COULOMB, SINE, Floats
 
-Matrix = Literal["A", "B", "C", "rest"]
-Output = Literal["speed", "angle"]
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A physical parameter.  ``positive``: zero or a negative value makes no sense (inertias, springs)."""
-
-    name: str
-    unit: str
-    meaning: str
-    positive: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Term:
-    """``coefficient * prod parameter^exponent``, added to one entry of a matrix."""
-
-    matrix: Matrix
-    row: int
-    col: int
-    coefficient: float
-    powers: tuple[tuple[str, int], ...]
-
-    def value(self, values: Mapping[str, float]) -> float:
-        """The term at the given parameter values; complex values pass through."""
-        return self.coefficient * math.prod(values[name] ** e for name, e in self.powers)
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """Name and unit of a state or an input."""
-
-    name: str
-    unit: str
-
-
-@dataclass(frozen=True)
-class Drive:
-    """The structure of a drive.
-
-    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ONE).  ``rest`` terms give the state
-    of the drive moving rigidly with output 1, from which a predictor starts after a gap.
-    """
-
-    name: str
-    output: Output
-    states: tuple[Quantity, ...]
-    inputs: tuple[int, ...]
-    parameters: tuple[Parameter, ...]
-    terms: tuple[Term, ...]
-    speed_state: int
-
-    def parameter(self, name: str) -> Parameter:
-        """The parameter of that name, or of ``1/name``.
-
-        Raises:
-            KeyError: the drive has no such parameter.
-        """
-        base, inverse = split_name(name)
-        for candidate in self.parameters:
-            if candidate.name == base:
-                return _inverted(candidate) if inverse else candidate
-        known = ", ".join(p.name for p in self.parameters)
-        raise KeyError(f"the drive {self.name!r} has no parameter {base!r}; it has {known}")
-
-    def matrix(self, which: Matrix, values: Mapping[str, float]) -> Floats:
-        """A (n, n), B (n, m), C (1, n) or rest (n, 1) at the given parameter values."""
-        n, m = len(self.states), len(self.inputs)
-        shape = {"A": (n, n), "B": (n, m), "C": (1, n), "rest": (n, 1)}[which]
-        kind = complex if any(isinstance(v, complex) for v in values.values()) else float
-        out = np.zeros(shape, dtype=kind)
-        for term in self.terms:
-            if term.matrix == which:
-                out[term.row, term.col] += term.value(values)
-        return out
-
-
-def split_name(name: str) -> tuple[str, bool]:
-    """``"1/Ja"`` is the reciprocal of the parameter ``Ja``: ("Ja", True)."""
-    return (name[2:].strip(), True) if name.startswith("1/") else (name, False)
-
-
-def _inverted(p: Parameter) -> Parameter:
-    unit = "1" if p.unit == "1" else f"1/({p.unit})"
-    return Parameter(f"1/{p.name}", unit, f"reciprocal of: {p.meaning}", p.positive)
+__all__ = [
+    "AxisModel",
+    "Definition",
+    "Drive",
+    "Matrix",
+    "Output",
+    "Parameter",
+    "Quantity",
+    "Term",
+    "split_name",
+]
 
 
 @dataclass(frozen=True)
 class AxisModel:
     """One axis: a drive, its nominal values (SI), and the parameters theta that are to be tracked.
 
+    ``nominal`` may be given by the names of the drive's parameters or, where these are merged, of what was drawn; here
+    it holds all parameters of the drive, and no others.
     A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a
     parameter whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine
     theta; default for a positive parameter: a tenth to ten times its nominal value.
@@ -116,7 +50,8 @@ class AxisModel:
     Raises:
         KeyError: a name that the drive does not have, or a nominal value that is missing.
         ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice;
-            the reciprocal of zero; a parameter without size; bounds that do not hold the nominal value.
+            the reciprocal of zero; a parameter without size; bounds that do not hold the nominal value; a drive
+            whose inputs cannot be had from its output.
     """
 
     drive: Drive
@@ -126,20 +61,25 @@ class AxisModel:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._check_nominal()
+        self._check_inputs()
+        for name, value in self.nominal.items():
+            _check_value(name, value, self.drive.given_as(name))
+        complete = self.drive.complete(self.nominal)
+        for p in self.drive.parameters:
+            _check_value(p.name, complete[p.name], p)
+        object.__setattr__(self, "nominal", complete)
         self._check_monitored()
         self._check_sizes()
         self._check_bounds()
 
-    def _check_nominal(self) -> None:
-        for p in self.drive.parameters:
-            if p.name not in self.nominal:
-                raise KeyError(f"no nominal value for {p.name} ({p.meaning}, {p.unit})")
-        for name, value in self.nominal.items():
-            p = self.drive.parameter(name)
-            if not math.isfinite(value) or (p.positive and value <= 0):
-                need = "finite and greater than zero" if p.positive else "finite"
-                raise ValueError(f"nominal {name} = {value}: {p.meaning} must be {need}")
+    def _check_inputs(self) -> None:
+        kinds, output = self.drive.inputs, self.drive.output
+        if output == "speed" and (COSINE in kinds or SINE in kinds):
+            raise ValueError("gravity depends on the angle: measure the angle")
+        if output == "angle" and COULOMB in kinds and self.drive.speed_state < 0:
+            raise ValueError(
+                "Coulomb friction depends on the speed, and no state is that of the angle sensor: measure the speed"
+            )
 
     def _check_monitored(self) -> None:
         bases = [split_name(name)[0] for name in self.monitored]
@@ -168,7 +108,7 @@ class AxisModel:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The monitored parameters, reciprocals written as such."""
+        """The monitored parameters, reciprocals written as such, under the names of ``monitored``."""
         return tuple(self.drive.parameter(name) for name in self.monitored)
 
     @cached_property
@@ -217,3 +157,9 @@ class AxisModel:
         if not self.drive.parameter(name).positive:
             return (self._nominal(name) - 10 * size, self._nominal(name) + 10 * size)
         return (0.1 * self._nominal(name), 10 * self._nominal(name))
+
+
+def _check_value(name: str, value: float, p: Parameter) -> None:
+    if not math.isfinite(value) or (p.positive and value <= 0):
+        need = "finite and greater than zero" if p.positive else "finite"
+        raise ValueError(f"nominal {name} = {value}: {p.meaning} must be {need}")

@@ -16,8 +16,11 @@ Indices = NDArray[np.uint64]
 """Unsigned: the compiler need not look for negative indices in the innermost loops."""
 Floats = NDArray[np.float64]
 
-TORQUE, COULOMB, ONE = 0, 1, 2
-"""Kinds of input: the motor torque; tanh(motor speed / speed_scale); the constant 1."""
+TORQUE, COULOMB, ONE, COSINE, SINE = 0, 1, 2, 3, 4
+"""Kinds of input: the motor torque; tanh of the speed at a flange (Coulomb friction); the constant 1; cos and sin of
+the angle at a flange (gravity)."""
+OF_MOTION = (COULOMB, COSINE, SINE)
+"""Inputs that depend on the motion."""
 
 
 class Tables(NamedTuple):
