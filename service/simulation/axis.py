@@ -7,18 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.excitation import multisine
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
 from monitor_core.reference import faulty
 from monitor_core.simulation import SimulatedAxis
 from service.config import DRIVES, NamedAxis
+from service.simulation.motion import motion_of
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)
-ACCELERATION_RMS = 36.0
-"""rad/s^2 of the motor, were the drive rigid: 1.2 N m on the reference drive."""
 RIPPLE = 0.4
 """Part of the configured torque noise that the drive really has; the rest is for what no model has."""
 
-_BANDWIDTH = 2.0  # rad/s: slow, so that the test signal moves the axis and not the controller
 _SWING, _SWING_PERIOD_S = 2.0, 20.0  # rad, s
 
 
@@ -43,15 +43,13 @@ class ControlledAxis:
         self._delay_s = config.torque_delay_s
         self._output = config.output
         self._rng = rng
-        nominal = config.model.nominal
         # With the angle among its states, whichever of angle and speed is sent.
         drive = DRIVES[config.model.drive]("angle")
-        self._drive = SimulatedAxis(nominal, config.model.friction_speed_scale, drive=drive)
-        self._inertia = _rigid_inertia(nominal)
-        count = round(PERIOD_S / self.interval_s)
-        self._test_signal = multisine(
-            rng, count, self.interval_s, _band(self.interval_s), ACCELERATION_RMS * self._inertia
-        )
+        model = AxisModel(drive, config.model.nominal, ())
+        self._drive = SimulatedAxis(model.nominal, config.model.friction_speed_scale, drive=drive)
+        count, band = round(PERIOD_S / self.interval_s), _band(self.interval_s)
+        self._motion = motion_of(model, _lines(band))
+        self._test_signal = multisine(rng, count, self.interval_s, band, self._motion.torque_rms)
         self._ripple = RIPPLE * (config.estimator.torque_noise or 0.0)
         self._noise = config.estimator.output_noise or 0.0
         self._torque_before = 0.0
@@ -75,10 +73,11 @@ class ControlledAxis:
 
     def _command(self, k: int) -> float:
         """PD control around a slow swing, and the test signal."""
-        kp, kd = self._inertia * _BANDWIDTH**2, self._inertia * _BANDWIDTH
+        motion, angle = self._motion, self._drive.angle
         wanted = _SWING * math.sin(2 * math.pi * k * self.interval_s / _SWING_PERIOD_S)
         test = self._test_signal[k % len(self._test_signal)]
-        return float(kp * (wanted - self._drive.angle) - kd * self._drive.speed + test)
+        held = motion.kp * (wanted - angle) - motion.kd * self._drive.speed + motion.holding(angle)
+        return float(held + test)
 
     def _move(self, torque: float) -> None:
         """One interval: the torque before acts until the delay is over."""
@@ -89,11 +88,12 @@ class ControlledAxis:
         self._torque_before = torque
 
 
-def _rigid_inertia(values: Mapping[str, float]) -> float:
-    """Inertia that the motor feels at low frequencies, kg m^2."""
-    return values["Jm"] + values["r"] ** 2 * (values["Jg"] + values["Ja"])
-
-
 def _band(interval_s: float) -> tuple[float, float]:
     """The band of the test signal, below the Nyquist frequency of slow samples."""
     return BAND_HZ[0], min(BAND_HZ[1], 0.4 / interval_s)
+
+
+def _lines(band_hz: tuple[float, float]) -> Floats:
+    """The frequencies of the test signal [rad/s]."""
+    low, high = (round(end * PERIOD_S) for end in band_hz)
+    return np.asarray(2 * np.pi / PERIOD_S * np.arange(max(low, 1), high + 1), dtype=float)
