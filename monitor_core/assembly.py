@@ -123,8 +123,14 @@ class Assembly:
         products += [(k, i * n + s.col, i) for s, k in C for i in range(p)]
         return products + [(k, p * n + s.col, s.par) for s, k in self._index.items() if s.group == 5]
 
-    def model_constants(self, model: AxisModel) -> dict[str, Floats]:
-        """V0, coef, weight, rest, theta0, lower and upper of one axis, each as a vector."""
+    def model_constants(self, model: AxisModel, speed_scale: float) -> dict[str, Floats]:
+        """V0, coef, weight, rest, theta0, lower, upper and u_scale of one axis, each as a vector.
+
+        ``speed_scale`` [rad/s] is that of Coulomb friction, see Settings.
+
+        Raises:
+            ValueError: the drive's ``speed_state`` is not the speed at the sensor.
+        """
         fixed = {name: (1.0 if name in self._signs else v) for name, v in model.nominal.items()}
         V0 = np.zeros(len(self._index))
         for p in self._pieces:
@@ -139,6 +145,7 @@ class Assembly:
             "theta0": model.theta0,
             "lower": model.limits[0],
             "upper": model.limits[1],
+            "u_scale": _input_scales(model, speed_scale),
         }
 
 
@@ -152,6 +159,25 @@ def fill(target: Constants, axis: int, values: dict[str, Floats]) -> None:
         raise KeyError(f"constants {sorted(set(values) ^ set(Constants._fields))}")
     for name, value in values.items():
         getattr(target, name)[..., axis] = value
+
+
+def _input_scales(model: AxisModel, speed_scale: float) -> Floats:
+    """What the speed or angle that the kernel has is multiplied by to give the argument of an input (m,).
+
+    At nominal a flange has ``ratio`` times the angle and speed of the sensor.  The angle is measured.  The speed is
+    measured, too, or it is that of the predictor: the sensor's is (C A x), of which x[speed_state] is all.
+    """
+    drive = model.drive
+    scale, friction = drive.matrix("ratio", model.nominal)[:, 0], np.array(drive.inputs) == COULOMB
+    scale[friction] /= speed_scale
+    if drive.output == "angle" and friction.any():
+        A, _, C = model.matrices()
+        sensor = (C @ A)[0, drive.speed_state]
+        if sensor == 0:
+            state = drive.states[drive.speed_state].name
+            raise ValueError(f"Coulomb friction needs the speed at the sensor, which {state} is not")
+        scale[friction] *= sensor
+    return scale
 
 
 def _sign(i: int, name: str) -> tuple[int, int]:

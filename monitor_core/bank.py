@@ -163,7 +163,6 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "lam0": s.lam0,
         "alpha1": s.alpha1,
         "lam_slow": 1 - (1 - s.lam) / SLOW_MEMORIES,
-        "speed_scale": s.speed_scale,
         "delay": s.delay_s,
         "gap_us": round(s.max_gap_s * 1e6),
         "settle_us": round(s.settle_s * 1e6),
@@ -171,7 +170,8 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "calm": round(CALM_MEMORIES * s.memory),
     }
     vectors = {"K": s.gain(len(model.drive.states)), "h": s.alpha2 * model.scale}
-    return assembly.model_constants(model) | vectors | {k: np.array(float(v)) for k, v in numbers.items()}
+    vectors |= assembly.model_constants(model, s.speed_scale)
+    return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
 
 
 def _samples(

@@ -16,10 +16,11 @@ from monitor_core.facts import AxisFacts, ParameterFacts, Status
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA
 from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.model import AxisModel, Drive
 from monitor_core.settings import Settings
 
 _T = TypeVar("_T", bound=np.generic)
+_PRIME = 2**127 - 1
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -51,13 +52,17 @@ class AxisMonitor:
 
     @property
     def key(self) -> str:
-        """What a saved state belongs to: schema, model, predictor.  Equal text, interchangeable states."""
+        """What a saved state belongs to: schema, model, predictor.  Equal text, interchangeable states.
+
+        A user's drive may change and keep its name, so its structure is part of it.
+        """
         s = replace(
             self.settings, alpha1=0.0, alpha2=1.0, P0=(), run_on=False, max_gap_s=self.settings.interval_s
         )
         m = self.model
         nominal = sorted(m.nominal.items())
-        return f"schema={SCHEMA} drive={m.drive.name}/{m.drive.output} {nominal} theta={m.monitored} {s}"
+        drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
+        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored} {s}"
 
     def run(self, t_us: NDArray[np.int64], u: Floats, y: Floats) -> list[Episode]:
         """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended."""
@@ -169,6 +174,12 @@ class AxisMonitor:
             size_sd=float(size[1]),
             crossings=crossings,
         )
+
+
+def _fingerprint(drive: Drive) -> int:
+    """Of all that the kernel sees of a drive's structure; the same in every process."""
+    seen = ([state.name for state in drive.states], drive.inputs, drive.terms, drive.speed_state)
+    return int.from_bytes(repr(seen).encode(), "big") % _PRIME
 
 
 def _column(values: NDArray[_T]) -> NDArray[_T]:

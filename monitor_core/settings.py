@@ -33,7 +33,7 @@ class Settings:
     settle_s: float = 1.0
     """No update of theta for so long after the predictor started."""
     speed_scale: float = 1.0
-    """Speed of tanh(speed / speed_scale), rad/s."""
+    """Speed of tanh(speed / speed_scale), rad/s, at the flange that the friction acts on."""
     P0: tuple[float, ...] = field(default=())
     """Diagonal of P(0); empty: found from the first samples by the paper's recipe."""
     run_on: bool = False

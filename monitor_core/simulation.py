@@ -1,16 +1,17 @@
 """The plant: drives that tests and the demo run against.
 
-``SimulatedAxis`` is one axis in time, with Coulomb friction and parameters that may change at any moment.
-``simulate_linear`` runs many records of a drive without Coulomb friction side by side.
+``SimulatedAxis`` is one axis in time, with Coulomb friction, gravity and parameters that may change at any moment.
+``simulate_linear`` runs many records of a linear drive side by side.
 """
 
 import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.discretize import zero_order_hold
-from monitor_core.kernel.tables import COULOMB, TORQUE, Floats
+from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, ONE, TORQUE, Floats
 from monitor_core.library import three_mass
 from monitor_core.model import AxisModel, Drive
 
@@ -18,8 +19,11 @@ from monitor_core.model import AxisModel, Drive
 class SimulatedAxis:
     """A drive with its true parameter values.
 
-    Its linear part is discretised exactly.  Coulomb friction depends on the speed, so it is held only over
-    ``substeps`` equal parts of an interval.
+    Its linear part is discretised exactly.  Coulomb friction and gravity depend on the motion, so they are held only
+    over ``substeps`` equal parts of an interval.  At their flanges the motion is the sensor's times the ratio.
+
+    Values may be given as to AxisModel.  ``speed_scale`` is as in Settings.  ``drive`` is the three-mass one unless
+    given.
 
     Raises:
         KeyError: a parameter that the drive does not have, or a value that is missing.
@@ -43,45 +47,64 @@ class SimulatedAxis:
 
     @property
     def values(self) -> dict[str, float]:
-        """The parameter values now (a copy)."""
+        """The parameter values now, as they were given (a copy)."""
         return dict(self._values)
 
     @property
     def angle(self) -> float:
-        """Motor angle now, rad."""
-        return float((self._C @ self._x)[0])
+        """Angle at the sensor now, rad; of a drive with the speed as output it is not known, 0."""
+        return float(self._C @ self._x) if self._drive.output == "angle" else 0.0
 
     @property
     def speed(self) -> float:
-        """Motor speed now, rad/s."""
-        return float(self._x[self._drive.speed_state])
+        """Speed at the sensor now, rad/s."""
+        return float(self._speed @ self._x)
 
     def set(self, values: Mapping[str, float]) -> None:
         """Change parameters, by name; the others and the motion stay as they are.
+
+        A part of a merged parameter changes that with it, unless it is given, too.
 
         Raises:
             KeyError: a parameter that the drive does not have.
             ValueError: a value that makes no sense.
         """
-        model = AxisModel(self._drive, {**self._values, **values}, ())
-        self._values = dict(model.nominal)
-        self._A, self._B, self._C = model.matrices()
+        merged = {whole for name in values for whole in self._drive.merged_from(name)}
+        given = {name: v for name, v in self._values.items() if name not in merged} | dict(values)
+        model = AxisModel(self._drive, given, ())
+        self._values = given
+        self._A, self._B, C = model.matrices()
+        self._C = C[0]
+        self._speed = C[0] @ self._A if self._drive.output == "angle" else C[0]
+        self._ratio = self._drive.matrix("ratio", model.nominal)[:, 0]
+        self._parts = self._substeps if _depends_on_motion(self._drive, self._B).any() else 1
         self._held: dict[float, tuple[Floats, Floats]] = {}
 
     def step(self, torque: float, interval_s: float) -> tuple[float, float]:
         """Hold the torque [N m] over the interval [s]; returns angle [rad] and speed [rad/s] at its end."""
-        parts = self._substeps if self._values.get("fc") else 1
-        h = interval_s / parts
+        h = interval_s / self._parts
         if h not in self._held:
             self._held[h] = zero_order_hold(self._A, self._B, h)
         Ad, Bd = self._held[h]
-        for _ in range(parts):
+        for _ in range(self._parts):
             self._x = Ad @ self._x + Bd @ self._inputs(torque)
         return self.angle, self.speed
 
     def _inputs(self, torque: float) -> Floats:
-        friction = math.tanh(self.speed / self._speed_scale)
-        return np.array([{TORQUE: torque, COULOMB: friction}.get(kind, 1.0) for kind in self._drive.inputs])
+        speed, angle = self.speed / self._speed_scale, self.angle
+        flanges = zip(self._drive.inputs, self._ratio, strict=True)
+        return np.array([_input(kind, torque, ratio * speed, ratio * angle) for kind, ratio in flanges])
+
+
+def _input(kind: int, torque: float, speed: float, angle: float) -> float:
+    """An input of that kind at a flange that moves like this, the speed in units of that of Coulomb friction."""
+    if kind == TORQUE:
+        return torque
+    if kind == COULOMB:
+        return math.tanh(speed)
+    if kind == ONE:
+        return 1.0
+    return math.cos(angle) if kind == COSINE else math.sin(angle)
 
 
 def simulate_linear(
@@ -92,14 +115,15 @@ def simulate_linear(
     y[k] is what is measured when u[k] starts to act: y[0] belongs to the state ``start`` (n, W), default 0.
 
     Raises:
-        ValueError: there is Coulomb friction, which is not linear.
+        ValueError: there is Coulomb friction or gravity, which is not linear.
     """
-    if values.get("fc"):
-        raise ValueError("Coulomb friction fc is not linear: use SimulatedAxis")
-    C = drive.matrix("C", values)[0]
-    Ad, Bd = zero_order_hold(drive.matrix("A", values), drive.matrix("B", values), interval_s)
+    values = drive.complete(values)
+    B, C = drive.matrix("B", values), drive.matrix("C", values)[0]
+    if _depends_on_motion(drive, B).any():
+        raise ValueError("Coulomb friction and gravity are not linear: use SimulatedAxis")
+    Ad, Bd = zero_order_hold(drive.matrix("A", values), B, interval_s)
     torque = Bd[:, [kind == TORQUE for kind in drive.inputs]]
-    constant = Bd[:, [kind not in (TORQUE, COULOMB) for kind in drive.inputs]].sum(axis=1, keepdims=True)
+    constant = Bd[:, [kind == ONE for kind in drive.inputs]].sum(axis=1, keepdims=True)
     x = np.zeros((len(drive.states), u.shape[1])) if start is None else start
     y = np.empty(u.shape)
     for k in range(len(u)):
@@ -108,11 +132,16 @@ def simulate_linear(
     return y, x
 
 
+def _depends_on_motion(drive: Drive, B: Floats) -> NDArray[np.bool_]:
+    """Which inputs act and depend on the motion (m,)."""
+    return np.isin(drive.inputs, OF_MOTION) & B.any(axis=0)
+
+
 def simulate_speed(model: AxisModel, values: Mapping[str, float], u: Floats, interval_s: float) -> Floats:
     """Output of the model's drive from rest, for one torque record (N,) or many (N, W), without noise.
 
     Raises:
-        ValueError: the drive's output is not the speed; there is Coulomb friction.
+        ValueError: the drive's output is not the speed; there is Coulomb friction or gravity.
     """
     if model.drive.output != "speed":
         raise ValueError("the output of this drive is the angle: use simulate_linear")

@@ -5,7 +5,7 @@ from typing import Any
 
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
-from monitor_core.kernel.tables import COULOMB, ONE, TORQUE, Floats, Ints
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, Floats, Ints
 
 SKIP, RESTART, SETTLE, SEED, TRACK = 0, 1, 2, 3, 4
 """What a lane does: nothing; start its predictor anew; predict only; also run P to find P(0); all."""
@@ -106,7 +106,7 @@ def hold(
     kind: Ints,
     speed_state: int,
     filtered_speed: int,
-    speed_scale: Floats,
+    u_scale: Floats,
     t: Ints,
     torque: Floats,
     y: Floats,
@@ -117,7 +117,7 @@ def hold(
     du: Floats,
     torque_before: Floats,
 ) -> None:
-    """The sample's inputs act from now on: torque, friction of the speed, constant.
+    """The sample's inputs act from now on: torque, friction of the speed, constant, gravity of the measured angle.
 
     Where the angle is measured, friction follows the predicted speed, so it depends on theta: du_i = tanh' z_i.
     """
@@ -132,11 +132,16 @@ def hold(
                 u[c, a] = 1.0
             elif kind[c] == COULOMB:
                 speed = X[p * n + speed_state, a] if filtered_speed else y[a]
-                f = math.tanh(speed / speed_scale[a])
+                f = math.tanh(u_scale[c, a] * speed)
                 u[c, a] = f
-                for i in range(p):
-                    slope = (1.0 - f * f) / speed_scale[a] if filtered_speed else 0.0
-                    du[i, c, a] = slope * X[i * n + speed_state, a]
+                if filtered_speed:
+                    slope = (1.0 - f * f) * u_scale[c, a]
+                    for i in range(p):
+                        du[i, c, a] = slope * X[i * n + speed_state, a]
+            elif kind[c] == COSINE:
+                u[c, a] = math.cos(u_scale[c, a] * y[a])
+            elif kind[c] == SINE:
+                u[c, a] = math.sin(u_scale[c, a] * y[a])
             elif kind[c] == TORQUE:
                 torque_before[a] = torque[a] if does[a] == RESTART else u[c, a]
                 u[c, a] = torque[a]

@@ -194,7 +194,7 @@ def run(
                     alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tracks, a0, reset, filled, what, value)
                 calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tracks, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
-            hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.speed_scale, t, u, y, does, X, st.t, st.u, st.du,
+            hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,
                  st.torque_before)
             if tr.eps.size:
                 _record(lanes, k, a0, learns, eps, psi, st.theta, st.P, st.g, tr.eps, tr.psi, tr.theta, tr.P, tr.g)

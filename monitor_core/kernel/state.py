@@ -93,13 +93,14 @@ def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
 
 def constant_views(c: Floats, tables: Tables) -> Constants:
     """Name the rows of a bank's constants (constant_rows, W)."""
-    n, p = tables.n, tables.p
+    n, p, m = tables.n, tables.p, tables.m
     s = tables.slots
     t = s + tables.term_slot.size
     w = t + tables.A_row.size
     k = w + n
     r = k + n
-    b = r + 4 * p
+    i = r + 4 * p
+    b = i + m
     return Constants(
         c[:s],
         c[s:t],
@@ -109,7 +110,8 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[r : r + p],
         c[r + p : r + 2 * p],
         c[r + 2 * p : r + 3 * p],
-        c[r + 3 * p : b],
+        c[r + 3 * p : i],
+        c[i:b],
         c[b],
         c[b + 1],
         c[b + 2],
@@ -119,7 +121,6 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 6],
         c[b + 7],
         c[b + 8],
-        c[b + 9],
     )
 
 

@@ -33,7 +33,7 @@ class Tables(NamedTuple):
     n: int  # states
     p: int  # monitored parameters
     m: int  # inputs
-    speed_state: int  # index of the motor speed in x
+    speed_state: int  # index in x of the speed at the sensor (up to a factor), where friction uses it
     filtered_speed: int  # 1: friction uses the speed in x (angle is measured), 0: the measured speed
     slots: int  # length of V; V[slots] is an extra 0
     A_row: Ints  # (entries of A,) row of each of the first slots, in order
@@ -48,7 +48,7 @@ class Tables(NamedTuple):
     out_slot: Ints  # output: slot times
     out_src: Ints  # element of (z_1 .. z_p, x) goes to
     out_par: Ints  # psi of this parameter, or -1: to yhat
-    kind: Ints  # (m,) TORQUE, COULOMB or ONE
+    kind: Ints  # (m,) kinds of input
     term_slot: Ints  # (terms,) slot that the term adds to
     factor_start: Ints  # (terms + 1,) range of each term's factors
     factor_par: Ints  # (factors,) parameter
@@ -67,11 +67,11 @@ class Constants(NamedTuple):
     lower: Floats  # (p, W) bounds of theta
     upper: Floats  # (p, W)
     h: Floats  # (p, W) thresholds of the CUSUM tests
+    u_scale: Floats  # (m, W) of what an input depends on: tanh(u_scale speed), cos(u_scale angle), sin(u_scale angle)
     lam: Floats  # (W,) forgetting factor
     lam0: Floats  # (W,) innovation variance that nu uses
     alpha1: Floats  # (W,)
     lam_slow: Floats  # (W,) forgetting factor of the running innovation variance
-    speed_scale: Floats  # (W,) of tanh(speed / speed_scale)
     delay: Floats  # (W,) s, by which the torque acts late
     gap_us: Floats  # (W,) a longer interval re-initialises the predictor
     settle_us: Floats  # (W,) no update of theta for so long after that
@@ -81,4 +81,4 @@ class Constants(NamedTuple):
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + 2 * t.n + 4 * t.p + 10
+    return t.slots + t.term_slot.size + t.A_row.size + 2 * t.n + 4 * t.p + t.m + 9

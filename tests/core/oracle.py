@@ -5,13 +5,15 @@ Innovations form, friction, offset, torque delay and the rules for gaps as in th
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance
 
-from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
@@ -40,6 +42,26 @@ def held_over(F: NDArray[np.generic], f: NDArray[np.generic], w: NDArray[np.gene
     M[:size, :size], M[:size, size] = F, f
     balanced, (d, _) = matrix_balance(M, permute=False, separate=True)
     return np.asarray((d * (expm(balanced * h) @ (np.append(w, 1.0) / d)))[:size])
+
+
+def inputs(model: AxisModel, s: Settings, u: float, y: float, x: NDArray[Any]) -> NDArray[Any]:
+    """What acts after a sample (u, y), x being the state after its correction: torque, friction, offset, gravity."""
+    ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
+    speed = y if model.drive.output == "speed" else sensor_speed(model) @ x
+    functions: dict[int, Callable[[float], Any]] = {
+        TORQUE: lambda _: u,
+        COULOMB: lambda ratio: np.tanh(ratio * speed / s.speed_scale),
+        ONE: lambda _: 1.0,
+        COSINE: lambda ratio: math.cos(ratio * y),
+        SINE: lambda ratio: math.sin(ratio * y),
+    }
+    return np.array([functions[kind](r) for kind, r in zip(model.drive.inputs, ratio, strict=True)])
+
+
+def sensor_speed(model: AxisModel) -> Array:
+    """The row of the speed at an angle sensor, y' = C A x (the inputs have no direct effect on it), at nominal."""
+    A, _, C = model.matrices()
+    return np.asarray((C @ A)[0])
 
 
 @dataclass
@@ -102,14 +124,15 @@ class Paper:
 
     def _hold(self, u: float, y: float) -> None:
         """Inputs from this sample on, and their derivatives where friction hangs on the predicted speed."""
-        speed_measured = self.model.drive.output == "speed"
-        k = self.model.drive.speed_state
-        friction = math.tanh((y if speed_measured else self.x[k]) / self.s.speed_scale)
-        slope = 0.0 if speed_measured else (1 - friction**2) / self.s.speed_scale
         self.torque_before, self.torque = self.torque, u
+        self.u = inputs(self.model, self.s, u, y, self.x)
+        if self.model.drive.output == "speed":
+            return
+        ratio = self.model.drive.matrix("ratio", self.model.nominal)[:, 0]
         for c, kind in enumerate(self.model.drive.inputs):
-            self.u[c] = {TORQUE: u, COULOMB: friction, ONE: 1.0}[kind]
-            self.du[:, c] = slope * self.z[:, k] if kind == COULOMB else 0.0
+            if kind == COULOMB:
+                slope = (1 - self.u[c] ** 2) * ratio[c] / self.s.speed_scale
+                self.du[:, c] = slope * (self.z @ sensor_speed(self.model))
 
     def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
         assert self.t is not None
@@ -189,15 +212,15 @@ def prediction(
     """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
     values = model.values(theta)  # type: ignore[arg-type]
     A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
-    K, k = s.gain(len(A)), model.drive.speed_state
+    K, kinds = s.gain(len(A)), np.array(model.drive.inputs)
     x = model.drive.matrix("rest", model.nominal)[:, 0] * y[0] + 0 * A[0]
-    yhat, before, friction = [C[0] @ x], u[0], np.tanh((y[0] if len(A) == 5 else x[k]) / s.speed_scale)
+    yhat, before, held = [C[0] @ x], u[0], inputs(model, s, u[0], y[0], x)
     for j in range(1, len(u)):
         h = (t_us[j] - t_us[j - 1]) * 1e-6
         late = min(s.delay_s, h)
         for piece, torque in ((late, before), (h - late, u[j - 1])):
-            x = held_over(A, B @ np.array([torque, friction, 1.0]), x, piece)
+            x = held_over(A, B @ np.where(kinds == TORQUE, torque, held), x, piece)
         yhat.append(C[0] @ x)
         x = x + K * (y[j] - yhat[-1])
-        before, friction = u[j - 1], np.tanh((y[j] if len(A) == 5 else x[k]) / s.speed_scale)
+        before, held = u[j - 1], inputs(model, s, u[j], y[j], x)
     return np.array(yhat)

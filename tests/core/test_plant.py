@@ -115,7 +115,7 @@ def test_a_run_can_be_continued(seed: int) -> None:
 
 def test_what_is_not_linear_or_not_a_speed_is_refused() -> None:
     u = np.zeros((3, 1))
-    with pytest.raises(ValueError, match="Coulomb friction fc is not linear"):
+    with pytest.raises(ValueError, match="Coulomb friction and gravity are not linear"):
         simulate_linear(three_mass("speed"), FRICTION, u, H)
     with pytest.raises(ValueError, match="output of this drive is the angle"):
         simulate_speed(reference_model("angle"), REFERENCE_VALUES, u, H)
