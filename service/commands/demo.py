@@ -14,7 +14,7 @@ from service.commands.configuration import configuration
 from service.commands.exits import explained
 from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors
 from service.commands.run import Port
-from service.commands.shipped import shipped
+from service.shipping import shipped
 from service.config import Config
 from service.simulation.robot import Fault
 from service.simulation.sending import RobotThread

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from service.commands.shipped import shipped
+from service.shipping import shipped
 from service.config import Config, load
 from service.monitoring.banks import Block, Change, Monitors
 from service.simulation.robot import Fault, Moment, SimulatedRobot

@@ -1,4 +1,4 @@
-"""The example configurations that come with the program."""
+"""The files of config/ as they come with the program: example configurations, drives."""
 
 from pathlib import Path
 
