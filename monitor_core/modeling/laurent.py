@@ -23,19 +23,19 @@ class NotLaurentError(ArithmeticError):
 class Laurent:
     """An immutable sum of Laurent terms with rational coefficients."""
 
-    def __init__(self, terms: Mapping[Monomial, Fraction] | Iterable[tuple[Monomial, Fraction]] = ()) -> None:
-        items = terms.items() if isinstance(terms, Mapping) else terms
-        self.terms: dict[Monomial, Fraction] = {m: c for m, c in items if c}
+    def __init__(self, terms: Iterable[tuple[Monomial, Fraction]] = ()) -> None:
+        """From pairs of monomial and coefficient, each monomial once."""
+        self.terms: dict[Monomial, Fraction] = {m: c for m, c in terms if c}
 
     @classmethod
     def number(cls, value: int | float | str | Fraction) -> Laurent:
         """A constant; a float means the decimal number that it prints as."""
-        return cls({(): Fraction(str(value)) if isinstance(value, float) else Fraction(value)})
+        return cls([((), Fraction(str(value)) if isinstance(value, float) else Fraction(value))])
 
     @classmethod
     def symbol(cls, name: str, exponent: int = 1) -> Laurent:
         """A parameter, or a power of it."""
-        return cls({((name, exponent),) if exponent else (): Fraction(1)})
+        return cls([(((name, exponent),) if exponent else (), Fraction(1))])
 
     def __bool__(self) -> bool:
         return bool(self.terms)
@@ -65,13 +65,13 @@ class Laurent:
         return hash(frozenset(self.terms.items()))
 
     def __neg__(self) -> Laurent:
-        return Laurent({m: -c for m, c in self.terms.items()})
+        return Laurent((m, -c) for m, c in self.terms.items())
 
     def __add__(self, other: Laurent) -> Laurent:
         terms = dict(self.terms)
         for m, c in other.terms.items():
             terms[m] = terms.get(m, Fraction(0)) + c
-        return Laurent(terms)
+        return Laurent(terms.items())
 
     def __sub__(self, other: Laurent) -> Laurent:
         return self + -other
@@ -82,7 +82,7 @@ class Laurent:
             for m2, c2 in other.terms.items():
                 m = _product(m1, m2)
                 terms[m] = terms.get(m, Fraction(0)) + c1 * c2
-        return Laurent(terms)
+        return Laurent(terms.items())
 
     def __truediv__(self, other: Laurent) -> Laurent:
         if other.is_unit:
@@ -97,7 +97,7 @@ class Laurent:
             if not self.is_unit:
                 raise NotLaurentError(str(self))
             ((m, c),) = self.terms.items()
-            return Laurent({tuple((name, e * exponent) for name, e in m): c**exponent})
+            return Laurent([(tuple((name, e * exponent) for name, e in m), c**exponent)])
         out = Laurent.number(1)
         for _ in range(exponent):
             out = out * self
@@ -113,7 +113,7 @@ class Laurent:
             return self
         out = Laurent()
         for m, c in self.terms.items():
-            product = Laurent({(): c})
+            product = Laurent([((), c)])
             for name, e in m:
                 product = product * replacements.get(name, Laurent.symbol(name)) ** e
             out = out + product
@@ -161,7 +161,7 @@ class Laurent:
         for name in self.names:
             lowest[name] = min(dict(m).get(name, 0) for m in self.terms)
         sign = -1 if all(c < 0 for c in self.terms.values()) else 1
-        common = Laurent({tuple(sorted((n, e) for n, e in lowest.items() if e)): Fraction(sign)})
+        common = Laurent([(tuple(sorted((n, e) for n, e in lowest.items() if e)), Fraction(sign))])
         return common, self / common
 
     def _sum_text(self) -> str:
@@ -189,7 +189,7 @@ def _exact_quotient(dividend: Laurent, divisor: Laurent) -> Laurent | None:
         return None
     m1, c1 = max(dividend)
     for m2, c2 in divisor:
-        candidate = Laurent({m1: c1}) / Laurent({m2: c2})
+        candidate = Laurent([(m1, c1)]) / Laurent([(m2, c2)])
         if candidate * divisor == dividend:
             return candidate
     return None
@@ -210,4 +210,6 @@ def _term_text(m: Monomial, c: Fraction, inner: str = "") -> str:
 
 
 def _power(name: str, e: int) -> str:
-    return name if e == 1 else f"{name}^{e}"
+    plain = name.replace(".", "").replace("_", "").isalnum()
+    factor = name if plain else f"({name})"  # a merged parameter is named by its sum
+    return factor if e == 1 else f"{factor}^{e}"
