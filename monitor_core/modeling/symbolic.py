@@ -13,7 +13,7 @@ from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Entries, StateSpace
 
 if TYPE_CHECKING:
-    import sympy  # type: ignore[import-untyped]
+    import sympy
 
 GREEK = {
     **{name: name for name in ("alpha", "beta", "gamma", "delta", "zeta", "eta", "theta", "kappa", "lambda")},

@@ -1,0 +1,98 @@
+"""The steps of the elimination, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.model import Output
+from monitor_core.modeling.elimination.balances import balances_of
+from monitor_core.modeling.elimination.minimal import Counts, Reduction
+from monitor_core.modeling.elimination.operators import Operator, Row
+from monitor_core.modeling.elimination.pruning import pruned
+from monitor_core.modeling.elimination.rational import Field
+from monitor_core.modeling.elimination.substitution import Line, System, distances, orders_of
+from monitor_core.modeling.flat import FlatModel, FlatSensor, ModelError, Symbol
+from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.modeling.statespace import StateSpace
+
+
+def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
+    """The minimal state space of a drive; ``output`` goes before what its sensors were drawn to measure.
+
+    Raises:
+        ModelError: the drive has no torque, no sensor, no path between them, is locked, or its equations cannot
+            be solved; the text names the component.
+    """
+    _check_complete(flat)
+    try:
+        reduction = _reduce(flat, output, None)
+    except NotLaurentError:
+        reduction = _reduce(flat, output, Field(p.name for p in flat.parameters))
+    return pruned(reduction)
+
+
+def _check_complete(flat: FlatModel) -> None:
+    if not any(u.kind == TORQUE for u in flat.inputs):
+        raise ModelError("no motor torque acts on the drive: draw a torque source", flat.origin)
+    if not flat.sensors:
+        raise ModelError("nothing is measured: draw a speed sensor or an angle sensor", flat.origin)
+
+
+def _reduce(flat: FlatModel, output: Output | None, field: Field | None) -> Reduction:
+    rows: list[Row] = [_row(equation.terms) for equation in flat.equations]
+    stiff, differentiated = _stiff(flat, rows), _differentiated(rows)
+    orders = orders_of(flat, rows)
+    far = distances(rows, [u.name for u in flat.inputs if u.kind == TORQUE])
+    keep = _keep(flat, far)
+    torques = _torques(flat)
+    lines = [
+        Line(row if field is None else field.row(row), equation.origin, torques.isdisjoint(row))
+        for row, equation in zip(rows, flat.equations, strict=True)
+    ]
+    system = System(lines, _watched(flat, field), orders, frozenset(u.name for u in flat.inputs), keep)
+    balances = balances_of(system)
+    sensors = tuple(FlatSensor(s.name, s.angle, output or s.quantity, s.origin) for s in flat.sensors)
+    counts = Counts(len(flat.equations), len(flat.variables), differentiated, len(system.lines))
+    return Reduction(flat, sensors, balances, stiff, far, field, counts, system.definitions)
+
+
+def _row(terms: Mapping[Symbol, Laurent]) -> Row:
+    row: dict[str, Operator] = {}
+    for (name, power), c in terms.items():
+        if c:
+            row.setdefault(name, {})[power] = c
+    return row
+
+
+def _keep(flat: FlatModel, far: dict[str, int]) -> dict[str, tuple[int, ...]]:
+    """What to keep: inertias' angles before others before deflections, near the motor before far, drawn first."""
+    return {
+        v.name: (v.prefer - v.relative, -far.get(v.name, len(far)), -k) for k, v in enumerate(flat.variables)
+    }
+
+
+def _torques(flat: FlatModel) -> set[str]:
+    """All that is not a motion."""
+    moving = {v.name for v in flat.variables if v.unit.startswith("rad")}
+    return {v.name for v in flat.variables if v.name not in moving} | {u.name for u in flat.inputs}
+
+
+def _watched(flat: FlatModel, field: Field | None) -> dict[str, Row]:
+    """Deflections, the angles of sensors and those that inputs depend on: what must be known in the end."""
+    one = Laurent.number(1) if field is None else field.element(Laurent.number(1))
+    names = [v.name for v in flat.variables if v.relative]
+    names += [s.angle for s in flat.sensors] + [u.angle for u in flat.inputs if u.angle]
+    return {name: {name: {0: one}} for name in names}
+
+
+def _stiff(flat: FlatModel, rows: list[Row]) -> tuple[str, ...]:
+    """The relative angles that a torque depends on: those of springs."""
+    torques = _torques(flat)
+    relative = [v.name for v in flat.variables if v.relative]
+    laws = [row for row in rows if not torques.isdisjoint(row)]
+    return tuple(name for name in relative if any(0 in row.get(name, {}) for row in laws))
+
+
+def _differentiated(rows: list[Row]) -> int:
+    return len({name for row in rows for name, operator in row.items() if max(operator) > 0})
