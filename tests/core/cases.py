@@ -1,6 +1,7 @@
 """Axes, settings and records that the tests of the engine share."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -8,10 +9,11 @@ import numpy as np
 from monitor_core.excitation import multisine
 from monitor_core.kalman import filter_gain
 from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Output
+from monitor_core.model import AxisModel, Drive, Output
 from monitor_core.reference import NOISE, Record
 from monitor_core.settings import Settings
 from monitor_core.simulation import SimulatedAxis
+from tests.core.chains import chain, values
 
 FRICTION = {**REFERENCE_VALUES, "fc": 0.4, "tau0": 0.1}
 H = 0.005
@@ -27,12 +29,14 @@ class Case(NamedTuple):
     torque_noise: float = 0.05
     delay_s: float = 0.0
     zero: tuple[str, ...] = ()  # parameters whose nominal value is zero though the true one is not
+    drive: Callable[[Output], Drive] = three_mass
+    speed_scale: float = 1.0
 
     @property
     def model(self) -> AxisModel:
         nominal = {k: 0.0 if k in self.zero else v for k, v in self.values.items()}
         scales = {name: abs(self.values[name]) for name in self.zero}
-        return AxisModel(three_mass(self.output), nominal, self.monitored, scales)
+        return AxisModel(self.drive(self.output), nominal, self.monitored, scales)
 
     def settings(self, relative_sd: float = 0.01, **changes: float | bool | tuple[float, ...]) -> Settings:
         """Settings with this standard deviation (relative) of theta at the start."""
@@ -44,6 +48,7 @@ class Case(NamedTuple):
             "delay_s": self.delay_s,
             "max_gap_s": 0.05,
             "settle_s": 0.3,
+            "speed_scale": self.speed_scale,
             "P0": tuple(start),
         }
         return Settings(H, **(own | changes))  # type: ignore[arg-type]
@@ -59,6 +64,31 @@ CASES = (
     Case("angle-friction", "angle", ("fc", "tau0", "1/kT"), zero=("fc", "tau0"), delay_s=0.002),
     Case("angle-gear", "angle", ("r", "Jg", "da")),
     Case("angle-alone", "angle", ("fc",), torque_noise=0.2),
+    Case(
+        "gravity",
+        "angle",
+        ("fa", "gc", "gs"),
+        values(2),
+        delay_s=0.001,
+        zero=("gc",),
+        drive=partial(chain, 2),
+    ),
+    Case(
+        "gravity-behind-the-gear",
+        "angle",
+        ("r", "fc", "gs"),
+        values(2),
+        drive=partial(chain, 2, sensor="gear"),
+        speed_scale=3.0,
+    ),
+    Case(
+        "speed-behind-the-gear",
+        "speed",
+        ("fa", "fc", "1/J2"),
+        values(2, gravity=False),
+        drive=partial(chain, 2, sensor="gear", gravity=False),
+        speed_scale=0.3,
+    ),
 )
 BY_NAME = {case.name: case for case in CASES}
 
@@ -85,7 +115,7 @@ def record(
     h_us = np.where(rng.random(samples) < jitter, rng.integers(1000, 50_001, samples), round(H * 1e6))
     h_us[rng.choice(np.arange(10, samples), gaps, replace=False)] = 300_000
     u = multisine(rng, samples, H, (0.0, 30.0), 1.23)
-    axis = SimulatedAxis(true or case.values)
+    axis = SimulatedAxis(true or case.values, case.speed_scale, drive=case.drive("angle"))
     motion = [axis.step(torque, h * 1e-6) for torque, h in zip(u[:-1], h_us[1:], strict=True)]
     y = np.array([(0.0, 0.0), *motion])[:, 0 if case.output == "angle" else 1]
     t_us = np.cumsum(h_us) - h_us[0]

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from monitor_core.bank import Bank
+from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
+from monitor_core.model import AxisModel, Term
 from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import MONITORED, experiment, reference_model
 from monitor_core.settings import Settings
@@ -180,5 +181,9 @@ def test_key_tells_which_states_are_interchangeable() -> None:
         key(replace(MODEL, nominal=nominal(fm=0.061))),
         key(reference_model(monitored=("kT", "fm", "1/Ja"))),
         key(reference_model("angle")),
+        key(replace(MODEL, drive=replace(DRIVE, terms=(*DRIVE.terms, Term("ratio", 1, 0, 0.5, ()))))),
+        key(replace(MODEL, drive=replace(DRIVE, inputs=(TORQUE, COULOMB, TORQUE)))),
+        key(speed_scale=0.5),
     ]
+    assert key(reference_model()) == key()
     assert len({key(), *others}) == 1 + len(others)

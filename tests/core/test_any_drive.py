@@ -1,0 +1,83 @@
+"""The kernel takes any drive: with more masses and more parameters nothing is compiled anew, and it is still right."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from monitor_core import bank as bank_module
+from monitor_core.bank import Bank
+from monitor_core.kernel import block
+from monitor_core.kernel.block import Trace
+from monitor_core.model import Output
+from tests.core.cases import BY_NAME, Case, as_columns, record
+from tests.core.chains import Sensor, chain, values
+from tests.core.oracle import Paper
+from tests.core.test_against_the_paper import TOLERANCE, worst
+
+FIVE_MASSES = (
+    Case(
+        "five-masses-speed",
+        "speed",
+        ("kT", "f", "1/J5", "k1", "k4", "fa"),
+        values(5, gravity=False),
+        drive=partial(chain, 5, gravity=False),
+    ),
+    Case(
+        "five-masses-angle",
+        "angle",
+        ("kT", "f", "J3", "k2", "gc", "gs"),
+        values(5),
+        drive=partial(chain, 5),
+        delay_s=0.0015,
+    ),
+)
+SAMPLES = 500
+
+
+@pytest.mark.parametrize("lanes", [False, True], ids=["scalar", "lanes"])
+@pytest.mark.parametrize("case", FIVE_MASSES, ids=lambda case: case.name)
+def test_five_masses_and_six_parameters(
+    case: Case, lanes: bool, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
+    three_masses = BY_NAME["paper"]
+    Bank([three_masses.model], [three_masses.settings()]).run(*as_columns(record(seed, three_masses, 20)))
+    compiled = signatures()
+    assert compiled
+
+    rec = record(seed, case, SAMPLES, jitter=0.2, gaps=1)
+    paper = Paper(case.model, case.settings(alpha1=0.5, alpha2=0.1))
+    paper.run(*rec)
+    bank = Bank([case.model], [paper.s])
+    events, trace = bank.run_traced(*as_columns(rec))
+
+    assert signatures() == compiled
+    assert len(case.model.drive.states) >= 9
+    differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
+    assert max(differences.values()) < TOLERANCE, differences
+    assert len(events) == len(paper.log.alarms) > 0
+    assert (bank.state.theta[:, 0] != case.model.theta0).all()
+
+
+def signatures() -> list[object]:
+    """For each of which the entry of the kernel has been compiled."""
+    return list(block.run.signatures)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("masses", range(2, 7))
+def test_any_number_of_masses_and_any_parameters(masses: int, seed: int) -> None:
+    rng = np.random.default_rng(seed + masses)
+    output: Output = rng.choice(["speed", "angle"])
+    sensor: Sensor = rng.choice(["motor", "gear"])
+    gravity = output == "angle"
+    given = values(masses, gravity)
+    names = [n if rng.random() < 0.5 else f"1/{n}" for n in rng.choice(sorted(given), masses, replace=False)]
+    drive = partial(chain, masses, sensor=sensor, gravity=gravity)
+    case = Case("any", output, tuple(names), given, drive=drive, speed_scale=rng.uniform(0.2, 2.0))
+    rec = record(seed, case, SAMPLES, jitter=0.2, gaps=1)
+    paper = Paper(case.model, case.settings(alpha1=0.5, alpha2=0.5))
+    paper.run(*rec)
+    _, trace = Bank([case.model], [paper.s]).run_traced(*as_columns(rec))
+    differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
+    assert max(differences.values()) < TOLERANCE, (output, sensor, names, differences)
