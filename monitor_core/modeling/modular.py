@@ -17,7 +17,7 @@ from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Definition, Entries, StateSpace
 
 PRIMES = (2**31 - 1, 2**31 - 19)
-POINTS = 3
+POINTS = (*PRIMES, PRIMES[0])
 
 Seed = int | np.random.Generator
 
@@ -30,27 +30,25 @@ class Point(NamedTuple):
 
 
 def random_points(
-    names: Iterable[str], definitions: Sequence[Definition], seed: Seed, count: int = POINTS
+    names: Iterable[str], definitions: Sequence[Definition], seed: Seed, primes: Sequence[int] = POINTS
 ) -> Iterator[Point]:
-    """Points over alternating primes: ``names`` at random, then what ``definitions`` make of them."""
+    """A point for each of the primes: ``names`` at random, then what ``definitions`` make of them."""
     rng = np.random.default_rng(seed)
-    defined = {d.name for d in definitions}
-    free = sorted(set(names) - defined)
-    for k in range(count):
-        prime = PRIMES[k % len(PRIMES)]
+    free = sorted(set(names) - {d.name for d in definitions})
+    for prime in primes:
         values = dict(zip(free, rng.integers(1, prime, len(free)).tolist(), strict=True))
         for definition in definitions:
             values[definition.name] = residue(definition.value, Point(prime, values))
         yield Point(prime, values)
 
 
-def points_of(ss: StateSpace, seed: Seed, count: int = POINTS) -> Iterator[Point]:
+def points_of(ss: StateSpace, seed: Seed, primes: Sequence[int] = POINTS) -> Iterator[Point]:
     """Random points for all names of a state space."""
     names = {p.name for p in (*ss.parameters, *ss.drawn)}
     for entries in (ss.A, ss.B, ss.C):
         names.update(*(entry.names for entry in entries.values()))
     names.update(*(d.value.names for d in ss.definitions))
-    return random_points(names, ss.definitions, seed, count)
+    return random_points(names, ss.definitions, seed, primes)
 
 
 def terms_at(entry: Laurent, point: Point) -> Iterator[tuple[int, dict[str, int]]]:
@@ -135,6 +133,17 @@ def krylov_rank(A: Ints, start: Ints, prime: int) -> int:
         newest, before = product(newest, A.T, prime), len(basis)
         basis = echelon(np.vstack([basis, newest]), prime)[0]
     return len(basis)
+
+
+def inverse(values: Ints, prime: int) -> Ints:
+    """The reciprocal of each element.
+
+    Raises:
+        ValueError: one of them is zero.
+    """
+    return np.array([pow(v, -1, prime) for v in values.ravel().tolist()], dtype=np.int64).reshape(
+        values.shape
+    )
 
 
 def product(left: Ints, right: Ints, prime: int) -> Ints:

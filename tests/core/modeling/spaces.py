@@ -13,7 +13,7 @@ from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Definition, Report, StateSpace
 
-UNITS = {"J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad"}
+UNITS = {"kT": "1", "M": "kg m^2", "J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad"}
 INPUTS = {
     TORQUE: FlatInput("tau", TORQUE),
     COULOMB: FlatInput("direction", COULOMB),
@@ -56,7 +56,7 @@ def space(
     known = units or {}
 
     def parameter(name: str) -> FlatParameter:
-        return FlatParameter(name, known.get(name, UNITS.get(name[0], "1")))
+        return FlatParameter(name, known.get(name, UNITS.get(name, UNITS.get(name[0], "1"))))
 
     return StateSpace(
         name="by hand",

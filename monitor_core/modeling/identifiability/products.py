@@ -1,0 +1,150 @@
+"""Combinations of parameters that can be seen, as text: "kT/Jm", "J1 + J2", "r^2*Jg/(Jm + J1)".
+
+Parameters that are seen as a sum only (directions that stay hidden whatever the values: one more, the other less)
+become one coordinate.  In the logarithms of what is left, vectors orthogonal to all that is hidden are products of
+powers.  What is still missing are entries of A, B and C that are seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from monitor_core.kernel.tables import Ints
+from monitor_core.modeling.identifiability.jacobian import Sample, gradient, gradients, union
+from monitor_core.modeling.identifiability.lattice import Vector, agreed, components, short_basis
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.modular import inverse, null_space, product, rank
+from monitor_core.modeling.statespace import StateSpace
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Coordinates by their texts, and what is seen of them at random points, for each prime.
+
+    ``forms``: each coordinate as a sum of the first ones.  ``order``: which of them stand below the fraction stroke,
+    the first first.
+    """
+
+    texts: tuple[str, ...]
+    forms: tuple[Vector, ...]
+    order: tuple[int, ...]
+    samples: Sequence[Sequence[Sample]]
+
+    @property
+    def primes(self) -> list[int]:
+        """The prime of each list of samples."""
+        return [some[0].prime for some in self.samples]
+
+
+@dataclass(frozen=True)
+class Combination:
+    """What is seen: its text, the first coordinates in it, and the gradients (p,) of its logarithm for each prime."""
+
+    text: str
+    columns: frozenset[int]
+    slopes: tuple[Ints, ...]
+
+
+def frame_of(texts: Sequence[str], order: Sequence[int], samples: Sequence[Sequence[Sample]]) -> Frame:
+    """The first coordinates, each by itself."""
+    unit = np.eye(len(texts), dtype=np.int64).tolist()
+    return Frame(tuple(texts), tuple(map(tuple, unit)), tuple(order), samples)
+
+
+def with_sums(frame: Frame) -> Frame:
+    """Sums instead of the coordinates that are seen as a sum only; without what is not seen at all."""
+    bases = [union([s.plain for s in some], some) for some in frame.samples]
+    forms = agreed(bases, frame.primes)
+    if not forms:
+        return frame
+    first = [min(frame.order.index(j) for j, c in enumerate(form) if c) for form in forms]
+    samples = [[_in_forms(s, forms) for s in some] for some in frame.samples]
+    texts = tuple(_sum(form, frame.texts) for form in forms)
+    return Frame(texts, forms, tuple(np.argsort(first).tolist()), samples)
+
+
+def _in_forms(sample: Sample, forms: Sequence[Vector]) -> Sample:
+    """What is seen, in terms of the linear forms; each has a column that the others do not have: its first."""
+    prime = sample.prime
+    leading = [next(j for j, c in enumerate(form) if c) for form in forms]
+    multiples = np.array([form[j] for form, j in zip(forms, leading, strict=True)], dtype=np.int64)
+    values = product(np.array(forms, dtype=np.int64) % prime, sample.values[:, None], prime)[:, 0]
+    plain = sample.plain[:, leading] * inverse(multiples % prime, prime) % prime
+    return Sample(sample.point, values, plain * values % prime)
+
+
+def products(frame: Frame, first: Sequence[Sample]) -> Iterator[Combination]:
+    """Products of powers of the coordinates that are seen; also those that are seen by themselves.
+
+    ``first``: a sample in the first coordinates for each prime.
+    """
+    bases = [null_space(union([s.hidden for s in some], some), some[0].prime) for some in frame.samples]
+    space = agreed(bases, frame.primes)
+    for group in components(bases[0]) if space else []:
+        inside = [tuple(v[j] for j in group) for v in space if any(v[j] for j in group)]
+        order = [group.index(column) for column in frame.order if column in group]
+        for short in short_basis(inside, order, frame.primes[0]) if inside else []:
+            vector = dict(zip(group, short, strict=True))
+            yield _product(tuple(vector.get(j, 0) for j in range(len(frame.texts))), frame, first)
+
+
+def _product(vector: Vector, frame: Frame, first: Sequence[Sample]) -> Combination:
+    text = _product_text({frame.texts[j]: e for j, e in enumerate(vector) if e})
+    columns = {i for j, e in enumerate(vector) if e for i, c in enumerate(frame.forms[j]) if c}
+    slopes = tuple(
+        _slope(vector, frame.forms, sample, some[0])
+        for sample, some in zip(first, frame.samples, strict=True)
+    )
+    return Combination(text, frozenset(columns), slopes)
+
+
+def _slope(vector: Vector, forms: Sequence[Vector], first: Sample, sample: Sample) -> Ints:
+    """sum of e_j dlog(form_j), form_j = sum of c_ij theta_i, by the logarithms of theta."""
+    prime = first.prime
+    weights = np.array(vector, dtype=np.int64) % prime * inverse(sample.values, prime) % prime
+    plain = product(weights[None], np.array(forms, dtype=np.int64) % prime, prime)[0]
+    return np.asarray(plain * first.values % prime)
+
+
+def entries_seen(
+    ss: StateSpace, coordinates: Sequence[str], texts: Mapping[str, str], first: Sequence[Sample]
+) -> Iterator[Combination]:
+    """Entries of A, B and C that are seen, and sums in them, simple ones first."""
+    candidates = {_positive(e) for M in (ss.A, ss.B, ss.C) for e in M.values()}
+    candidates |= {entry.common_factor()[1] for entry in candidates}
+    symbols = {name: Laurent.symbol(text) for name, text in texts.items()}
+    named = {str(entry.substitute(symbols)): entry for entry in candidates}
+    place = {name: j for j, name in enumerate(coordinates)}
+    for text, entry in sorted(named.items(), key=lambda item: (len(item[0]), item[0])):
+        slopes = tuple(_entry_slope(ss, entry, coordinates, s) for s in first)
+        if all(
+            rank(np.vstack([s.seen, g]), s.prime) == len(s.seen) for s, g in zip(first, slopes, strict=True)
+        ):
+            columns = frozenset(place[name] for name in entry.names if name in place)
+            yield Combination(text, columns, slopes)
+
+
+def _entry_slope(ss: StateSpace, entry: Laurent, coordinates: Sequence[str], sample: Sample) -> Ints:
+    known = gradients(coordinates, ss.definitions, sample.point)
+    return gradient(entry, known, len(coordinates), sample.point)
+
+
+def _positive(entry: Laurent) -> Laurent:
+    return -entry if all(c < 0 for c in entry.terms.values()) else entry
+
+
+def _sum(form: Vector, texts: Sequence[str]) -> str:
+    """``J1``, ``J1 + 2*J2``."""
+    terms = [(text, c) for text, c in zip(texts, form, strict=True) if c]
+    return terms[0][0] if len(terms) == 1 else str(Laurent((((text, 1),), Fraction(c)) for text, c in terms))
+
+
+def _product_text(powers: Mapping[str, int]) -> str:
+    """``kT/(J1 + J2)``; one alone needs no brackets."""
+    if list(powers.values()) == [1]:
+        return next(iter(powers))
+    return str(Laurent([(tuple(sorted(powers.items())), Fraction(1))]))

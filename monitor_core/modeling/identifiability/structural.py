@@ -1,0 +1,114 @@
+"""Which parameters, or combinations of them, the sensors of a drive can see at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from monitor_core.kernel.tables import Ints
+from monitor_core.modeling.flat import FlatParameter, ModelError
+from monitor_core.modeling.identifiability.jacobian import Sample, samples_of
+from monitor_core.modeling.identifiability.lattice import components
+from monitor_core.modeling.identifiability.naming import by_unit, combinations_of
+from monitor_core.modeling.identifiability.wording import sentences
+from monitor_core.modeling.modular import Seed, rank
+from monitor_core.modeling.statespace import StateSpace
+
+_HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
+"""By unit: what is known best from a data sheet first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identifiability:
+    """What any record, however exciting, can tell at most of the parameters that are not known already.
+
+    ``identifiable``: seen by themselves (up to a finite number of values).  ``groups``: parameters that cannot be told
+    apart; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts those that have
+    no simple form.  ``invisible``: no sensor shows them at all.  ``suggestion``: a smallest set to hold known so that
+    all others can be found; none of the ``invisible`` can, so they belong to it.
+    """
+
+    identifiable: tuple[str, ...]
+    groups: tuple[tuple[str, ...], ...]
+    seen: tuple[tuple[str, ...], ...]
+    unnamed: tuple[int, ...]
+    invisible: tuple[str, ...]
+    suggestion: tuple[str, ...]
+
+    @property
+    def combinations(self) -> tuple[str, ...]:
+        """All that is seen of the groups."""
+        return tuple(chain.from_iterable(self.seen))
+
+    @property
+    def count(self) -> int:
+        """How many numbers can be found."""
+        return len(self.identifiable) + len(self.combinations) + sum(self.unnamed)
+
+    def words(self) -> tuple[str, ...]:
+        """The same in plain sentences."""
+        groups = list(zip(self.groups, self.seen, self.unnamed, strict=True))
+        return tuple(sentences(self.identifiable, groups, self.invisible, self.suggestion))
+
+
+def structural(
+    ss: StateSpace, free: Sequence[str] | None = None, seed: Seed = 0, inputs: Sequence[int] | None = None
+) -> Identifiability:
+    """What the sensors can see of the ``free`` parameters (default: all that were drawn), the others being known.
+
+    ``inputs``: columns of B, each a known signal of its own (torque, direction of motion, 1, gravity); default all.
+
+    Raises:
+        ModelError: the drive has no parameter of that name.
+    """
+    drawn = {p.name: p for p in ss.drawn}
+    for name in free or ():
+        if name not in drawn:
+            raise ModelError(f"no parameter {name}: the drive has {', '.join(drawn)}")
+    names = tuple(drawn if free is None else dict.fromkeys(free))
+    columns = range(len(ss.inputs)) if inputs is None else inputs
+    if not names:
+        return Identifiability((), (), (), (), (), ())
+    rng = np.random.default_rng(seed)
+    samples = samples_of(ss, names, rng, columns)
+    combinations = combinations_of(ss, names, samples, rng, columns)
+    return _sorted_out([drawn[name] for name in names], samples[0][0], combinations)
+
+
+def _sorted_out(
+    free: Sequence[FlatParameter], sample: Sample, combinations: Sequence[tuple[str, frozenset[str]]]
+) -> Identifiability:
+    """The parameters by what is hidden of them, and the combinations with the groups that they are of."""
+    names, hidden = [p.name for p in free], sample.hidden
+    alone = [j for j in range(len(names)) if not hidden[:, j].any()]
+    invisible = [j for j in range(len(names)) if not sample.seen[:, j].any()]
+    groups = [g for g in components(hidden) if len(g) > 1]
+    seen = tuple(
+        tuple(text for text, inside in combinations if inside & {names[j] for j in g}) for g in groups
+    )
+    ranks = [len(g) - rank(hidden[:, g], sample.prime) for g in groups]
+    return Identifiability(
+        identifiable=tuple(names[j] for j in alone),
+        groups=tuple(tuple(names[j] for j in g) for g in groups),
+        seen=seen,
+        unnamed=tuple(r - len(found) for r, found in zip(ranks, seen, strict=True)),
+        invisible=tuple(names[j] for j in invisible),
+        suggestion=(
+            *(names[j] for j in _held(free, hidden, groups, sample.prime)),
+            *(names[j] for j in invisible),
+        ),
+    )
+
+
+def _held(
+    free: Sequence[FlatParameter], hidden: Ints, groups: Sequence[tuple[int, ...]], prime: int
+) -> list[int]:
+    """Parameters that, held, leave no hidden direction in the groups; the best known ones first."""
+    chosen: list[int] = []
+    for j in sorted(chain.from_iterable(groups), key=lambda j: (by_unit(free[j].unit, _HELD), j)):
+        if rank(hidden[:, [*chosen, j]], prime) > len(chosen):
+            chosen.append(j)
+    return chosen
