@@ -198,16 +198,16 @@ _BOTH, _ONE = ("flange_a", "flange_b"), ("flange",)
 _J = Role("J", "kg m^2", "inertia", positive=True)
 _C = Role("c", "N m/rad", "stiffness", positive=True)
 _D = Role("d", "N m s/rad", "damping")
-_RATIO = Role(
-    "ratio", "1", "gear ratio, angle at flange_a over angle at flange_b", positive=True, signed=True
-)
+# angle at flange_a over angle at flange_b
+_RATIO = Role("ratio", "1", "ratio", positive=True, signed=True)
 _VISCOUS = Role("d", "N m s/rad", "viscous friction")
 _FC = Role("fc", "N m", "Coulomb friction")
-_GC = Role("gc", "N m", "gravity torque times cosine of the angle")
-_GS = Role("gs", "N m", "gravity torque times sine of the angle")
+_GC = Role("gc", "N m", "gravity torque by the cosine")
+_GS = Role("gs", "N m", "gravity torque by the sine")
 _TAU0 = Role("tau0", "N m", "torque offset")
-_KT = Role("kT", "1", "torque constant, relative to the one the controller uses", positive=True, default=1.0)
-_K = Role("k", "", "gain", signed=True)
+# relative to the one that the controller uses
+_KT = Role("kT", "1", "torque constant", positive=True, default=1.0)
+_K = Role("k", "", "gain")
 
 KINDS: Mapping[str, Kind] = MappingProxyType(
     {

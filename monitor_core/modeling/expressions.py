@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
@@ -11,8 +12,8 @@ from types import MappingProxyType
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
-LONGEST, HIGHEST = 200, 12
-"""Characters of an expression; its exponents: far beyond any drive, and quick to multiply out."""
+LONGEST, HIGHEST, MOST, LARGEST = 200, 12, 500, 1000
+"""Characters of an expression; its exponents, terms, and the bits of its numbers: far beyond any drive, and quick."""
 
 _NAME = r"[^\W\d]\w*(?:\.[^\W\d]\w*)*(?![\w.])"
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])"
@@ -73,14 +74,27 @@ def _value(node: ast.expr) -> Laurent:
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
             return _value(operand)
         case ast.BinOp(left=base, op=ast.Pow(), right=exponent):
-            return _value(base) ** _exponent(_value(exponent))
+            return _bounded(_power(_value(base), _exponent(_value(exponent))))
         case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATIONS:
-            return _OPERATIONS[type(operator)](_value(left), _value(right))
+            return _bounded(_OPERATIONS[type(operator)](_value(left), _value(right)))
     raise _UnreadableError(f"{ast.unparse(node)!r} is not arithmetic")
 
 
 def _is_number(value: float) -> bool:
     return not isinstance(value, bool) and abs(value) < float("inf")
+
+
+def _power(base: Laurent, exponent: int) -> Laurent:
+    if math.comb(len(base.terms) + abs(exponent), abs(exponent)) > MOST and not base.is_unit:
+        raise _UnreadableError(f"({base})^{exponent} has too many terms")
+    return base**exponent
+
+
+def _bounded(value: Laurent) -> Laurent:
+    numbers = (n for c in value.terms.values() for n in (c.numerator, c.denominator))
+    if len(value.terms) > MOST or any(n.bit_length() > LARGEST for n in numbers):
+        raise _UnreadableError("multiplied out, it is too long")
+    return value
 
 
 def _exponent(value: Laurent) -> int:

@@ -1,0 +1,93 @@
+"""Drives that come with the program: a motor, a gear, and masses behind it that springs join in a chain.
+
+Angles behind the gear are those of the arm: r times the motor's.  Each spring is drawn so that its deflection is the
+angle on the motor's side less the angle on the arm's side, as in the paper: r phi_m - phi_g, phi_g - phi_a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from monitor_core.modeling.drawing import (
+    CoulombFriction,
+    Drawing,
+    IdealGear,
+    Inertia,
+    Part,
+    SpeedSensor,
+    SpringDamper,
+    Torque,
+    TorqueOffset,
+    ViscousFriction,
+)
+
+_MOTOR = {
+    "fm": "viscous friction of the motor",
+    "fc": "Coulomb friction of the motor",
+    "tau0": "torque offset",
+    "kT": "torque constant, relative to the one the controller uses",
+    "r": "gear ratio, arm angle over motor angle",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A mass behind the gear, with the spring and damper that join it to what is before it; names of parameters.
+
+    ``mass`` and ``spring`` say in words what they are; ``name`` is that of the mass in the drawing.
+    """
+
+    name: str
+    mass: str
+    J: str
+    spring: str
+    k: str
+    d: str
+
+
+def two_mass() -> Drawing:
+    """Motor and arm, and one spring between them."""
+    return chain("two-mass", [Link("arm", "arm", "Ja", "gearbox, arm side", "k", "d")])
+
+
+def three_mass() -> Drawing:
+    """The drive of the paper (eq. 1-2), with Coulomb friction and torque offset."""
+    gearbox = Link("gearbox", "gearbox, arm side", "Jg", "gearbox, arm side", "kg", "dg")
+    return chain("three-mass", [gearbox, Link("arm", "arm", "Ja", "arm", "ka", "da")])
+
+
+def five_mass() -> Drawing:
+    """What the paper needs for a really accurate description: four masses behind the gear, numbered outwards."""
+    links = [
+        Link(f"mass{i}", f"mass {i}, arm side", f"J{i}", f"spring {i}, arm side", f"k{i}", f"d{i}")
+        for i in range(1, 5)
+    ]
+    return chain("five-mass", links)
+
+
+def chain(name: str, links: Sequence[Link]) -> Drawing:
+    """Motor and gear, and the links behind it in a row; the motor's speed is measured."""
+    meanings = {"Jm": "inertia of the motor"}
+    meanings |= {link.J: f"inertia of the {link.mass}" for link in links}
+    meanings |= {link.k: f"stiffness of the {link.spring}" for link in links}
+    meanings |= {link.d: f"damping of the {link.spring}" for link in links}
+    components = _motor("gear")
+    before = "gear"
+    for link in links:
+        components.append(SpringDamper(f"{link.name}_spring", link.name, before, c=link.k, d=link.d))
+        components.append(Inertia(link.name, link.name, J=link.J))
+        before = link.name
+    return Drawing(name, components, meanings=meanings | _MOTOR)
+
+
+def _motor(behind: str) -> list[Part]:
+    return [
+        Torque("torque", "motor", kT="kT"),
+        Inertia("motor", "motor", J="Jm"),
+        ViscousFriction("bearing", "motor", d="fm"),
+        CoulombFriction("friction", "motor", fc="fc"),
+        TorqueOffset("offset", "motor", tau0="tau0"),
+        SpeedSensor("encoder", "motor"),
+        IdealGear("gear", "motor", behind, ratio="1/r"),
+    ]
