@@ -11,6 +11,7 @@ from monitor_core.drive import Definition, Drive, Output, Parameter, Quantity, T
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.model import AxisModel
+from monitor_core.simulation import SimulatedAxis, simulate_linear
 
 JOINED = "Jm + r^2*Jg"
 IN_SERIES = "1/k1 + 1/k2"
@@ -197,3 +198,27 @@ def test_the_order_of_definitions_counts_for_what_a_part_is_in() -> None:
     assert SPRUNG.merged_from("k2") == (IN_SERIES,)
     assert SPRUNG.merged_from("kT") == ()
     assert np.isclose(SPRUNG.complete(VALUES)[JOINED], 2.75)
+
+
+def test_a_plant_whose_drawn_parameters_change() -> None:
+    def stiff(axis: SimulatedAxis) -> float:
+        """Speed after a jerk so short that the spring does not matter: torque over inertia."""
+        before = axis.speed
+        return (axis.step(1.0, 1e-9)[1] - before) / 1e-9
+
+    axis = SimulatedAxis(VALUES, drive=SPRUNG)
+    assert stiff(axis) == pytest.approx(7 / 2.75, rel=1e-6)
+    axis.set({"Jm": 4.0})
+    assert stiff(axis) == pytest.approx(7 / 4.75, rel=1e-6)
+    axis.set({JOINED: 14.0})
+    assert stiff(axis) == pytest.approx(7 / 14, rel=1e-6)
+    axis.set({"Jm": 2.0})
+    assert stiff(axis) == pytest.approx(7 / 2.75, rel=1e-6)
+    assert axis.values == VALUES
+
+
+def test_a_linear_simulation_takes_drawn_parameters(seed: int) -> None:
+    u = np.random.default_rng(seed).standard_normal((20, 2))
+    y, _ = simulate_linear(SPRUNG, VALUES, u, 0.1)
+    assert (y == simulate_linear(SPRUNG, COMPLETE, u, 0.1)[0]).all()
+    assert abs(y[-1]).min() > 0
