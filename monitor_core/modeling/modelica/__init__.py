@@ -1,0 +1,44 @@
+"""Modelica texts (drawn in OpenModelica, or written by hand) -> flat model.
+
+text -> parse tree (parsing.py, pymoca's grammar) -> classes (declarations.py, syntax.py)
+-> names (names.py, library.py) -> tree of instances (instantiation.py, changes.py)
+-> values of parameters (values.py), connections (connecting.py, signals.py), library components (leaves.py)
+-> flat model (flattening.py)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from monitor_core.modeling.flat import FlatModel, ModelError
+from monitor_core.modeling.modelica.choice import choose
+from monitor_core.modeling.modelica.conditions import truth
+from monitor_core.modeling.modelica.declarations import parse
+from monitor_core.modeling.modelica.flattening import Flattening
+from monitor_core.modeling.modelica.instantiation import Instantiation
+from monitor_core.modeling.modelica.names import Names, root_of
+from monitor_core.modeling.modelica.syntax import Source
+from monitor_core.modeling.modelica.values import Values
+
+__all__ = ["Source", "read"]
+
+
+def read(sources: Sequence[Source], model: str | None = None) -> FlatModel:
+    """The flat model of a drive written in Modelica.
+
+    Args:
+        sources: the texts; classes of one may use those of another.
+        model: the name of the drive's class ("Robot.Axis1"); None: the only model that no other class uses.
+
+    Raises:
+        ModelError: a syntax error, something unknown or not supported, with file, line and component.
+    """
+    if not sources:
+        raise ModelError("no Modelica text is given")
+    texts = [parse(source) for source in sources]
+    names = Names(root_of(texts))
+    values = Values(names)
+    instance = Instantiation(names, lambda condition: truth(condition, values)).model(
+        choose(texts, names, model)
+    )
+    return Flattening(instance, values).flat()

@@ -1,0 +1,75 @@
+"""Sums, products, quotients and powers of sums of variables with Laurent coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
+from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.modeling.linear import Linear
+
+
+def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
+    """An operation on the values of its operands.
+
+    Raises:
+        ModelError: the result is not linear in the variables, or its coefficients are no Laurent sums.
+    """
+    if len(values) == 1 and symbol in "+-":
+        return values[0] if symbol == "+" else -values[0]
+    left, right = values[0], values[-1]
+    if symbol in ("+", "-"):
+        return left + right if symbol == "+" else left - right
+    factors = [without_variables(value) for value in values]
+    try:
+        if symbol == "*" and factors[0] is not None:
+            return right * factors[0]
+        if symbol == "*" and factors[1] is not None:
+            return left * factors[1]
+        if symbol == "/" and factors[1] is not None:
+            return _divided(left, factors[1])
+        if symbol == "^" and factors[0] is not None and factors[1] is not None:
+            return constant(_power(factors[0], factors[1]))
+    except ZeroDivisionError:
+        raise ModelError("a division by zero", origin) from None
+    except NotLaurentError as error:
+        raise ModelError(
+            f"{error} cannot be divided by, being no single product: give the whole a name of its own",
+            origin,
+        ) from None
+    raise ModelError(f'"{symbol}" of variables: equations must be linear, with constant coefficients', origin)
+
+
+def without_variables(value: Linear) -> Laurent | None:
+    """The constant that it is; None if it has variables in it."""
+    if any(name != CONSTANT for name, _ in value.terms):
+        return None
+    return value.terms.get((CONSTANT, 0), Laurent())
+
+
+def constant(value: Laurent) -> Linear:
+    """A sum without variables."""
+    return Linear({(CONSTANT, 0): value})
+
+
+def _divided(value: Linear, divisor: Laurent) -> Linear:
+    if not divisor:
+        raise ZeroDivisionError
+    return Linear({symbol: c / divisor for symbol, c in value.terms.items()})
+
+
+def _power(base: Laurent, exponent: Laurent) -> Laurent:
+    if not exponent.is_number:
+        raise NotLaurentError(str(exponent))
+    number = Fraction(exponent.value({}))
+    if number.denominator == 1 and abs(number) <= _HIGHEST:
+        if not base and number < 0:
+            raise ZeroDivisionError
+        return base ** int(number)
+    if not base.is_number:
+        raise NotLaurentError(f"{base}^{exponent}")
+    return Laurent.number(float(base.value({})) ** float(number))
+
+
+_HIGHEST = 12

@@ -1,0 +1,64 @@
+"""Bearing friction given as a table of speeds and torques: Coulomb friction and a viscous part."""
+
+from __future__ import annotations
+
+from monitor_core.modeling.flat import ModelError, Origin
+from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.modeling.modelica.changes import Bound
+from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.syntax import Array
+from monitor_core.modeling.modelica.values import Values
+
+_FORM = "[0, fc; 1, fc + fm]: friction at standstill, and at a speed of 1 rad/s"
+
+
+def coulomb_and_viscous(bearing: Instance, values: Values) -> tuple[Laurent, Laurent]:
+    """Intercept [N m] and slope [N m s/rad] of the line through the points of ``tau_pos``.
+
+    A number becomes a parameter "<bearing>.fc" or "<bearing>.d" with that nominal value.
+
+    Raises:
+        ModelError: no table, more than two points, a speed that cannot be divided by.
+    """
+    table = bearing.members["tau_pos"]
+    if table.binding is None:
+        raise ModelError(f"tau_pos is not given; write tau_pos = {_FORM}", bearing.origin)
+    origin = Origin(bearing.path, table.binding.origin.file, table.binding.origin.line)
+    points = _points(table.binding, values, origin)
+    if len(points) == 1:
+        intercept, slope = points[0][1], Laurent()
+    else:
+        (w1, tau1), (w2, tau2) = points
+        try:
+            slope = (tau2 - tau1) / (w2 - w1)
+        except NotLaurentError:
+            raise ModelError(
+                "the speeds of tau_pos must differ, by a number or one parameter", origin
+            ) from None
+        intercept = tau1 - slope * w1
+    return _named(bearing.inside("fc"), intercept, values), _named(bearing.inside("d"), slope, values)
+
+
+def _points(bound: Bound, values: Values, origin: Origin) -> list[tuple[Laurent, Laurent]]:
+    table = bound.expression
+    if not isinstance(table, Array):
+        raise ModelError(f"tau_pos must be a table: {_FORM}", origin)
+    rows = table.values if table.values and isinstance(table.values[0], Array) else (table,)
+    if len(rows) > 2:
+        raise ModelError(
+            f"tau_pos has {len(rows)} points (a Stribeck curve); only two are supported: {_FORM}", origin
+        )
+    points = []
+    for row in rows:
+        if not isinstance(row, Array) or len(row.values) != 2:
+            raise ModelError(f"each row of tau_pos is a speed and a torque: {_FORM}", origin)
+        speed, torque = (values.constant(value, bound.scope) for value in row.values)
+        points.append((speed, torque))
+    return points
+
+
+def _named(name: str, value: Laurent, values: Values) -> Laurent:
+    if not value or not value.is_number:
+        return value
+    values.nominal[name] = float(value.value({}))
+    return Laurent.symbol(name)

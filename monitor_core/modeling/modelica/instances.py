@@ -1,0 +1,66 @@
+"""From classes to the tree of instances: a drive with its components, theirs, and so on down to single quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from monitor_core.modeling.flat import Origin
+from monitor_core.modeling.modelica.changes import Bound, Changes, Scope
+from monitor_core.modeling.modelica.library import Leaf
+from monitor_core.modeling.modelica.syntax import ClassDef, Component, Statement
+
+
+@dataclass(slots=True, eq=False)
+class Instance:
+    """A component (or the whole model, whose path is "") with everything in it.
+
+    ``base``: "Real", ... of a single quantity, else "".  ``leaf``: what the library component is that it is or extends,
+    if so.  ``absent``: components switched off by their condition.  ``statements``: each with the class it stands in.
+    """
+
+    path: str
+    cls: ClassDef
+    origin: Origin
+    parent: Instance | None = None
+    declaration: Component | None = None
+    base: str = ""
+    leaf: Leaf | None = None
+    causality: str = ""
+    variability: str = ""
+    final: bool = False
+    binding: Bound | None = None
+    attributes: Changes = field(default_factory=dict)
+    members: dict[str, Instance] = field(default_factory=dict)
+    absent: set[str] = field(default_factory=set)
+    statements: list[tuple[Statement, Scope]] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Its path; the model's name for the model itself."""
+        return self.path or self.cls.name
+
+    def inside(self, member: str) -> str:
+        """The path of a member."""
+        return f"{self.path}.{member}" if self.path else member
+
+    def tree(self) -> Iterator[Instance]:
+        """Itself and everything inside, as declared."""
+        yield self
+        for member in self.members.values():
+            yield from member.tree()
+
+    @property
+    def is_connector(self) -> bool:
+        """A flange or a signal that can be connected."""
+        return self.cls.sort == "connector"
+
+    @property
+    def is_flange(self) -> bool:
+        """A connector with an angle and a torque."""
+        return self.is_connector and not self.base
+
+    @property
+    def is_parameter(self) -> bool:
+        """A parameter or a constant."""
+        return bool(self.variability)

@@ -1,0 +1,184 @@
+"""Which class a name means: enclosing scopes, imports, inherited classes, the library."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
+from typing import NoReturn
+
+from monitor_core.modeling.flat import ModelError, Origin
+from monitor_core.modeling.modelica.library import SOURCES, library
+from monitor_core.modeling.modelica.syntax import ClassDef, Extends, Name, Text
+
+
+def root_of(texts: Sequence[Text]) -> ClassDef:
+    """The nameless package that everything is in: the library, and the classes of the texts.
+
+    A text's own Modelica or AxisWatch is passed over: these are the library's.
+
+    Raises:
+        ModelError: a class is defined twice.
+    """
+    root = ClassDef("", "package", "", 0)
+    root.classes.update(library())
+    for text in sorted(texts, key=lambda t: len(t.within)):
+        if text.within[:1] not in _LIBRARY:
+            package = _package(root, text.within)
+            for new in text.classes:
+                _add(package, new)
+    return root
+
+
+_LIBRARY = (("Modelica",), ("AxisWatch",))
+
+
+def _package(root: ClassDef, path: tuple[str, ...]) -> ClassDef:
+    where = root
+    for name in path:
+        if name not in where.classes:
+            where.classes[name] = ClassDef(name, "package", "", 0, where)
+        where = where.classes[name]
+    return where
+
+
+def _add(package: ClassDef, new: ClassDef) -> None:
+    if not package.path and (new.name,) in _LIBRARY:
+        return
+    old = package.classes.get(new.name)
+    if old is not None:
+        where = f"in {old.file}, line {old.line}" if old.file else "in the library"
+        raise ModelError(
+            f"{new.sort} {new.name} exists already {where}", Origin(file=new.file, line=new.line)
+        )
+    package.classes[new.name] = new
+    new.parent = package
+
+
+class Names:
+    """Looks classes up.  What has been found is kept; the classes are not changed after that."""
+
+    def __init__(self, root: ClassDef) -> None:
+        self.root = root
+        self._found: dict[tuple[ClassDef, tuple[str, ...]], ClassDef | None] = {}
+        self._searching: set[ClassDef] = set()
+
+    def find(self, scope: ClassDef, name: Name, component: str = "") -> ClassDef:
+        """The class that a name written inside of ``scope`` means.
+
+        Raises:
+            ModelError: there is none; the text says what is near.
+        """
+        found = self.search(scope, name.parts)
+        if found is None:
+            self._unknown(scope, name, Origin(component, _file(scope), name.line))
+        return found
+
+    def search(self, scope: ClassDef, parts: tuple[str, ...]) -> ClassDef | None:
+        """The same; None where there is none."""
+        key = (scope, parts)
+        if key in self._found:
+            return self._found[key]
+        first = next(filter(None, (self._visible(s, parts[0]) for s in outwards(scope))), None)
+        found = self._within(first or self.root.classes.get(parts[0]), parts[1:])
+        if not self._searching:  # else what is inherited may have been passed over
+            self._found[key] = found
+        return found
+
+    def bases(self, cls: ClassDef) -> Iterator[tuple[Extends, ClassDef]]:
+        """The base classes, each with the clause that names it.
+
+        Raises:
+            ModelError: a base class is unknown.
+        """
+        for extends in cls.extends:
+            yield extends, self.find(_scope_of_bases(cls), extends.base, str(cls))
+
+    def _within(self, cls: ClassDef | None, parts: tuple[str, ...]) -> ClassDef | None:
+        for part in parts:
+            if cls is None:
+                return None
+            cls = self._member(cls, part)
+        return cls
+
+    def _visible(self, scope: ClassDef, name: str) -> ClassDef | None:
+        return self._member(scope, name) or self._imported(scope, name)
+
+    def _member(self, cls: ClassDef, name: str) -> ClassDef | None:
+        if name in cls.classes:
+            return cls.classes[name]
+        if str(cls) == SOURCES and not name.startswith(("Boolean", "Integer")):
+            return cls.classes["Source"]
+        return self._inherited(cls, name)
+
+    def _inherited(self, cls: ClassDef, name: str) -> ClassDef | None:
+        if cls in self._searching or not cls.extends:
+            return None
+        self._searching.add(cls)
+        try:
+            for extends in cls.extends:
+                base = self.search(_scope_of_bases(cls), extends.base.parts)
+                found = self._member(base, name) if base is not None else None
+                if found is not None:
+                    return found
+        finally:
+            self._searching.discard(cls)
+        return None
+
+    def _imported(self, scope: ClassDef, name: str) -> ClassDef | None:
+        for clause in scope.imports:
+            path = (*clause.path, name) if clause.alias == "*" else clause.path
+            if clause.alias in ("*", name):
+                found = self._within(self.root, path)
+                if found is not None:
+                    return found
+        return None
+
+    def _unknown(self, scope: ClassDef, name: Name, origin: Origin) -> NoReturn:
+        known = {str(c): c for c in descendants(self.root) if c.sort != "package"}
+        near = similar(str(name), known) or [k for k in known if k.split(".")[-1] == name.parts[-1]]
+        if not near:
+            last = similar(name.parts[-1], {k.split(".")[-1] for k in known})
+            near = [k for k in known if k.split(".")[-1] in last]
+        package = self.search(scope, name.parts[:-1]) if len(name.parts) > 1 else None
+        if not near and package is not None and package.classes:
+            raise ModelError(f"class {name} is not known; {listed(package.classes, 'there is')}", origin)
+        raise ModelError(f"class {name} is not known{did_you_mean(near)}", origin)
+
+
+def _scope_of_bases(cls: ClassDef) -> ClassDef:
+    """A base may be named by what is imported or defined inside; a short class names it from outside."""
+    return cls if cls.components or cls.classes or cls.imports else cls.parent or cls
+
+
+def outwards(scope: ClassDef) -> Iterator[ClassDef]:
+    """The class itself, and those around it."""
+    where: ClassDef | None = scope
+    while where is not None:
+        yield where
+        where = where.parent
+
+
+def _file(scope: ClassDef) -> str:
+    return next((s.file for s in outwards(scope) if s.file), "")
+
+
+def descendants(cls: ClassDef) -> Iterator[ClassDef]:
+    """All classes inside, at any depth."""
+    for inner in cls.classes.values():
+        yield inner
+        yield from descendants(inner)
+
+
+def similar(name: str, known: Iterable[str]) -> list[str]:
+    """Names that are written nearly the same."""
+    return get_close_matches(name, sorted(known), n=3, cutoff=0.75)
+
+
+def did_you_mean(near: Sequence[str]) -> str:
+    """``: did you mean X or Y?``, or nothing."""
+    return f": did you mean {' or '.join(near[:3])}?" if near else ""
+
+
+def listed(names: Iterable[str], there_is: str) -> str:
+    """``there is a, b, c``; ``there is none``."""
+    return f"{there_is} {', '.join(names) or 'none'}"
