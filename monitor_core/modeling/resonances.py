@@ -1,0 +1,140 @@
+"""Poles, resonances and anti-resonances of a drive at given parameter values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.modeling.flat import ModelError
+from monitor_core.modeling.numbers import nominal_of
+from monitor_core.modeling.statespace import Entries, StateSpace
+
+Complex = NDArray[np.complex128]
+
+_ROUNDING = 1e-12
+"""Relative size below which a root is zero, and an element that stands for a direct effect, too."""
+_REAL = 1e-6
+"""A double real root comes out as a pair with an imaginary part of about the root of the rounding error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """A pair of roots that oscillates: natural frequency |s| / 2 pi, and damping ratio -Re s / |s|."""
+
+    frequency_hz: float
+    damping: float
+
+
+@dataclass(frozen=True, slots=True)
+class Resonances:
+    """What a drive does by itself, from the first motor torque to the first sensor.
+
+    ``poles`` and ``zeros`` in rad/s, the slow ones first.  ``slowest_s`` is the time constant of the slowest pole that
+    decays, NaN if none does.
+    """
+
+    poles: tuple[complex, ...]
+    zeros: tuple[complex, ...]
+    resonances: tuple[Mode, ...]
+    antiresonances: tuple[Mode, ...]
+    slowest_s: float
+
+
+def resonances_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> Resonances:
+    """At nominal, or with ``values`` before the nominal ones.
+
+    Raises:
+        ModelError: the value of a parameter is not known.
+    """
+    known = nominal_of(ss, values)
+    missing = [p for p in ss.parameters if p.name not in known]
+    if missing:
+        names = ", ".join(p.name for p in missing)
+        raise ModelError(f"no nominal value for {names}", missing[0].origin)
+    n = len(ss.states)
+    torque = next(column for column, u in enumerate(ss.inputs) if u.kind == TORQUE)
+    A, B, C = (
+        _at(ss.A, (n, n), known),
+        _at(ss.B, (n, len(ss.inputs)), known),
+        _at(ss.C, (len(ss.sensors), n), known),
+    )
+    return resonances(A, B[:, torque], C[0])
+
+
+def resonances(A: Floats, b: Floats, c: Floats) -> Resonances:
+    """Of  x' = A x + b u,  y = c x  with A (n, n), b (n,), c (n,)."""
+    A, b, c = _balanced(A, b, c)
+    poles, zeros = _sorted(np.linalg.eigvals(A)), _sorted(zeros_of(A, b, c))
+    decaying = [-p.real for p in poles if p.real < -_ROUNDING * abs(poles[-1])]
+    return Resonances(
+        poles=poles,
+        zeros=zeros,
+        resonances=modes(poles),
+        antiresonances=modes(zeros),
+        slowest_s=1 / min(decaying) if decaying else math.nan,
+    )
+
+
+def modes(roots: Iterable[complex]) -> tuple[Mode, ...]:
+    """One for each pair that oscillates."""
+    upper = [s for s in roots if s.imag > _REAL * abs(s)]
+    return tuple(Mode(abs(s) / (2 * math.pi), -s.real / abs(s)) for s in upper)
+
+
+def zeros_of(A: Floats, b: Floats, c: Floats) -> Complex:
+    """Invariant zeros (rad/s) of one input and one output, balanced.
+
+    While the input has no direct effect, the output is held at zero by one state less, and what drives that state is
+    the output that is left to hold.  So the dimension falls by the relative degree, by orthogonal transformations, and
+    no infinite zero is left whose rounding error could look like a finite one.
+    """
+    d = 0.0
+    while abs(d) <= _ROUNDING * _size(b, d):
+        if not len(A) or np.linalg.norm(c) == 0:
+            return np.zeros(0, dtype=complex)  # the input does not reach the output
+        H = _reflection(c)
+        A, b = H @ A @ H, H @ b
+        A, b, c, d = A[1:, 1:], b[1:], A[0, 1:], b[0]
+    return np.linalg.eigvals(A - np.outer(b, c) / d).astype(complex)
+
+
+def _size(b: Floats, d: float) -> float:
+    return float(np.hypot(np.linalg.norm(b), d))
+
+
+def _reflection(c: Floats) -> Floats:
+    """Orthogonal and symmetric H with c H = (+-|c|, 0 .. 0); a permutation where c has one element."""
+    v = c.astype(float)
+    if np.count_nonzero(v) == 1:
+        order = np.arange(len(v))
+        k = int(np.flatnonzero(v)[0])
+        order[[0, k]] = order[[k, 0]]
+        return np.eye(len(v))[order]
+    v[0] += math.copysign(float(np.linalg.norm(v)), v[0])
+    return np.asarray(np.eye(len(v)) - 2 * np.outer(v, v) / (v @ v))
+
+
+def _balanced(A: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
+    """The same drive in states of other units, in which the rows and columns of A are of like size."""
+    balanced, (d, _) = sla.matrix_balance(A, permute=False, separate=True)
+    return np.asarray(balanced, dtype=float), b / d, c * d
+
+
+def _sorted(roots: NDArray[np.inexact]) -> tuple[complex, ...]:
+    """By size; zero where it is zero up to rounding."""
+    largest = np.abs(roots).max(initial=0.0)
+    exact = np.where(np.abs(roots) <= _ROUNDING * largest, 0, roots)
+    return tuple(sorted(exact.tolist(), key=lambda s: (abs(s), s.real, s.imag)))
+
+
+def _at(entries: Entries, shape: tuple[int, int], values: Mapping[str, float]) -> Floats:
+    out = np.zeros(shape)
+    for place, entry in entries.items():
+        out[place] = entry.value(values)
+    return out
