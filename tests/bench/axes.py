@@ -1,4 +1,4 @@
-"""Banks of reference axes with their records, to be timed."""
+"""Banks of axes with their records, to be timed: the reference axis, and one of five masses."""
 
 from __future__ import annotations
 
@@ -10,10 +10,22 @@ import pytest
 
 from monitor_core import bank as bank_module
 from monitor_core.bank import Bank
-from monitor_core.model import Output
-from monitor_core.reference import experiments, reference_model
+from monitor_core.excitation import multisine
+from monitor_core.kalman import filter_gain
+from monitor_core.model import AxisModel, Output
+from monitor_core.reference import (
+    BAND_HZ,
+    INTERVAL_S,
+    NOISE,
+    TORQUE_RMS,
+    Record,
+    experiments,
+    reference_model,
+)
 from monitor_core.settings import Settings
-from tests.core.figures import settings_of
+from monitor_core.simulation import simulate_linear
+from tests.core.chains import chain, values
+from tests.core.figures import ANGLE_TORQUE_NOISE, settings_of
 
 ONE_BY_ONE, LANES = 1_000_000, 1
 """Values of FEWEST_LANES that force a shape of the kernel."""
@@ -29,15 +41,50 @@ def settings(output: Output, seed: int) -> Settings:
 
 
 def run_of(output: Output, axes: int, samples: int, seed: int) -> Callable[[], object]:
-    """A call that runs the next so many samples of so many axes; three masses, kT, 1/Ja and fm.
+    """A call that runs the next so many samples of so many axes; three masses, kT, 1/Ja and fm."""
+    rec = experiments(range(seed, seed + axes), output=output, samples=max(BLOCKS * samples, 2000))
+    return _turning(reference_model(output), settings(output, seed), rec, samples)
 
-    At the end of the records the bank starts afresh with them: a jump would throw theta to its bounds.
+
+def five_masses(output: Output) -> AxisModel:
+    """Five masses and six parameters, with Coulomb friction of motor and arm, which the plant does not have."""
+    linear = {**values(5, gravity=False), "fc": 0.0, "fa": 0.0}
+    return AxisModel(chain(5, output, gravity=False), linear, ("kT", "f", "1/J5", "J2", "k1", "k4"))
+
+
+def five_masses_settings(output: Output) -> Settings:
+    """With the paper's output error for the speed, a Kalman gain for the angle, as the reference axis."""
+    model = five_masses(output)
+    gain, lam0 = filter_gain(model, INTERVAL_S, ANGLE_TORQUE_NOISE, NOISE[output])
+    start = tuple((0.01 * model.scale) ** 2 / lam0)
+    return Settings(INTERVAL_S, lam0=lam0, K=tuple(gain) if output == "angle" else (), P0=start)
+
+
+def five_masses_record(output: Output, axes: int, samples: int, seed: int) -> Record:
+    """Records of as many axes, excited as the reference axis."""
+    rng = np.random.default_rng(seed)
+    u = np.stack([multisine(rng, samples, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(axes)], axis=1)
+    model = five_masses(output)
+    y, _ = simulate_linear(model.drive, model.nominal, u, INTERVAL_S)
+    t_us = np.arange(samples, dtype=np.int64) * round(INTERVAL_S * 1e6)
+    return Record(t_us, u, y + NOISE[output] * rng.standard_normal(y.shape))
+
+
+def run_of_five_masses(output: Output, axes: int, samples: int, seed: int) -> Callable[[], object]:
+    """As ``run_of``, for five masses and six parameters."""
+    rec = five_masses_record(output, axes, max(BLOCKS * samples, 2000), seed)
+    return _turning(five_masses(output), five_masses_settings(output), rec, samples)
+
+
+def _turning(model: AxisModel, settings: Settings, rec: Record, samples: int) -> Callable[[], object]:
+    """A call that runs the next so many samples of the records (N, axes).
+
+    At their end the bank starts afresh with them: a jump would throw theta to its bounds.
     """
-    model, length = reference_model(output), max(BLOCKS * samples, 2000)
-    bank = Bank([model] * axes, [settings(output, seed)] * axes)
+    length, axes = rec.u.shape
+    bank = Bank([model] * axes, [settings] * axes)
     start = [bank.column(a) for a in range(axes)]
-    t_us, u, y = experiments(range(seed, seed + axes), output=output, samples=length)
-    t_us = np.repeat(t_us[:, np.newaxis], axes, axis=1)
+    t_us, u, y = np.repeat(rec.t_us[:, np.newaxis], axes, axis=1), rec.u, rec.y
     at = 0
 
     def run() -> object:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -9,7 +10,17 @@ import pytest
 from monitor_core.bank import FEWEST_LANES
 from monitor_core.model import Output
 from monitor_core.reference import Record, experiment, reference_model
-from tests.bench.axes import LANES, ONE_BY_ONE, forced, run_of, settings
+from tests.bench.axes import (
+    LANES,
+    ONE_BY_ONE,
+    five_masses,
+    five_masses_record,
+    five_masses_settings,
+    forced,
+    run_of,
+    run_of_five_masses,
+    settings,
+)
 from tests.bench.measure import Say, in_turns
 from tests.core.oracle import Paper
 
@@ -60,6 +71,36 @@ def test_many_axes(seed: int, say: Say) -> None:
         "many axes: us per sample and axis",
         ("axes", *(f"{output} output" for output in OUTPUTS), "target (speed)"),
         [(axes, *(cost[o, axes] for o in OUTPUTS), TARGET_US.get(axes, "-")) for axes in AXES],
+    )
+
+
+def test_five_masses_and_six_parameters(seed: int, say: Say) -> None:
+    variants = {
+        (drive, o, axes): run(o, axes, BLOCK, seed)
+        for drive, run in (("three", run_of), ("five", run_of_five_masses))
+        for o in OUTPUTS
+        for axes in (1, 64)
+    }
+    medians = in_turns(variants | {("paper", o, 1): five_masses_transcribed(o, seed) for o in OUTPUTS}, 9)
+    rows = []
+    for drive, output, axes in variants:
+        if drive == "five":
+            three, five = (medians[d, output, axes] / BLOCK / axes * 1e6 for d in ("three", "five"))
+            theirs = medians["paper", output, 1] / TRANSCRIBED * 1e6
+            rows.append(
+                (f"{output} output", axes, three, five, five / three, theirs, f"{theirs / five:.0f} times")
+            )
+    say(
+        "five masses and six parameters: us per sample and axis",
+        ("", "axes", "three masses", "five masses", "ratio", "five in numpy and scipy", "ratio"),
+        rows,
+    )
+
+
+def five_masses_transcribed(output: Output, seed: int) -> Callable[[], object]:
+    rec = five_masses_record(output, 1, TRANSCRIBED, seed)
+    return lambda: Paper(five_masses(output), five_masses_settings(output)).run(
+        rec.t_us, rec.u[:, 0], rec.y[:, 0]
     )
 
 

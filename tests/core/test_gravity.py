@@ -160,7 +160,7 @@ def test_the_estimates_do_not_depend_on_the_side_of_the_gear_that_is_measured(
 def test_a_heavier_load_is_found(seed: int) -> None:
     case = Case("load", "angle", ("gc", "gs", "f"), values(2), drive=lambda output: chain(2, output))
     rec = record(seed, case, 4000, true={**case.values, "gc": 1.2 * case.values["gc"]})
-    monitor = AxisMonitor.alone(case.model, case.settings(relative_sd=0.05))
+    monitor = AxisMonitor.alone(case.model, case.settings(relative_sd=0.05, lam=0.999))
     episodes = monitor.run(*rec)
     assert (episodes[0].parameter, episodes[0].direction) == ("gc", "up")
     gc = monitor.facts().parameters[0]
