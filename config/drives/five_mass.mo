@@ -1,21 +1,21 @@
-model FiveMass "Motor, gearbox and an arm of three pieces"
+model FiveMass "Motor, and four masses behind the gear, numbered outwards"
   parameter Modelica.Units.SI.Inertia Jm = 5.896e-3 "inertia of the motor";
-  parameter Modelica.Units.SI.Inertia Jg = 280.526828 "inertia of the gearbox, arm side";
-  parameter Modelica.Units.SI.Inertia Ja1 = 31.904525 "inertia of the arm, piece 1";
-  parameter Modelica.Units.SI.Inertia Ja2 = 31.904525 "inertia of the arm, piece 2";
-  parameter Modelica.Units.SI.Inertia Ja3 = 31.904525 "inertia of the arm, piece 3";
-  parameter Modelica.Units.SI.RotationalSpringConstant kg = 286736.932 "stiffness of the gearbox, arm side";
-  parameter Modelica.Units.SI.RotationalSpringConstant ka1 = 845089.332 "stiffness of the arm before piece 1";
-  parameter Modelica.Units.SI.RotationalSpringConstant ka2 = 845089.332 "stiffness of the arm before piece 2";
-  parameter Modelica.Units.SI.RotationalSpringConstant ka3 = 845089.332 "stiffness of the arm before piece 3";
-  parameter Modelica.Units.SI.RotationalDampingConstant dg = 869.13608 "damping of the gearbox, arm side";
-  parameter Modelica.Units.SI.RotationalDampingConstant da1 = 412.4985 "damping of the arm before piece 1";
-  parameter Modelica.Units.SI.RotationalDampingConstant da2 = 412.4985 "damping of the arm before piece 2";
-  parameter Modelica.Units.SI.RotationalDampingConstant da3 = 412.4985 "damping of the arm before piece 3";
+  parameter Modelica.Units.SI.Inertia J1 = 280.526828 "inertia of the mass 1, arm side";
+  parameter Modelica.Units.SI.Inertia J2 = 31.904525 "inertia of the mass 2, arm side";
+  parameter Modelica.Units.SI.Inertia J3 = 31.904525 "inertia of the mass 3, arm side";
+  parameter Modelica.Units.SI.Inertia J4 = 31.904525 "inertia of the mass 4, arm side";
+  parameter Modelica.Units.SI.RotationalSpringConstant k1 = 286736.932 "stiffness of the spring 1, arm side";
+  parameter Modelica.Units.SI.RotationalSpringConstant k2 = 845089.332 "stiffness of the spring 2, arm side";
+  parameter Modelica.Units.SI.RotationalSpringConstant k3 = 845089.332 "stiffness of the spring 3, arm side";
+  parameter Modelica.Units.SI.RotationalSpringConstant k4 = 845089.332 "stiffness of the spring 4, arm side";
+  parameter Modelica.Units.SI.RotationalDampingConstant d1 = 869.13608 "damping of the spring 1, arm side";
+  parameter Modelica.Units.SI.RotationalDampingConstant d2 = 412.4985 "damping of the spring 2, arm side";
+  parameter Modelica.Units.SI.RotationalDampingConstant d3 = 412.4985 "damping of the spring 3, arm side";
+  parameter Modelica.Units.SI.RotationalDampingConstant d4 = 412.4985 "damping of the spring 4, arm side";
   parameter Modelica.Units.SI.RotationalDampingConstant fm = 0.06 "viscous friction of the motor";
   parameter Modelica.Units.SI.Torque fc = 0 "Coulomb friction of the motor";
   parameter Modelica.Units.SI.Torque tau0 = 0 "torque offset";
-  parameter Real kT(unit = "1") = 1 "torque constant, relative to the one the controller uses";
+  parameter Real kT(unit = "1", min = 1e-3) = 1 "torque constant, relative to the one the controller uses";
   parameter Real r(unit = "1") = 1/118 "gear ratio, arm angle over motor angle";
   Modelica.Blocks.Interfaces.RealInput tau(unit = "N.m") "motor torque, as measured by the controller"
     annotation(Placement(transformation(extent = {{-200, -20}, {-160, 20}})));
@@ -37,21 +37,21 @@ model FiveMass "Motor, gearbox and an arm of three pieces"
     annotation(Placement(transformation(extent = {{-90, -80}, {-70, -60}})));
   Modelica.Mechanics.Rotational.Components.IdealGear gear(ratio = 1/r) "from the motor's to the arm's side"
     annotation(Placement(transformation(extent = {{-30, -10}, {-10, 10}})));
-  Modelica.Mechanics.Rotational.Components.SpringDamper gearSpring(c = kg, d = dg) "gearbox"
+  Modelica.Mechanics.Rotational.Components.SpringDamper spring1(c = k1, d = d1) "spring 1"
     annotation(Placement(transformation(extent = {{0, -10}, {20, 10}})));
-  Modelica.Mechanics.Rotational.Components.Inertia gearbox(J = Jg) "gearbox"
+  Modelica.Mechanics.Rotational.Components.Inertia mass1(J = J1) "mass 1"
     annotation(Placement(transformation(extent = {{30, -10}, {50, 10}})));
-  Modelica.Mechanics.Rotational.Components.SpringDamper armSpring1(c = ka1, d = da1) "arm"
+  Modelica.Mechanics.Rotational.Components.SpringDamper spring2(c = k2, d = d2) "spring 2"
     annotation(Placement(transformation(extent = {{60, -10}, {80, 10}})));
-  Modelica.Mechanics.Rotational.Components.Inertia arm1(J = Ja1) "piece 1 of the arm"
+  Modelica.Mechanics.Rotational.Components.Inertia mass2(J = J2) "mass 2"
     annotation(Placement(transformation(extent = {{90, -10}, {110, 10}})));
-  Modelica.Mechanics.Rotational.Components.SpringDamper armSpring2(c = ka2, d = da2) "arm"
+  Modelica.Mechanics.Rotational.Components.SpringDamper spring3(c = k3, d = d3) "spring 3"
     annotation(Placement(transformation(extent = {{120, -10}, {140, 10}})));
-  Modelica.Mechanics.Rotational.Components.Inertia arm2(J = Ja2) "piece 2 of the arm"
+  Modelica.Mechanics.Rotational.Components.Inertia mass3(J = J3) "mass 3"
     annotation(Placement(transformation(extent = {{150, -10}, {170, 10}})));
-  Modelica.Mechanics.Rotational.Components.SpringDamper armSpring3(c = ka3, d = da3) "arm"
+  Modelica.Mechanics.Rotational.Components.SpringDamper spring4(c = k4, d = d4) "spring 4"
     annotation(Placement(transformation(extent = {{180, -10}, {200, 10}})));
-  Modelica.Mechanics.Rotational.Components.Inertia arm3(J = Ja3) "piece 3 of the arm"
+  Modelica.Mechanics.Rotational.Components.Inertia mass4(J = J4) "mass 4"
     annotation(Placement(transformation(extent = {{210, -10}, {230, 10}})));
 equation
   connect(tau, torqueConstant.u)
@@ -72,21 +72,21 @@ equation
     annotation(Line(points = {{-80, -50}, {-80, -70}}));
   connect(motor.flange_b, gear.flange_a)
     annotation(Line(points = {{-40, 0}, {-30, 0}}));
-  connect(gear.flange_b, gearSpring.flange_a)
+  connect(gear.flange_b, spring1.flange_a)
     annotation(Line(points = {{-10, 0}, {0, 0}}));
-  connect(gearSpring.flange_b, gearbox.flange_a)
+  connect(spring1.flange_b, mass1.flange_a)
     annotation(Line(points = {{20, 0}, {30, 0}}));
-  connect(gearbox.flange_b, armSpring1.flange_a)
+  connect(mass1.flange_b, spring2.flange_a)
     annotation(Line(points = {{50, 0}, {60, 0}}));
-  connect(armSpring1.flange_b, arm1.flange_a)
+  connect(spring2.flange_b, mass2.flange_a)
     annotation(Line(points = {{80, 0}, {90, 0}}));
-  connect(arm1.flange_b, armSpring2.flange_a)
+  connect(mass2.flange_b, spring3.flange_a)
     annotation(Line(points = {{110, 0}, {120, 0}}));
-  connect(armSpring2.flange_b, arm2.flange_a)
+  connect(spring3.flange_b, mass3.flange_a)
     annotation(Line(points = {{140, 0}, {150, 0}}));
-  connect(arm2.flange_b, armSpring3.flange_a)
+  connect(mass3.flange_b, spring4.flange_a)
     annotation(Line(points = {{170, 0}, {180, 0}}));
-  connect(armSpring3.flange_b, arm3.flange_a)
+  connect(spring4.flange_b, mass4.flange_a)
     annotation(Line(points = {{200, 0}, {210, 0}}));
   annotation(
     Diagram(coordinateSystem(extent = {{-200, -100}, {260, 100}})),

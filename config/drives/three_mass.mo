@@ -9,7 +9,7 @@ model ThreeMass "Motor, gearbox and arm (the drive of the reference experiment)"
   parameter Modelica.Units.SI.RotationalDampingConstant fm = 0.06 "viscous friction of the motor";
   parameter Modelica.Units.SI.Torque fc = 0 "Coulomb friction of the motor";
   parameter Modelica.Units.SI.Torque tau0 = 0 "torque offset";
-  parameter Real kT(unit = "1") = 1 "torque constant, relative to the one the controller uses";
+  parameter Real kT(unit = "1", min = 1e-3) = 1 "torque constant, relative to the one the controller uses";
   parameter Real r(unit = "1") = 1/118 "gear ratio, arm angle over motor angle";
   Modelica.Blocks.Interfaces.RealInput tau(unit = "N.m") "motor torque, as measured by the controller"
     annotation(Placement(transformation(extent = {{-200, -20}, {-160, 20}})));

@@ -1,12 +1,12 @@
 model TwoMass "Motor and arm on a gear, one spring between them"
   parameter Modelica.Units.SI.Inertia Jm = 5.896e-3 "inertia of the motor";
-  parameter Modelica.Units.SI.Inertia Ja = 376.240404 "inertia of gearbox and arm, arm side";
-  parameter Modelica.Units.SI.RotationalSpringConstant k = 222784 "stiffness of gearbox and arm, arm side";
-  parameter Modelica.Units.SI.RotationalDampingConstant d = 556.96 "damping of gearbox and arm, arm side";
+  parameter Modelica.Units.SI.Inertia Ja = 376.240404 "inertia of the arm";
+  parameter Modelica.Units.SI.RotationalSpringConstant k = 222784 "stiffness of the gearbox, arm side";
+  parameter Modelica.Units.SI.RotationalDampingConstant d = 556.96 "damping of the gearbox, arm side";
   parameter Modelica.Units.SI.RotationalDampingConstant fm = 0.06 "viscous friction of the motor";
   parameter Modelica.Units.SI.Torque fc = 0 "Coulomb friction of the motor";
   parameter Modelica.Units.SI.Torque tau0 = 0 "torque offset";
-  parameter Real kT(unit = "1") = 1 "torque constant, relative to the one the controller uses";
+  parameter Real kT(unit = "1", min = 1e-3) = 1 "torque constant, relative to the one the controller uses";
   parameter Real r(unit = "1") = 1/118 "gear ratio, arm angle over motor angle";
   Modelica.Blocks.Interfaces.RealInput tau(unit = "N.m") "motor torque, as measured by the controller"
     annotation(Placement(transformation(extent = {{-200, -20}, {-160, 20}})));
@@ -28,7 +28,7 @@ model TwoMass "Motor and arm on a gear, one spring between them"
     annotation(Placement(transformation(extent = {{-90, -80}, {-70, -60}})));
   Modelica.Mechanics.Rotational.Components.IdealGear gear(ratio = 1/r) "from the motor's to the arm's side"
     annotation(Placement(transformation(extent = {{-30, -10}, {-10, 10}})));
-  Modelica.Mechanics.Rotational.Components.SpringDamper drive(c = k, d = d) "gearbox and arm"
+  Modelica.Mechanics.Rotational.Components.SpringDamper gearSpring(c = k, d = d) "gearbox"
     annotation(Placement(transformation(extent = {{0, -10}, {20, 10}})));
   Modelica.Mechanics.Rotational.Components.Inertia arm(J = Ja) "arm"
     annotation(Placement(transformation(extent = {{30, -10}, {50, 10}})));
@@ -51,9 +51,9 @@ equation
     annotation(Line(points = {{-80, -50}, {-80, -70}}));
   connect(motor.flange_b, gear.flange_a)
     annotation(Line(points = {{-40, 0}, {-30, 0}}));
-  connect(gear.flange_b, drive.flange_a)
+  connect(gear.flange_b, gearSpring.flange_a)
     annotation(Line(points = {{-10, 0}, {0, 0}}));
-  connect(drive.flange_b, arm.flange_a)
+  connect(gearSpring.flange_b, arm.flange_a)
     annotation(Line(points = {{20, 0}, {30, 0}}));
   annotation(
     Diagram(coordinateSystem(extent = {{-200, -100}, {80, 100}})),

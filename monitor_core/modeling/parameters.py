@@ -101,22 +101,22 @@ def _parameter(
         raise ModelError(
             f"nominal value of {name} ({meaning}) is {value!r}: it must be finite", first.part.origin
         )
-    positive = _is_positive(name, uses, value)
+    positive = is_positive(name, ((entry.role, entry.value) for entry in uses), value)
     if positive and value is not None and value <= 0:
         problem = f"nominal value of {name} ({meaning}) is {value:g}: it must be greater than zero"
         raise ModelError(problem, first.part.origin)
     return FlatParameter(name, unit, meaning, value, positive, first.part.origin)
 
 
-def _is_positive(name: str, uses: Sequence[Entry], value: float | None) -> bool:
+def is_positive(name: str, uses: Iterable[tuple[Role, Laurent]], value: float | None) -> bool:
     """True where the parameter is a factor, to an odd power, of something positive.
 
     To an even power, or in a gear ratio, it may be negative if its value says so.
     """
-    for entry in uses:
-        if entry.role.positive and entry.value.is_unit:
-            ((monomial, coefficient),) = entry.value
-            strict = not entry.role.signed and coefficient > 0 and dict(monomial)[name] % 2 == 1
+    for role, expression in uses:
+        if role.positive and expression.is_unit:
+            ((monomial, coefficient),) = expression
+            strict = not role.signed and coefficient > 0 and dict(monomial)[name] % 2 == 1
             if strict or value is None or value >= 0:
                 return True
     return False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from monitor_core.modeling.components import KINDS, Role
@@ -10,8 +10,9 @@ from monitor_core.modeling.flat import FlatEquation, FlatParameter, ModelError, 
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.leaves import Part
-from monitor_core.modeling.modelica.syntax import Literal
+from monitor_core.modeling.modelica.syntax import Literal, Number
 from monitor_core.modeling.modelica.values import Values
+from monitor_core.modeling.parameters import is_positive
 from monitor_core.modeling.units import infer, parse
 
 
@@ -29,9 +30,10 @@ def flat_parameters(
     units = infer([use for part in parts for use in part.uses], declared)
     _check_values(parts, values)
     roles = _roles(parts)
+    uses = _uses(parts)
     tables = [name for name in sorted(occurring) if name not in written]  # of bearings
     return tuple(
-        _parameter(name, written.get(name), units.get(name, ""), values, roles)
+        _parameter(name, written.get(name), units.get(name, ""), values, roles, uses)
         for name in [*(path for path in written if path in occurring), *tables]
     )
 
@@ -63,16 +65,39 @@ def _roles(parts: Iterable[Part]) -> Roles:
     return roles
 
 
-def _parameter(name: str, written: Instance | None, unit: str, values: Values, roles: Roles) -> FlatParameter:
+def _uses(parts: Iterable[Part]) -> dict[str, list[tuple[Role, Laurent]]]:
+    """Parameter -> where it occurs: the role and the expression that fills it."""
+    uses: dict[str, list[tuple[Role, Laurent]]] = {}
+    for part in parts:
+        for use in part.uses:
+            for name in use.value.names:
+                uses.setdefault(name, []).append((KINDS[part.kind].role(use.role), use.value))
+    return uses
+
+
+def _parameter(
+    name: str,
+    written: Instance | None,
+    unit: str,
+    values: Values,
+    roles: Roles,
+    uses: Mapping[str, list[tuple[Role, Laurent]]],
+) -> FlatParameter:
     role, part = roles.get(name, (None, None))
     comment = written.declaration.comment if written is not None and written.declaration is not None else ""
     meaning = comment or (
         f"{role.meaning} of {part.origin.component}" if role is not None and part is not None else ""
     )
-    positive = role is not None and role.positive
-    return FlatParameter(
-        name, unit, meaning, values.nominal.get(name), positive, _origin(name, written, part)
-    )
+    value = values.nominal.get(name)
+    positive = _declared_positive(written) or is_positive(name, uses.get(name, ()), value)
+    return FlatParameter(name, unit, meaning, value, positive, _origin(name, written, part))
+
+
+def _declared_positive(written: Instance | None) -> bool:
+    """``Real kT(min = 1e-3)``: a least value above zero."""
+    change = written.attributes.get("min") if written is not None else None
+    least = change.value.expression if change is not None and change.value is not None else None
+    return isinstance(least, Number) and least.value > 0
 
 
 def _origin(name: str, written: Instance | None, part: Part | None) -> Origin:
