@@ -11,16 +11,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from monitor_core.kernel.tables import COULOMB, ONE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.fragments import Builder, Fragment, join
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.linear import Linear, der
 
 __all__ = ["KINDS", "Fragment", "Kind", "Role", "fragment", "join"]
-
-COSINE, SINE = 3, 4
-"""Kinds of input: cosine and sine of the angle at a flange."""
 
 
 @dataclass(frozen=True, slots=True)
