@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from monitor_core.modeling.flat import FlatModel, ModelError
+from monitor_core.modeling.flat import FlatModel, ModelError, Origin
 from monitor_core.modeling.modelica.choice import choose
 from monitor_core.modeling.modelica.conditions import truth
 from monitor_core.modeling.modelica.declarations import parse
@@ -35,6 +35,13 @@ def read(sources: Sequence[Source], model: str | None = None) -> FlatModel:
     """
     if not sources:
         raise ModelError("no Modelica text is given")
+    try:
+        return _read(sources, model)
+    except RecursionError:
+        raise ModelError("is nested too deeply to be read", Origin(file=sources[0].name)) from None
+
+
+def _read(sources: Sequence[Source], model: str | None) -> FlatModel:
     texts = [parse(source) for source in sources]
     names = Names(root_of(texts))
     values = Values(names)

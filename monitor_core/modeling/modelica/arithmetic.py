@@ -33,6 +33,8 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
             return constant(_power(factors[0], factors[1]))
     except ZeroDivisionError:
         raise ModelError("a division by zero", origin) from None
+    except OverflowError:
+        raise ModelError("this power is no number that can be calculated with", origin) from None
     except NotLaurentError as error:
         raise ModelError(
             f"{error} cannot be divided by, being no single product: give the whole a name of its own",
@@ -46,6 +48,18 @@ def without_variables(value: Linear) -> Laurent | None:
     if any(name != CONSTANT for name, _ in value.terms):
         return None
     return value.terms.get((CONSTANT, 0), Laurent())
+
+
+def number_of(value: Laurent, origin: Origin) -> float:
+    """The number that a constant without parameters is.
+
+    Raises:
+        ModelError: it is too large.
+    """
+    try:
+        return float(value.value({}))
+    except OverflowError:
+        raise ModelError("this number is too large to calculate with", origin) from None
 
 
 def constant(value: Laurent) -> Linear:
@@ -69,7 +83,10 @@ def _power(base: Laurent, exponent: Laurent) -> Laurent:
         return base ** int(number)
     if not base.is_number:
         raise NotLaurentError(f"{base}^{exponent}")
-    return Laurent.number(float(base.value({})) ** float(number))
+    value = float(base.value({})) ** float(number)
+    if isinstance(value, complex):
+        raise OverflowError
+    return Laurent.number(value)
 
 
 _HIGHEST = 12

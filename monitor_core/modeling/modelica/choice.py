@@ -38,12 +38,16 @@ def _named(model: str, classes: list[ClassDef], names: Names) -> ClassDef:
 
 
 def _only(models: list[ClassDef], classes: list[ClassDef], names: Names) -> ClassDef:
-    used = {used for cls in classes for used in _used_by(cls, names)}
+    uses = {cls: set(_used_by(cls, names)) for cls in classes}
+    used = set[ClassDef]().union(*uses.values())
     free = [c for c in models if c not in used and not c.partial]
     if len(free) == 1:
         return free[0]
     if len(models) == 1:
         return models[0]
+    circular = [c for c in models if not c.partial and _reaches(c, c, uses)]
+    if not free and circular:
+        return circular[0]  # its instantiation says what is wrong with it
     if not free:
         problem = "every model is partial, or used by another one; say which is the drive"
         raise ModelError(f"{problem}{listed(map(str, models), ': there is')}", Origin(file=models[0].file))
@@ -56,3 +60,15 @@ def _used_by(cls: ClassDef, names: Names) -> Iterator[ClassDef]:
         found = names.search(cls, name.parts)
         if found is not None and found is not cls:
             yield found
+
+
+def _reaches(start: ClassDef, end: ClassDef, uses: dict[ClassDef, set[ClassDef]]) -> bool:
+    """Whether a class uses another one, be it by way of others."""
+    front, seen = {start}, set[ClassDef]()
+    while front:
+        seen |= front
+        front = set[ClassDef]().union(*(uses[c] for c in front if c in uses))
+        if end in front:
+            return True
+        front -= seen
+    return False

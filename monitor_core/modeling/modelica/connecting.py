@@ -89,8 +89,9 @@ def _connector(name: Name, scope: Scope) -> Instance | None:
 
 
 def _no_such(name: Name, where: Instance, part: str) -> str:
-    near = did_you_mean(similar(part, where.members))
-    known = listed((m for m in where.members if not where.members[m].is_parameter), "; there is")
+    ends = [m for m, i in where.members.items() if i.is_connector or not (i.base or name.parts[-1] == part)]
+    near = did_you_mean(similar(part, ends))
+    known = listed(ends, "; there is")
     return f"{name} cannot be connected: {where.name} has no {part}{near}{known}"
 
 
@@ -102,7 +103,8 @@ def _check_connector(name: Name, found: Instance, origin: Origin) -> None:
     if not found.is_connector and not (found.base == "Real" and found.causality):
         inside = [f"{name}.{m}" for m, instance in found.members.items() if instance.is_connector]
         instead = f": connect {' or '.join(inside)}" if inside else ""
-        raise ModelError(f"{name} is a {found.cls.name}, not a connector{instead}", origin)
+        kind = "a parameter" if found.is_parameter else f"of class {found.cls.name}"
+        raise ModelError(f"{name} is {kind}, not a connector{instead}", origin)
     if found.is_flange and not _is_angle_and_torque(found):
         problem = f"{found.cls.name} is not a flange: it must have an angle phi and a flow tau"
         raise ModelError(f"{name} cannot be connected: {problem}", origin)

@@ -23,6 +23,7 @@ from monitor_core.modeling.modelica.connecting import Wiring
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.leaves import Part, bearing_joint, parts
 from monitor_core.modeling.modelica.library import BEARING
+from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.parameters import flat_parameters, unit_of
 from monitor_core.modeling.modelica.signals import measured_torque, outputs
 from monitor_core.modeling.modelica.syntax import Connect, Equation
@@ -106,7 +107,8 @@ class Flattening:
     def _declared(self, variable: Instance) -> FlatEquation:
         bound = variable.binding
         assert bound is not None
-        value = self.values.linear(bound.expression, bound.scope)
+        with about(variable.path):
+            value = self.values.linear(bound.expression, bound.scope)
         return FlatEquation((Linear.of(variable.path) - value).terms, variable.origin)
 
     # --- for pictures ----------------------------------------------------------------------------------
@@ -133,8 +135,15 @@ def _variables(
             continue
         if instance.base != "Real":
             raise ModelError(f"a variable of type {instance.base} is not supported", instance.origin)
-        unit = unit_of(instance)
-        yield FlatVariable(instance.path, unit if unit in _UNITS else "", origin=instance.origin)
+        yield FlatVariable(instance.path, _unit(instance), origin=instance.origin)
+
+
+def _unit(variable: Instance) -> str:
+    """Of a flange by its definition, else as declared, where the unit is one that counts."""
+    if variable.parent is not None and variable.parent.is_flange:
+        return {"phi": "rad", "tau": "N m"}.get(variable.path.split(".")[-1], "")
+    unit = unit_of(variable)
+    return unit if unit in _UNITS else ""
 
 
 _UNITS = ("rad", "rad/s", "rad/s^2", "N m")

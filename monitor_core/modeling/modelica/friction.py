@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.modeling.modelica.arithmetic import number_of
 from monitor_core.modeling.modelica.changes import Bound
 from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.syntax import Array
 from monitor_core.modeling.modelica.values import Values
 
@@ -24,7 +26,8 @@ def coulomb_and_viscous(bearing: Instance, values: Values) -> tuple[Laurent, Lau
     if table.binding is None:
         raise ModelError(f"tau_pos is not given; write tau_pos = {_FORM}", bearing.origin)
     origin = Origin(bearing.path, table.binding.origin.file, table.binding.origin.line)
-    points = _points(table.binding, values, origin)
+    with about(bearing.path):
+        points = _points(table.binding, values, origin)
     if len(points) == 1:
         intercept, slope = points[0][1], Laurent()
     else:
@@ -36,7 +39,10 @@ def coulomb_and_viscous(bearing: Instance, values: Values) -> tuple[Laurent, Lau
                 "the speeds of tau_pos must differ, by a number or one parameter", origin
             ) from None
         intercept = tau1 - slope * w1
-    return _named(bearing.inside("fc"), intercept, values), _named(bearing.inside("d"), slope, values)
+    return (
+        _named(bearing.inside("fc"), intercept, values, origin),
+        _named(bearing.inside("d"), slope, values, origin),
+    )
 
 
 def _points(bound: Bound, values: Values, origin: Origin) -> list[tuple[Laurent, Laurent]]:
@@ -57,8 +63,8 @@ def _points(bound: Bound, values: Values, origin: Origin) -> list[tuple[Laurent,
     return points
 
 
-def _named(name: str, value: Laurent, values: Values) -> Laurent:
+def _named(name: str, value: Laurent, values: Values, origin: Origin) -> Laurent:
     if not value or not value.is_number:
         return value
-    values.nominal[name] = float(value.value({}))
+    values.nominal[name] = number_of(value, origin)
     return Laurent.symbol(name)

@@ -18,6 +18,7 @@ from monitor_core.modeling.modelica.changes import (
 )
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.library import LEAVES, SIGNAL_SOURCE
+from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.names import Names, did_you_mean, listed, similar
 from monitor_core.modeling.modelica.syntax import ClassDef, Component
 
@@ -111,13 +112,14 @@ class Instantiation:
     # --- its components --------------------------------------------------------------------------------
 
     def _add(self, owner: Instance, name: str, component: Component, scope: Scope, around: Changes) -> None:
-        change = _own(component, scope)
-        if name in around:
-            change = merged(name, around[name], change)
-        if component.condition is not None and not self.truth(Bound(component.condition, scope)):
-            owner.absent.add(name)
-            return
         path = owner.inside(name)
+        with about(path):
+            change = _own(component, scope)
+            if name in around:
+                change = merged(name, around[name], change)
+            if component.condition is not None and not self.truth(Bound(component.condition, scope)):
+                owner.absent.add(name)
+                return
         if component.refused and scope.cls.file:
             raise ModelError(_INSTEAD[component.refused], scope.origin(component.line, path))
         cls = self.names.find(scope.cls, component.type, path)
@@ -125,7 +127,8 @@ class Instantiation:
         _check_not_inside_itself(new)
         new.causality, new.variability = component.causality, component.variability
         new.binding, new.final = change.value, change.final
-        self._fill(new, change.inner)
+        with about(path):
+            self._fill(new, change.inner)
         _check_component(new)
         owner.members[name] = new
 
@@ -201,4 +204,4 @@ _CLASSES = ("model", "block")
 
 
 def _wrong_sort(new: Instance) -> NoReturn:
-    raise ModelError(f"{new.cls.name} is a {new.cls.sort} and cannot be a component", new.origin)
+    raise ModelError(f"{new.cls.name} is a {new.cls.sort}, not the class of a component", new.origin)

@@ -15,6 +15,9 @@ from monitor_core.modeling.modelica.syntax import ClassDef, Source
 ROTATIONAL = "Modelica.Mechanics.Rotational"
 SOURCES = "Modelica.Blocks.Sources"
 
+ANY: Mapping[str, str] = {SOURCES: "Source", "Modelica.Icons": "Icon", f"{ROTATIONAL}.Icons": "Icon"}
+"""Packages in which every name means the same class: the signals' shapes and the pictures do not matter."""
+
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
@@ -107,12 +110,7 @@ package Modelica
     constant Real R2D = 57.29577951308232 "degrees per rad";
     constant Real g_n(unit = "m/s2") = 9.80665;
   end Constants;
-  package Icons
-    partial class Example end Example;
-    partial package Package end Package;
-    partial package ExamplesPackage end ExamplesPackage;
-    partial class MotorIcon end MotorIcon;
-  end Icons;
+  package Icons partial class Icon end Icon; end Icons;
   package Blocks
     package Interfaces
       connector RealInput = input Real;
@@ -157,6 +155,7 @@ package Modelica
       end PartialCompliantWithRelativeStates;
       partial model PartialAbsoluteSensor Flange_a flange; end PartialAbsoluteSensor;
     end Interfaces;
+    package Icons partial class Icon end Icon; end Icons;
     package Bases "without equations: those are in components.py"
       partial model Compliant
         extends Interfaces.PartialTwoFlanges; Units.SI.Angle phi_rel; Units.SI.Torque tau;

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import NoReturn
 
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.library import SOURCES, library
+from monitor_core.modeling.modelica.library import ANY, library
 from monitor_core.modeling.modelica.syntax import ClassDef, Extends, Name, Text
 
 
@@ -97,8 +97,14 @@ class Names:
         for part in parts:
             if cls is None:
                 return None
-            cls = self._member(cls, part)
+            cls = self._member(cls, part) or self._any(cls, part)
         return cls
+
+    @staticmethod
+    def _any(cls: ClassDef, name: str) -> ClassDef | None:
+        if str(cls) in ANY and not name.startswith(("Boolean", "Integer")):
+            return cls.classes[ANY[str(cls)]]
+        return None
 
     def _visible(self, scope: ClassDef, name: str) -> ClassDef | None:
         return self._member(scope, name) or self._imported(scope, name)
@@ -106,8 +112,6 @@ class Names:
     def _member(self, cls: ClassDef, name: str) -> ClassDef | None:
         if name in cls.classes:
             return cls.classes[name]
-        if str(cls) == SOURCES and not name.startswith(("Boolean", "Integer")):
-            return cls.classes["Source"]
         return self._inherited(cls, name)
 
     def _inherited(self, cls: ClassDef, name: str) -> ClassDef | None:
@@ -134,15 +138,23 @@ class Names:
         return None
 
     def _unknown(self, scope: ClassDef, name: Name, origin: Origin) -> NoReturn:
-        known = {str(c): c for c in descendants(self.root) if c.sort != "package"}
-        near = similar(str(name), known) or [k for k in known if k.split(".")[-1] == name.parts[-1]]
-        if not near:
-            last = similar(name.parts[-1], {k.split(".")[-1] for k in known})
-            near = [k for k in known if k.split(".")[-1] in last]
+        lost = next((c for s in outwards(scope) for c in s.imports if c.alias == name.parts[0]), None)
         package = self.search(scope, name.parts[:-1]) if len(name.parts) > 1 else None
-        if not near and package is not None and package.classes:
-            raise ModelError(f"class {name} is not known; {listed(package.classes, 'there is')}", origin)
-        raise ModelError(f"class {name} is not known{did_you_mean(near)}", origin)
+        if package is not None and package.classes:
+            near = did_you_mean(similar(name.parts[-1], package.classes))
+            problem = f"class {name} is not known{near}{listed(package.classes, '; there is')}"
+        elif lost is not None:
+            path = ".".join(lost.path)
+            problem = f"class {name} is not known: its import (line {lost.line}) of {path} finds nothing"
+        else:
+            problem = f"class {name} is not known{did_you_mean(self._like(name.parts[-1]))}"
+        raise ModelError(problem, origin)
+
+    def _like(self, name: str) -> list[str]:
+        """Full names of components whose last part is written nearly the same."""
+        known = [c for c in descendants(self.root) if c.sort in ("model", "block", "class", "connector")]
+        near = similar(name, {c.name for c in known})
+        return [str(c) for last in near for c in known if c.name == last]
 
 
 def _scope_of_bases(cls: ClassDef) -> ClassDef:

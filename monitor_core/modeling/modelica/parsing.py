@@ -30,10 +30,7 @@ def parse_tree(source: Source) -> Any:
     for recognizer in (lexer, parser):
         recognizer.removeErrorListeners()
         recognizer.addErrorListener(listener)
-    try:
-        tree = parser.stored_definition()
-    except RecursionError:
-        raise ModelError("is nested too deeply to be read", Origin(file=source.name)) from None
+    tree = parser.stored_definition()
     rest = tokens.LT(1)
     if rest.type != antlr4.Token.EOF:
         raise ModelError(_stray(rest.text), Origin(file=source.name, line=rest.line))
@@ -60,7 +57,8 @@ def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, in
         found = re.search(r"at: '(.*)'", text, re.DOTALL)
         return f"{found.group(1) if found else text!r} is not Modelica", line
     if token.type == -1:
-        return _unfinished(recognizer), line
+        last = _token_before(recognizer, token)
+        return _unfinished(recognizer), last.line if last is not None else line
     before = _token_before(recognizer, token)
     if before is not None and re.match(r"(missing ';'|mismatched input .* expecting ';')", text):
         return f'";" is missing behind "{before.text}"', before.line

@@ -68,10 +68,13 @@ def _unary(symbol: str, ctx: Any) -> Expression:
 
 
 def _number(ctx: Any) -> Expression:
+    """Exact; what a computer's number cannot hold is refused before 10^999999999 is written out."""
+    text = ctx.getText()
     try:
-        return Number(Fraction(ctx.getText()), line(ctx))
-    except ValueError:
-        return Other(f"the number {ctx.getText()}", line(ctx))
+        readable = 0 < abs(float(text)) < float("inf") or not text.lower().split("e")[0].strip("0.")
+    except ValueError:  # 1.2.3, which the grammar lets pass
+        readable = False
+    return Number(Fraction(text), line(ctx)) if readable else Other(f"the number {text}", line(ctx))
 
 
 def _call(ctx: Any) -> Expression:

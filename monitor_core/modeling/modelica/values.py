@@ -5,11 +5,12 @@ from __future__ import annotations
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.linear import Linear, der
-from monitor_core.modeling.modelica.arithmetic import constant, operation, without_variables
+from monitor_core.modeling.modelica.arithmetic import constant, number_of, operation, without_variables
 from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.functions import FUNCTIONS
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.lookup import component, constant_outside
+from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.names import Names
 from monitor_core.modeling.modelica.syntax import (
     Array,
@@ -59,7 +60,8 @@ class Values:
         bound = instance.binding
         assert bound is not None
         self._enter(instance, instance.path, bound.origin)
-        value = self.constant(bound.expression, bound.scope)
+        with about(instance.path):
+            value = self.constant(bound.expression, bound.scope)
         self._busy.pop()
         return value
 
@@ -67,7 +69,7 @@ class Values:
         folded = instance.final or instance.variability == "constant" or instance.base == "Integer"
         if folded or not value.is_number:
             return value
-        self.nominal[instance.path] = float(value.value({}))
+        self.nominal[instance.path] = number_of(value, instance.origin)
         return Laurent.symbol(instance.path)
 
     def _enter(self, key: object, name: str, origin: Origin) -> None:
@@ -114,11 +116,16 @@ class Values:
             case Call():
                 return self._call(expression, scope)
             case Literal(value=text):
-                raise ModelError(f"{text!r} stands where a number is wanted", scope.origin(expression.line))
+                raise ModelError(
+                    f"{_text(text)} stands where a number is wanted", scope.origin(expression.line)
+                )
             case Array():
                 raise ModelError("arrays are not supported", scope.origin(expression.line))
             case Other(what=what):
-                raise ModelError(f"{what} is not supported", scope.origin(expression.line))
+                raise ModelError(
+                    f"{what} is not supported: only numbers, names, + - * / ^ and der(...) are",
+                    scope.origin(expression.line),
+                )
 
     def _call(self, call: Call, scope: Scope) -> Linear:
         function = FUNCTIONS.get(call.function.removeprefix("Modelica.Math."))
@@ -126,7 +133,13 @@ class Values:
         if function is None:
             known = ", ".join(sorted(FUNCTIONS))
             raise ModelError(f"function {call.function} is not supported; known are der, {known}", origin)
-        numbers = [self.constant(argument, scope) for argument in call.arguments]
+        arguments = [without_variables(self.linear(argument, scope)) for argument in call.arguments]
+        numbers = [argument for argument in arguments if argument is not None]
+        if len(numbers) < len(arguments):
+            problem = (
+                f"{call.function} of a variable: equations must be linear{_INSTEAD.get(call.function, '')}"
+            )
+            raise ModelError(problem, origin)
         free = sorted({name for number in numbers for name in number.names})
         if free:
             raise ModelError(
@@ -135,7 +148,8 @@ class Values:
                 origin,
             )
         try:
-            return constant(Laurent.number(float(function(*(float(n.value({})) for n in numbers)))))
+            value = float(function(*(number_of(number, origin) for number in numbers)))
+            return constant(Laurent.number(value))
         except (ValueError, TypeError, OverflowError):
             raise ModelError(f"{call.function} has no value here", origin) from None
 
@@ -146,7 +160,7 @@ class Values:
             return constant(self._constant(*declared, scope.origin(name.line)))
         origin = scope.origin(name.line)
         if found.base not in ("Real", "Integer"):
-            raise ModelError(f"{name} is a {found.base or found.cls.name}, not a number", origin)
+            raise ModelError(f"{name} is of type {found.base or found.cls.name}, not a number", origin)
         if name.subscripts:
             raise ModelError("arrays are not supported", origin)
         return constant(self.parameter(found)) if found.is_parameter else Linear.of(found.path)
@@ -164,3 +178,10 @@ class Values:
             self._constants[key] = self.constant(declared.value, Scope(outside, owner))
             self._busy.pop()
         return self._constants[key]
+
+
+_INSTEAD = dict.fromkeys(("sin", "cos"), ", and gravity is AxisWatch.Gravity")
+
+
+def _text(value: str | bool) -> str:
+    return f'"{value}"' if isinstance(value, str) else str(value).lower()
