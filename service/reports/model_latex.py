@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.statespace import StateSpace
 from monitor_core.modeling.symbolic import (
@@ -81,7 +81,7 @@ def _input(given: FlatInput) -> str:
         return rf"\tanh({w} / \omega_{{0}})"
     if given.kind == ONE:
         return "1"
-    return rf"\cos {phi}" if given.name.endswith("cosine") else rf"\sin {phi}"
+    return rf"\cos {phi}" if given.kind == COSINE else rf"\sin {phi}"
 
 
 def _output(sensor: FlatSensor) -> str:

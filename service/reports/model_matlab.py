@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
-from monitor_core.modeling.flat import FlatInput
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import StateSpace
 from monitor_core.modeling.symbolic import shapes
+from service.reports.model_words import input_words, output_words
 
 KEYWORDS = frozenset(
     {
@@ -39,7 +38,7 @@ def as_matlab(space: StateSpace, nominal: Mapping[str, float], function: str = "
     Raises:
         ValueError: ``function`` cannot be the name of a function.
     """
-    if function in KEYWORDS or matlab_name(function) != function:
+    if not is_function_name(function):
         raise ValueError(f"{function} is no name for a MATLAB function")
     names = matlab_names((p.name for p in space.parameters), taken={function})
     arguments = ", ".join([*names.values(), "Ts"])
@@ -54,6 +53,11 @@ def as_matlab(space: StateSpace, nominal: Mapping[str, float], function: str = "
         "end",
     )
     return "\n".join(lines) + "\n"
+
+
+def is_function_name(name: str) -> bool:
+    """Whether a function, and so its file, can be called so."""
+    return name not in KEYWORDS and matlab_name(name) == name
 
 
 def matlab_name(name: str) -> str:
@@ -84,7 +88,7 @@ def _explanation(
     yield ""
     yield from (f"  x({i}) = {_line(s.name)}  [{s.unit}]" for i, s in enumerate(space.states, 1))
     yield from (f"  u({i}) = {_line(input_words(u))}" for i, u in enumerate(space.inputs, 1))
-    yield from (f"  y({i}) = {s.quantity} at {_line(s.name)}" for i, s in enumerate(space.sensors, 1))
+    yield from (f"  y({i}) = {_line(output_words(s))}" for i, s in enumerate(space.sensors, 1))
     for d in space.definitions:
         yield f"  {_line(d.name)} stands for {_line(str(d.value))}"
     yield ""
@@ -98,17 +102,6 @@ def _explanation(
     yield f"  model = idgrey('{function}', parameters, 'c');"
     yield "  model.Structure.Parameters(1).Free = false;    what is known, here the first one, stays fixed"
     yield "  model = greyest(data, model);"
-
-
-def input_words(given: FlatInput) -> str:
-    """What an input is, in words."""
-    if given.kind == TORQUE:
-        return f"{given.name}, motor torque [N m]"
-    if given.kind == COULOMB:
-        return f"{given.name}, tanh(speed/scale)"
-    if given.kind == ONE:
-        return "1, constant"
-    return f"{given.name}, {'cosine' if given.name.endswith('cosine') else 'sine'} of the angle"
 
 
 def _line(text: str) -> str:

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import accumulate, pairwise
+from collections.abc import Iterator
 
-from monitor_core.modeling.flat import FlatComponent
 from monitor_core.modeling.statespace import StateSpace
 from service.reports import picture_symbols as symbols
-from service.reports.picture_layout import Body, Layout, Link, lay_out
-from service.reports.picture_parts import (
-    BODY,
-    LEG,
-    STUB,
-    Row,
-    Slot,
-    breadth,
-    extent,
-    link_drawing,
-    rows,
-    slot,
-    values,
-)
-from service.reports.picture_text import formula, width, words
+from service.reports.picture_bodies import Figure
+from service.reports.picture_layout import Layout, Link, lay_out
+from service.reports.picture_parts import Row, breadth, extent, link_drawing, rows
+from service.reports.picture_text import width, words
 
 _MARGIN, _TITLE = 24, 34
-_DRIVEN = 76
-"""Shaft on the left, for the torque."""
 _BUS = 18
 """Room in a gap for the line down to a branch."""
 _ASIDE = 12
@@ -44,75 +29,12 @@ def as_svg(space: StateSpace) -> str:
     return _Picture(space.name, lay_out(space.components)).document()
 
 
-class _Figure:
-    """A body with its boxes and slots, around its own middle."""
-
-    def __init__(self, body: Body) -> None:
-        self.body = body
-        first = body.column == 0
-        torques = [c for c in body.attached if c.kind == "torque"]
-        self.driver = torques[0] if first and torques else None
-        slots = [slot(c) for c in body.attached if c is not self.driver]
-        self.above = _placed([s for s in slots if s.above])
-        self.below = _placed([s for s in slots if not s.above])
-        legs = max((2 * abs(x) + 36 for x, _ in self.above + self.below), default=0.0)
-        texts = [max(72, width(c.name) + 24, width(values(c)) + 24) for c in body.inertias]
-        self.boxes = [max(texts[0], legs)] if len(texts) == 1 else texts
-        self.length = sum(self.boxes) + 22 * max(0, len(self.boxes) - 1)
-        rail = max(self.length / 2, legs / 2)
-        ends = [x + s.half + 6 + s.label for x, s in self.above + self.below]
-        self.left = rail + (max(_DRIVEN, self._driver_label() + 12) if self.driver else 6)
-        self.right = max([rail, *ends]) + 6
-        self.rail = rail if len(self.boxes) != 1 else 0.0
-        self.up = BODY / 2 + (STUB + 26 if self.above or self.driver else 4)
-        self.down = BODY / 2 + (LEG + 22 if self.below else 4)
-
-    def drawing(self) -> Iterator[str]:
-        if self.driver:
-            yield self._driver()
-        if self.rail:
-            yield symbols.path(f"M{-self.rail:g} 0H{self.rail:g}")
-        yield from (symbols.moved(x, 0, s.drawing) for x, s in (*self.above, *self.below))
-        if not self.boxes:
-            yield '<circle class="dot" cx="0" cy="0" r="4"/>'
-        x = -self.length / 2
-        for c, size in zip(self.body.inertias, self.boxes, strict=True):
-            yield symbols.moved(x + size / 2, 0, _box(c, size))
-            x += size + 22
-
-    def _driver(self) -> str:
-        assert self.driver
-        x = -self.left
-        middle = (x - self.length / 2) / 2
-        label = symbols.text(middle, -BODY / 2 - 6, words(self.driver.name), "quiet")
-        if values(self.driver):
-            label += symbols.text(middle, BODY / 2 + 16, formula(values(self.driver)), "formula")
-        shaft = symbols.path(f"M{x:g} 0H0")
-        drawn = shaft + symbols.moved(middle, 0, symbols.torque()) + label
-        return symbols.titled(symbols.description(self.driver), drawn)
-
-    def _driver_label(self) -> float:
-        return max(width(self.driver.name, 12), width(values(self.driver))) if self.driver else 0.0
-
-
-def _placed(slots: Sequence[Slot]) -> list[tuple[float, Slot]]:
-    """Beside each other, the symbols centred as a whole."""
-    places = list(accumulate((a.pitch + b.half for a, b in pairwise(slots)), initial=0.0))
-    return [(x - places[-1] / 2, s) for x, s in zip(places, slots, strict=False)]
-
-
-def _box(c: FlatComponent, size: float) -> str:
-    name = symbols.text(0, -4 if values(c) else 5, words(c.name), "name")
-    below = symbols.text(0, 15, formula(values(c)), "formula") if values(c) else ""
-    return symbols.titled(symbols.description(c), symbols.mass(size, BODY) + name + below)
-
-
 class _Picture:
     """Places columns, lanes and gaps, and draws."""
 
     def __init__(self, name: str, layout: Layout) -> None:
         self.name, self.layout = name, layout
-        self.figures = [_Figure(body) for body in layout.bodies]
+        self.figures = [Figure(body, layout.gains) for body in layout.bodies]
         self.links = [(link, rows(link.parts)) for link in layout.links]
         self.loops = sum(not link.tree for link in layout.links)
         self.aside = _ASIDE * self.loops

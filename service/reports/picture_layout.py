@@ -39,11 +39,15 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Bodies, links, and ``lanes``: how many the bodies take."""
+    """Bodies, links, and ``lanes``: how many the bodies take.
+
+    ``gains``: what the motor torque is multiplied by before it acts, where there is one torque only.
+    """
 
     bodies: tuple[Body, ...]
     links: tuple[Link, ...]
     lanes: int
+    gains: tuple[FlatComponent, ...]
 
 
 def lay_out(components: Sequence[FlatComponent]) -> Layout:
@@ -66,7 +70,8 @@ def lay_out(components: Sequence[FlatComponent]) -> Layout:
         Body(tuple(inertias[i]), tuple(attached[i]), tree.column[i], tree.lane[i])
         for i in range(shafts.count)
     )
-    return Layout(bodies, tuple(tree.link(ends, parts) for ends, parts in links.items()), tree.lanes)
+    gains = tuple(c for c in components if c.kind == "gain" and len(roots) == 1)
+    return Layout(bodies, tuple(tree.link(ends, parts) for ends, parts in links.items()), tree.lanes, gains)
 
 
 class _Shafts:

@@ -67,8 +67,9 @@ def value(c: FlatComponent, role: str) -> str:
 
 
 def values(c: FlatComponent) -> str:
-    """All its parameters."""
-    return ", ".join(map(str, c.parameters.values()))
+    """All its parameters; a torque constant of one says nothing."""
+    shown = (str(v) for v in c.parameters.values())
+    return ", ".join(v for v in shown if c.kind != "torque" or v != "1")
 
 
 def slot(c: FlatComponent) -> Slot:

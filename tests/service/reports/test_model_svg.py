@@ -79,7 +79,7 @@ def test_everything_is_drawn(rows: list[Row], inertias: int) -> None:
     root = picture(components(rows))
     check(root, inertias)
     drawn = {title.split(":")[0] for title in titles(root)}
-    assert drawn == {"drive"} | {name for kind, name, _, _ in rows if kind not in ("fixed", "gain")}
+    assert drawn == {"drive"} | {name for kind, name, _, _ in rows if kind != "fixed"}
     assert "motor: inertia, J = Jm" in titles(root)
 
 

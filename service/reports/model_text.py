@@ -1,0 +1,134 @@
+"""A drive for people: what came out of the drawing, matrices, poles and resonances, what can be identified."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.console import Console, Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from monitor_core.modeling.resonances import Resonances, modes
+from monitor_core.modeling.statespace import StateSpace
+from service.reports.model_facts import Facts
+from service.reports.model_matrices import matrix_lines
+from service.reports.model_words import input_words, output_words
+
+_PAPER = "three-mass"
+_INDENT = 2
+
+
+def print_text(facts: Facts, console: Console) -> None:
+    """The report, as wide as the console; into a file or a pipe without blanks at the ends of lines."""
+    with console.capture() as captured:
+        _print(facts, console)
+    text = captured.get()
+    if not console.is_terminal:
+        text = "".join(f"{line.rstrip()}\n" for line in text.splitlines())
+    console.file.write(text)
+
+
+def _print(facts: Facts, console: Console) -> None:
+    space, ascii_only = facts.space, console.options.ascii_only
+    console.print(Text(space.name, style="bold"), soft_wrap=True)
+    console.print(Text(elimination_words(space)))
+    sections: list[tuple[str, RenderableType | None]] = [
+        ("States, inputs, outputs", _signals(space)),
+        ("Parameters", _parameters(facts)),
+        ("Merged parameters", _lines(f"{d.name} = {d.value}" for d in space.definitions)),
+        ("x' = A x + B u,  y = C x", _lines(matrix_lines(space, console.width - _INDENT, ascii_only))),
+        ("Poles at nominal", _poles(facts, "+-" if ascii_only else "±")),
+        ("Resonances at nominal", _resonances(facts.motion) if facts.motion else None),
+        ("Identifiability", _sentences(facts.identifiability)),
+        ("Notes", _sentences(space.notes)),
+    ]
+    for title, content in sections:
+        if content is not None:
+            console.print()
+            console.print(Text(title, style="bold"))
+            console.print(Padding(content, (0, 0, 0, _INDENT)))
+
+
+def elimination_words(space: StateSpace) -> str:
+    """What the elimination did, in the paper's words; beside the paper's drive also the paper's own counts."""
+    r = space.report
+    words = (
+        f"flat equations {r.flat_equations}, states {r.flat_states} -> minimal {len(space.states)}, "
+        f"equations left {r.remaining_equations}"
+    )
+    if space.name == _PAPER:
+        words += (
+            "; the paper counts for its tool and library 55, 9, 6 and 5 with the speed as the output, "
+            "6 with the angle"
+        )
+    return words
+
+
+def _grid(*columns: str, right: Sequence[str] = ()) -> Table:
+    """A table without lines; cells are folded, never cut."""
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=bool(columns), header_style="dim")
+    for name in columns:
+        table.add_column(name, justify="right" if name in right else "left", overflow="fold")
+    return table
+
+
+def _signals(space: StateSpace) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column(style="cyan", no_wrap=True)
+    table.add_column(overflow="fold")
+    rows = [(f"x{i}", f"{s.name}, {s.unit}") for i, s in enumerate(space.states, 1)]
+    rows += [(f"u{i}", input_words(u)) for i, u in enumerate(space.inputs, 1)]
+    rows += [(f"y{i}", output_words(s)) for i, s in enumerate(space.sensors, 1)]
+    for symbol, words in rows:
+        table.add_row(symbol, Text(words))
+    return table
+
+
+def _parameters(facts: Facts) -> Table:
+    table = _grid("name", "nominal", "unit", "meaning", right=("nominal",))
+    for p in facts.space.parameters:
+        value = f"{facts.nominal[p.name]:.6g}" if p.name in facts.nominal else "-"
+        table.add_row(
+            Text(p.name, style="cyan"), value, Text("" if p.unit == "1" else p.unit), Text(p.meaning)
+        )
+    return table
+
+
+def _poles(facts: Facts, both: str) -> RenderableType | None:
+    if facts.motion is None:
+        return Text(f"not known: no nominal value for {', '.join(facts.missing)}")
+    table = _grid("1/s", "Hz", "damping", "time constant", right=("1/s", "Hz", "damping", "time constant"))
+    for p in facts.motion.poles:
+        decay = f"{-1 / p.real:.3g} s" if p.real < 0 else ""
+        for mode in modes([p]):
+            table.add_row(
+                f"{p.real:.4g} {both} {p.imag:.4g}i", f"{mode.frequency_hz:.4g}", f"{mode.damping:.3g}", decay
+            )
+        if not modes([p, p.conjugate()]):
+            table.add_row(f"{p.real:.4g}" if p.real else "0", "", "", decay)
+    return table
+
+
+def _resonances(motion: Resonances) -> RenderableType:
+    table = _grid("", "Hz", "damping", right=("Hz", "damping"))
+    found = [("resonance", m) for m in motion.resonances] + [
+        ("anti-resonance", m) for m in motion.antiresonances
+    ]
+    for kind, mode in sorted(found, key=lambda pair: pair[1].frequency_hz):
+        table.add_row(kind, f"{mode.frequency_hz:.4g}", f"{mode.damping:.3g}")
+    return table if found else Text("none")
+
+
+def _lines(lines: Iterable[str]) -> RenderableType | None:
+    found = list(lines)
+    return Group(*(Text(line, overflow="fold") for line in found)) if found else None
+
+
+def _sentences(sentences: Iterable[str]) -> RenderableType | None:
+    table = Table(box=None, padding=(0, 1, 0, 0), show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for sentence in sentences:
+        table.add_row("-", Text(sentence))
+    return table if table.row_count else None
