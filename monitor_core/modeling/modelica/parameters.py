@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from monitor_core.modeling.components import KINDS, Role
 from monitor_core.modeling.flat import FlatEquation, FlatParameter, ModelError, Origin
@@ -16,6 +16,20 @@ from monitor_core.modeling.parameters import is_positive
 from monitor_core.modeling.units import infer, parse
 
 
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A place where parameters occur: the role that an expression in them fills in a component."""
+
+    role: Role
+    value: Laurent
+    part: Part
+
+    @property
+    def place(self) -> str:
+        """Such as: inertia of the motor."""
+        return f"{self.role.meaning} of the {self.part.origin.component}"
+
+
 def flat_parameters(
     model: Instance, parts: Sequence[Part], equations: Iterable[FlatEquation], values: Values
 ) -> tuple[FlatParameter, ...]:
@@ -25,16 +39,17 @@ def flat_parameters(
         ModelError: units that do not fit; a value that makes no sense (an inertia of zero).
     """
     occurring = {name for e in equations for c in e.terms.values() for name in c.names}
-    written = {i.path: i for i in model.tree() if i.base == "Real" and i.is_parameter}
-    declared = {path: unit_of(i) for path, i in written.items() if path in occurring}
+    written = {i.path: i for i in model.tree() if i.base == "Real" and i.is_parameter and i.path in occurring}
+    declared = {path: unit_of(i) for path, i in written.items()}
     units = infer([use for part in parts for use in part.uses], declared)
     _check_values(parts, values)
-    roles = _roles(parts)
-    uses = _uses(parts)
-    tables = [name for name in sorted(occurring) if name not in written]  # of bearings
+    entries = _entries(parts)
+    of_tables = sorted(occurring - written.keys())  # of bearings
     return tuple(
-        _parameter(name, written.get(name), units.get(name, ""), values, roles, uses)
-        for name in [*(path for path in written if path in occurring), *tables]
+        _parameter(
+            name, written.get(name), units.get(name, ""), values.nominal.get(name), entries.get(name, [])
+        )
+        for name in (*written, *of_tables)
     )
 
 
@@ -51,46 +66,26 @@ def unit_of(instance: Instance) -> str:
     return str(parse(value.value, instance.origin))
 
 
-Roles = dict[str, tuple[Role, Part]]
-
-
-def _roles(parts: Iterable[Part]) -> Roles:
-    """Parameter -> the first role that it fills all by itself."""
-    roles: Roles = {}
+def _entries(parts: Iterable[Part]) -> dict[str, list[Entry]]:
+    """Parameter -> where it occurs; first where it stands alone."""
+    found: dict[str, list[Entry]] = {}
     for part in parts:
         for use in part.uses:
             for name in use.value.names:
-                if use.value == Laurent.symbol(name):
-                    roles.setdefault(name, (KINDS[part.kind].role(use.role), part))
-    return roles
-
-
-def _uses(parts: Iterable[Part]) -> dict[str, list[tuple[Role, Laurent]]]:
-    """Parameter -> where it occurs: the role and the expression that fills it."""
-    uses: dict[str, list[tuple[Role, Laurent]]] = {}
-    for part in parts:
-        for use in part.uses:
-            for name in use.value.names:
-                uses.setdefault(name, []).append((KINDS[part.kind].role(use.role), use.value))
-    return uses
+                found.setdefault(name, []).append(Entry(KINDS[part.kind].role(use.role), use.value, part))
+    return {name: sorted(all_, key=lambda e: e.value != Laurent.symbol(name)) for name, all_ in found.items()}
 
 
 def _parameter(
-    name: str,
-    written: Instance | None,
-    unit: str,
-    values: Values,
-    roles: Roles,
-    uses: Mapping[str, list[tuple[Role, Laurent]]],
+    name: str, written: Instance | None, unit: str, value: float | None, entries: Sequence[Entry]
 ) -> FlatParameter:
-    role, part = roles.get(name, (None, None))
-    comment = written.declaration.comment if written is not None and written.declaration is not None else ""
-    meaning = comment or (
-        f"{role.meaning} of {part.origin.component}" if role is not None and part is not None else ""
-    )
-    value = values.nominal.get(name)
-    positive = _declared_positive(written) or is_positive(name, uses.get(name, ()), value)
-    return FlatParameter(name, unit, meaning, value, positive, _origin(name, written, part))
+    meaning = written.declaration.comment if written is not None and written.declaration is not None else ""
+    if entries and not meaning:
+        alone = entries[0].value == Laurent.symbol(name)
+        meaning = entries[0].place if alone else f"in the {entries[0].place}: {entries[0].value}"
+    positive = _declared_positive(written) or is_positive(name, ((e.role, e.value) for e in entries), value)
+    origin = _origin(name, written, entries[0].part if entries else None)
+    return FlatParameter(name, unit, meaning, value, positive, origin)
 
 
 def _declared_positive(written: Instance | None) -> bool:
@@ -112,7 +107,14 @@ def _check_values(parts: Iterable[Part], values: Values) -> None:
     for part in parts:
         for use in part.uses:
             if use.value.names <= values.nominal.keys():
-                value = float(use.value.value(values.nominal))
-                problem = KINDS[part.kind].role(use.role).problem(value)
-                if problem:
+                value = _value(use.value, values.nominal)
+                if problem := KINDS[part.kind].role(use.role).problem(value):
                     raise ModelError(f"its {use.role} ({use.meaning}) is {value:g}: it {problem}", use.origin)
+
+
+def _value(expression: Laurent, nominal: Mapping[str, float]) -> float:
+    """Infinite where it has none."""
+    try:
+        return float(expression.value(nominal))
+    except (ZeroDivisionError, OverflowError):
+        return float("inf")

@@ -46,11 +46,11 @@ def test_parameters_keep_name_value_unit_meaning_and_place() -> None:
     found = {p.name: (p.value, p.unit, p.meaning, p.positive) for p in flat.parameters}
     assert found == {
         "Jm": (0.005, "kg m^2", "inertia of the motor", True),
-        "fm": (0.002, "N m s/rad", "viscous friction of bearing", False),
-        "fc": (0.3, "N m", "Coulomb friction of bearing", False),
-        "belt.c": (100.0, "N m/rad", "stiffness of belt", True),
-        "belt.d": (0.1, "N m s/rad", "damping of belt", False),
-        "arm.J": (0.5, "kg m^2", "inertia of arm", True),
+        "fm": (0.002, "N m s/rad", "viscous friction of the bearing", False),
+        "fc": (0.3, "N m", "Coulomb friction of the bearing", False),
+        "belt.c": (100.0, "N m/rad", "stiffness of the belt", True),
+        "belt.d": (0.1, "N m s/rad", "damping of the belt", False),
+        "arm.J": (0.5, "kg m^2", "inertia of the arm", True),
     }
     assert [p.origin for p in flat.parameters][:2] == [Origin("Jm", "two.mo", 5), Origin("fm", "two.mo", 6)]
 

@@ -1,0 +1,56 @@
+"""Random drives: written as text, nested in sub-models or drawn, they are the same."""
+
+from __future__ import annotations
+
+import random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from monitor_core.modeling.drawing import from_tables
+from monitor_core.modeling.flat import FlatModel
+from tests.core.modeling.modelica.texts import flat, values, written
+from tests.core.modeling.modelica.transfer import PRIME, responses
+from tests.core.modeling.random_drives import RandomDrive, drives
+
+LAWS = settings(deadline=None, max_examples=30)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def behaviour(model: FlatModel, seed: int) -> object:
+    """At a random point s, for random values of the parameters, the same for the same name ("c3_J" is "c3.J")."""
+    s = random.Random(seed).randrange(1, PRIME)
+
+    def value_of(name: str) -> int:
+        return random.Random(f"{seed} {name.replace('.', '_')}").randrange(1, PRIME)
+
+    return responses(model, value_of, s)
+
+
+def drawn(drive: RandomDrive) -> FlatModel:
+    return from_tables("Whole", drive.parts, {name: float(v) for name, v in drive.exact.items()}).flat()
+
+
+@LAWS
+@given(drive=drives(), seed=seeds)
+def test_a_text_is_the_drawing(drive: RandomDrive, seed: int) -> None:
+    text, drawing = flat(written(drive)), drawn(drive)
+    assert behaviour(text, seed) == behaviour(drawing, seed)
+    assert {n.replace("_", ".", 1): v for n, v in values(text).items()} == values(drawing)
+    units = {p.name.replace("_", ".", 1): (p.unit, p.positive) for p in text.parameters}
+    expected = {p.name: (p.unit, p.positive) for p in drawing.parameters}
+    assert {n: u for n, u in units.items() if not n.endswith("kT")} == {
+        n: u for n, u in expected.items() if not n.endswith("kT")
+    }
+
+
+@LAWS
+@given(drive=drives(), seed=seeds, data=st.data())
+def test_sub_models_change_nothing(drive: RandomDrive, seed: int, data: st.DataObject) -> None:
+    n = len(drive.parts)
+    groups = data.draw(st.lists(st.integers(0, 3), min_size=n, max_size=n))
+    nested, plain = flat(written(drive, groups), "Whole"), flat(written(drive))
+    assert behaviour(nested, seed) == behaviour(plain, seed)
+    assert values(nested) == values(plain)
+    kinds = sorted((c.name.split(".")[-1], c.kind) for c in nested.components if c.kind != "fixed")
+    assert kinds == sorted((c.name, c.kind) for c in plain.components if c.kind != "fixed")
