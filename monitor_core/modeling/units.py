@@ -110,12 +110,8 @@ class _Found:
     def _solve(self, use: Use, target: Dimension, monomial: Monomial, name: str, e: int) -> None:
         rest = self.of(tuple(factor for factor in monomial if factor[0] != name)) or ONE
         dimension = (target / rest).root(e)
-        if dimension is None:
-            power, needed = Laurent.symbol(name, e), target / rest
-            raise ModelError(
-                f"{power} in {use.value} would be in {needed}: no unit of {name} gives that", use.origin
-            )
-        self.add(name, dimension, str(use))
+        if dimension is not None:  # else it stays unknown: no unit has this power
+            self.add(name, dimension, str(use))
 
     def check(self, use: Use) -> None:
         """Every summand that is known must be what is required."""

@@ -102,6 +102,9 @@ def test_expressions_as_drawn(text: str, value: Laurent) -> None:
         ("1/0", "divides by 0"),
         ("0^-1", "divides by 0"),
         ("a" * 201, "longer than 200 characters"),
+        ("((((9^12)^12)^12)^12)^12", "multiplied out, it is too long"),
+        ("(a+b+c+d+e+f+g)^12", "has too many terms"),
+        ("(a+b+c)^12*(d+e+f)^12", "multiplied out, it is too long"),
     ],
 )
 def test_errors_show_the_text_and_say_where(text: str, problem: str) -> None:

@@ -173,7 +173,7 @@ def test_a_stiffness_is_no_inertia(order: int) -> None:
         ("k", "kg m^2", {"k": "N.m/rad"}, "but k is in N m/rad (k is N m/rad: declared so)"),
         ("a + b", "", {"a": "m", "b": "s"}, "a + b is in m, but b is in s"),
         ("Jm + k", "kg m^2", {"k": "N m"}, "but k is in N m"),
-        ("l^2*r", "kg m^2", {"r": "1"}, "l^2 in l^2*r would be in kg m^2: no unit of l gives that"),
+        ("l^2*r + 2*k", "kg m^2", {"r": "1", "k": "N m"}, "but k is in N m"),
     ],
 )
 def test_conflicts_name_the_place_and_the_reason(
@@ -183,6 +183,10 @@ def test_conflicts_name_the_place_and_the_reason(
         infer([use(text, unit, MOTOR if unit else " of motor")], declared)
     assert str(caught.value).startswith("drive.mo:3: motor: ")
     assert problem in str(caught.value)
+
+
+def test_a_root_without_a_unit_stays_unknown() -> None:
+    assert infer([use("x^2", "kg m^2", MOTOR), use("l^2", "m^2", "x of y")]) == {"x": "", "l": "m"}
 
 
 def test_stiffness_and_torque_have_the_same_dimension() -> None:

@@ -1,0 +1,242 @@
+"""Drawings become square, regular systems with the drive's own response, and a table of parameters."""
+
+from __future__ import annotations
+
+import random
+import textwrap
+from collections.abc import Callable
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.modeling import drawing as drawing_module
+from monitor_core.modeling.components import KINDS
+from monitor_core.modeling.drawing import (
+    AngleSensor,
+    CoulombFriction,
+    Drawing,
+    Fixed,
+    Gravity,
+    IdealGear,
+    Inertia,
+    Part,
+    SpeedSensor,
+    Spring,
+    SpringDamper,
+    Torque,
+    TorqueOffset,
+    from_tables,
+)
+from monitor_core.modeling.flat import FlatModel, ModelError
+from monitor_core.modeling.laurent import Laurent
+from tests.core.modeling.drawings import TABLES, two_mass
+from tests.core.modeling.trees import PRIME, Tree, modulo, solve, trees
+
+# --- the equations ---------------------------------------------------------------------------------------
+
+
+def response(flat: FlatModel, values: dict[str, int], s: int) -> int:
+    """Sensor's angle over torque from all equations as they are, modulo PRIME; one equation for each unknown."""
+    index = {v.name: j for j, v in enumerate(flat.variables)}
+    assert len(index) == len(flat.variables) == len(flat.equations)
+    (torque,) = (i.name for i in flat.inputs if i.kind == TORQUE)
+    A = [[0] * len(index) for _ in flat.equations]
+    b = [0] * len(flat.equations)
+    for row, equation in enumerate(flat.equations):
+        for (name, order), c in equation.terms.items():
+            if name in index:
+                A[row][index[name]] += modulo(Fraction(c.value(values))) * s**order
+            else:
+                b[row] -= modulo(Fraction(c.value(values))) * (name == torque)
+    return solve(A, b)[index[flat.sensors[0].angle]]
+
+
+@settings(max_examples=40, deadline=None)
+@given(trees(), st.integers(0, 2**32))
+def test_the_response_is_that_of_the_mass_damping_and_stiffness_matrices(tree: Tree, numbers: int) -> None:
+    """Exactly, at a random s.  A singular system of equations would have no response."""
+    draw = random.Random(numbers)
+    flat = tree.drawing().flat()
+    values = {p.name: draw.randrange(1, PRIME) for p in flat.parameters}
+    s = draw.randrange(1, PRIME)
+    assert response(flat, values, s) == tree.response(values, s)
+
+
+@settings(max_examples=40, deadline=None)
+@given(trees())
+def test_equations_and_unknowns_are_as_many_as_the_components_bring(tree: Tree) -> None:
+    drawing = tree.drawing()
+    flat = drawing.flat()
+    unknowns = {"Inertia": 7, "Spring": 6, "Damper": 8, "SpringDamper": 8, "IdealGear": 4, "Fixed": 2}
+    unknowns |= {"ViscousFriction": 3, "Torque": 2, "SpeedSensor": 3, "AngleSensor": 3}
+    kinds = ["".join(w.capitalize() for w in part.kind.name.split("-")) for part in drawing.components]
+    kinds += ["Fixed"] * any("ground" in part.nodes for part in drawing.components)
+    assert len(flat.variables) == len(flat.equations) == sum(unknowns[kind] for kind in kinds)
+    known = {v.name for v in flat.variables} | {i.name for i in flat.inputs}
+    assert {name for e in flat.equations for name, _ in e.terms} == known
+    assert {s.angle for s in flat.sensors} <= known
+    assert {n for e in flat.equations for c in e.terms.values() for n in c.names} == {
+        p.name for p in flat.parameters
+    }
+
+
+def test_a_mass_at_one_node_or_between_two_or_twice_at_one_is_the_same() -> None:
+    values = {"J": 5, "k": 7, "d": 11}
+    placed = [Inertia("mass", "a", J="J"), Inertia("mass", "a", "b", J="J"), Inertia("mass", "a", "a", J="J")]
+    found = set()
+    for mass in placed:
+        last = mass.nodes[-1]
+        spring = SpringDamper("spring", last, "ground", c="k", d="d")
+        flat = Drawing("one", [Torque("torque", "a", kT="J"), mass, spring, AngleSensor("s", last)], units={})
+        with pytest.raises(ModelError, match="but J is in"):
+            flat.flat()
+        flat = Drawing("one", [Torque("torque", "a"), mass, spring, AngleSensor("s", last)])
+        found.add(response(flat.flat(), {**values, "torque.kT": 1}, 3))
+    assert found == {pow(5 * 9 + 11 * 3 + 7, -1, PRIME)}
+
+
+def test_inputs_of_the_motion_and_the_constant() -> None:
+    flat = Drawing(
+        "arm",
+        [
+            Torque("torque", "shaft"),
+            Inertia("arm", "shaft"),
+            CoulombFriction("brake", "shaft"),
+            Gravity("weight", "shaft"),
+            TorqueOffset("offset", "shaft"),
+            TorqueOffset("cable", "shaft"),
+            SpeedSensor("encoder", "shaft"),
+        ],
+    ).flat()
+    assert [(i.name, i.kind, i.angle) for i in flat.inputs] == [
+        ("torque.tau", TORQUE, ""),
+        ("brake.direction", COULOMB, "brake.flange.phi"),
+        ("weight.cosine", COSINE, "weight.flange.phi"),
+        ("weight.sine", SINE, "weight.flange.phi"),
+        ("1", ONE, ""),
+    ]
+
+
+def test_ground_is_fixed_once() -> None:
+    spring = Spring("spring", "arm", "ground")
+    for more in ([], [Fixed("wall", "ground")], [Fixed("ground", "ground")]):
+        flat = Drawing("arm", [Inertia("arm", "arm"), spring, *more]).flat()
+        assert [c.kind for c in flat.components].count("fixed") == 1
+        assert ("wall" in [c.name for c in flat.components]) == (more != [] and more[0].name == "wall")
+
+
+def test_components_for_pictures() -> None:
+    flat = two_mass().flat()
+    drawn = {
+        c.name: (c.kind, c.nodes, {role: str(v) for role, v in c.parameters.items()}) for c in flat.components
+    }
+    assert drawn["motor"] == ("inertia", ("shaft", "shaft"), {"J": "Jm"})
+    assert drawn["belt"] == ("spring-damper", ("shaft", "load"), {"c": "k", "d": "d"})
+    assert drawn["torque"] == ("torque", ("shaft",), {"kT": "kT"})
+
+
+# --- parameters ------------------------------------------------------------------------------------------
+
+
+def table(drawing: Drawing) -> dict[str, tuple[str, str, float | None, bool]]:
+    return {p.name: (p.unit, p.meaning, p.value, p.positive) for p in drawing.flat().parameters}
+
+
+def test_parameters_have_units_meanings_and_values() -> None:
+    assert table(two_mass(Jm=0.005, fm=-0.1)) == {
+        "kT": ("1", "torque constant of the torque", None, True),
+        "Jm": ("kg m^2", "inertia of the motor", 0.005, True),
+        "fm": ("N m s/rad", "viscous friction of the bearing", -0.1, False),
+        "k": ("N m/rad", "stiffness of the belt", None, True),
+        "d": ("N m s/rad", "damping of the belt", None, False),
+        "Ja": ("kg m^2", "inertia of the arm", None, True),
+    }
+
+
+def test_numbers_and_what_is_left_out_are_called_after_the_component() -> None:
+    parts = [
+        Inertia("big_arm", "arm", J=2),
+        Inertia("tip", "arm", J=" 0.5 "),
+        Spring("wall", "arm", "ground"),
+        Torque("torque", "arm"),
+        IdealGear("gear", "arm", "back", ratio=-118.0),
+        Inertia("rotor", "back", J="2*big_arm.J"),
+    ]
+    assert table(Drawing("arm", parts, {"wall.c": 100.0, "tip.J": 0.25})) == {
+        "big_arm.J": ("kg m^2", "inertia of the big arm", 2.0, True),
+        "tip.J": ("kg m^2", "inertia of the tip", 0.25, True),
+        "wall.c": ("N m/rad", "stiffness of the wall", 100.0, True),
+        "torque.kT": ("1", "torque constant of the torque", 1.0, True),
+        "gear.ratio": ("1", "ratio of the gear", -118.0, False),
+    }
+
+
+def test_expressions_tell_units_and_signs() -> None:
+    parts = [
+        Inertia("arm", "arm", J="m*l^2"),
+        Inertia("load", "arm", J="ml*l^2 + J0"),
+        IdealGear("gear", "motor", "arm", ratio="1/r"),
+        Gravity("weight", "arm", gc="m*g*l", gs="c*s"),
+    ]
+    drawing = Drawing("arm", parts, {"l": -0.5}, units={"l": "m"})
+    assert table(drawing) == {
+        "l": ("m", "in the inertia of the arm: l^2*m", -0.5, False),
+        "m": ("kg", "in the inertia of the arm: l^2*m", None, True),
+        "J0": ("kg m^2", "in the inertia of the load: J0 + l^2*ml", None, False),
+        "ml": ("kg", "in the inertia of the load: J0 + l^2*ml", None, False),
+        "r": ("1", "in the ratio of the gear: 1/r", None, True),
+        "g": ("m/s^2", "in the gravity torque by the cosine of the weight: g*l*m", None, False),
+        "c": ("", "in the gravity torque by the sine of the weight: c*s", None, False),
+        "s": ("", "in the gravity torque by the sine of the weight: c*s", None, False),
+    }
+
+
+def test_meanings_set_the_order_and_the_words() -> None:
+    ordered = Drawing(
+        "two-mass", two_mass().components, meanings={"k": "stiffness of the toothed belt", "Ja": ""}
+    )
+    parameters = ordered.flat().parameters
+    assert [p.name for p in parameters] == ["k", "Ja", "kT", "Jm", "fm", "d"]
+    assert [p.meaning for p in parameters][:2] == ["stiffness of the toothed belt", "inertia of the arm"]
+
+
+# --- from a configuration file ---------------------------------------------------------------------------
+
+
+def test_tables_draw_the_same() -> None:
+    nominal = {"Jm": 0.005, "k": 200.0}
+    assert from_tables("two-mass", TABLES, nominal).flat() == two_mass(**nominal).flat()
+
+
+def test_every_constructor_has_its_type() -> None:
+    """What Python draws, a table draws, with every parameter."""
+    constructors: dict[str, Callable[..., Part]] = {
+        name: getattr(drawing_module, name.title().replace("-", ""))
+        for name, kind in KINDS.items()
+        if kind.flanges
+    }
+    assert len(constructors) == 13
+    for name, constructor in constructors.items():
+        kind = KINDS[name]
+        given = {role.name: f"p_{role.name}" for role in kind.roles}
+        nodes = [f"n{i}" for i in range(len(kind.flanges))]
+        python = constructor("x", *nodes, **given)
+        (part,) = from_tables("x", [{"type": name, "name": "x", "at": nodes, **given}]).components
+        assert part == python
+        assert (python.kind, python.nodes) == (kind, tuple(nodes))
+
+
+def test_the_example_at_the_top_of_the_file_is_right() -> None:
+    text = drawing_module.__doc__ or ""
+    code = text.split("\n\n", 1)[1]
+    names = {**vars(drawing_module)}
+    exec(textwrap.dedent(code), names)
+    assert names["flat"] == two_mass().flat()
+
+
+def test_parameters_of_a_component_are_what_was_written() -> None:
+    (mass,) = Drawing("arm", [Inertia("arm", "a", J="m*l^2")]).flat().components
+    assert mass.parameters == {"J": Laurent.symbol("m") * Laurent.symbol("l", 2)}

@@ -1,0 +1,106 @@
+"""The drives that come with the program: their names, and the paper's three-mass drive entry by entry."""
+
+from collections.abc import Callable
+from typing import Literal
+
+import pytest
+
+from monitor_core.modeling.drawing import Drawing
+from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.expressions import parse
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.library import five_mass, three_mass, two_mass
+from monitor_core.modeling.statespace import Entries
+
+COMMON = ["fm", "fc", "tau0", "kT", "r"]
+
+
+@pytest.mark.parametrize(
+    ("drive", "names", "masses"),
+    [
+        (two_mass, ["Jm", "Ja", "k", "d"], 2),
+        (three_mass, ["Jm", "Jg", "Ja", "kg", "ka", "dg", "da"], 3),
+        (five_mass, ["Jm", *(f"{x}{i}" for x in "Jkd" for i in range(1, 5))], 5),
+    ],
+)
+def test_parameters_and_counts(drive: Callable[[], Drawing], names: list[str], masses: int) -> None:
+    flat = drive().flat()
+    assert [p.name for p in flat.parameters] == names + COMMON
+    # unknowns: 7 of a mass, 8 of a spring with damper, 4 of the gear; 2 of Coulomb friction, of the offset and of the
+    # torque (its signal is an input), 3 of viscous friction and of the sensor
+    unknowns = 7 * masses + 8 * (masses - 1) + 4 + 3 * 2 + 2 * 3
+    # equations: 5, 6, 2; 1, 1, 1; 2, 2; and the connections give one for each flange
+    flanges = 2 * masses + 2 * (masses - 1) + 2 + 5
+    equations = 5 * masses + 6 * (masses - 1) + 2 + 3 * 1 + 2 * 2 + flanges
+    assert len(flat.variables) == unknowns
+    assert len(flat.equations) == equations == unknowns
+    assert len(eliminate(flat, "speed").states) == 2 * masses - 1
+
+
+def test_the_parameters_of_the_three_masses_in_words() -> None:
+    assert [(p.name, p.unit, p.meaning, p.positive, p.value) for p in three_mass().flat().parameters] == [
+        ("Jm", "kg m^2", "inertia of the motor", True, None),
+        ("Jg", "kg m^2", "inertia of the gearbox, arm side", True, None),
+        ("Ja", "kg m^2", "inertia of the arm", True, None),
+        ("kg", "N m/rad", "stiffness of the gearbox, arm side", True, None),
+        ("ka", "N m/rad", "stiffness of the arm", True, None),
+        ("dg", "N m s/rad", "damping of the gearbox, arm side", False, None),
+        ("da", "N m s/rad", "damping of the arm", False, None),
+        ("fm", "N m s/rad", "viscous friction of the motor", False, None),
+        ("fc", "N m", "Coulomb friction of the motor", False, None),
+        ("tau0", "N m", "torque offset", False, None),
+        ("kT", "1", "torque constant, relative to the one the controller uses", True, None),
+        ("r", "1", "gear ratio, arm angle over motor angle", True, None),
+    ]
+
+
+A = """
+    0         0        r                 -1              0
+    0         0        0                  1             -1
+    -kg*r/Jm  0        -(fm+dg*r^2)/Jm    dg*r/Jm        0
+    kg/Jg     -ka/Jg   dg*r/Jg           -(dg+da)/Jg     da/Jg
+    0         ka/Ja    0                  da/Ja         -da/Ja
+"""
+B = """
+    0      0       0
+    0      0       0
+    kT/Jm  -fc/Jm  tau0/Jm
+    0      0       0
+    0      0       0
+"""
+SPEED = "0 0 1 0 0"
+
+
+def printed(*matrices: str) -> Entries:
+    rows = [line.split() for text in matrices for line in text.strip().splitlines()]
+    every = {(i, j): parse(text) for i, row in enumerate(rows) for j, text in enumerate(row)}
+    return {place: value for place, value in every.items() if value}
+
+
+def test_the_three_masses_are_the_papers_entry_by_entry() -> None:
+    """x = (r phi_m - phi_g, phi_g - phi_a, phi_m', phi_g', phi_a'); torque, Coulomb friction, 1; y = phi_m'."""
+    ss = eliminate(three_mass().flat())
+    assert dict(ss.A) == printed(A)
+    assert dict(ss.B) == printed(B)
+    assert dict(ss.C) == printed(SPEED)
+
+
+@pytest.mark.parametrize(("output", "states"), [("speed", 5), ("angle", 6)])
+def test_with_the_angle_an_integrator_of_the_motor_speed_is_added(
+    output: Literal["speed", "angle"], states: int
+) -> None:
+    ss = eliminate(three_mass().flat(), output)
+    assert len(ss.states) == states
+    inner = {place: value for place, value in ss.A.items() if max(place) < 5}
+    assert inner == printed(A)
+    assert {place: value for place, value in ss.A.items() if max(place) >= 5} == (
+        {(5, 2): Laurent.number(1)} if output == "angle" else {}
+    )
+
+
+def test_springs_are_stretched_towards_the_motor() -> None:
+    flat = three_mass().flat()
+    springs = {c.name: c.nodes for c in flat.components if c.kind == "spring-damper"}
+    assert springs == {"gearbox_spring": ("gearbox", "gear"), "arm_spring": ("arm", "gearbox")}
+    (gear,) = (c for c in flat.components if c.kind == "ideal-gear")
+    assert (gear.nodes, dict(gear.parameters)) == (("motor", "gear"), {"ratio": Laurent.symbol("r", -1)})
