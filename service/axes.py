@@ -7,7 +7,7 @@ import numpy as np
 from monitor_core.kalman import filter_gain, slowest_time_constant
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
-from service.config import DRIVES, AxisConfig, NamedAxis
+from service.config import AxisConfig, NamedAxis, drive_of, given_values
 
 SETTLING_TIME_CONSTANTS = 5
 """After so many of its slowest time constants the predictor has forgotten where it started (e^-5 = 0.7 %)."""
@@ -20,8 +20,7 @@ class AxisError(Exception):
 def axis_model(config: AxisConfig) -> AxisModel:
     """The model of an axis."""
     m = config.model
-    drive = DRIVES[m.drive](config.output)
-    return AxisModel(drive, dict(m.nominal), m.monitor, dict(m.scales), dict(m.bounds))
+    return AxisModel(drive_of(config), given_values(config), m.monitor, dict(m.scales), dict(m.bounds))
 
 
 def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:

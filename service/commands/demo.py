@@ -14,8 +14,9 @@ from service.commands.configuration import configuration
 from service.commands.exits import explained
 from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors
 from service.commands.run import Port
-from service.shipping import shipped
 from service.config import Config
+from service.shipping import shipped
+from service.simulation.demonstration import usual_fault, watching, with_drive
 from service.simulation.robot import Fault
 from service.simulation.sending import RobotThread
 
@@ -30,10 +31,34 @@ StateDir = Annotated[
 ]
 
 
+DriveOption = Annotated[
+    str | None,
+    typer.Option(
+        "--drive",
+        metavar="FILE.mo|NAME",
+        help="Axes with this drive: a Modelica file with its values, or two-mass, three-mass, five-mass.",
+    ),
+]
+ModelOption = Annotated[
+    str | None, typer.Option("--model", metavar="NAME", help="Which model of the Modelica file.")
+]
+MonitorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--monitor",
+        metavar="PARAMETER",
+        help="What to watch: kT, 1/Ja. May be repeated. [default: up to three that the motion tells apart]",
+    ),
+]
+
+
 def demo(
     fault: FaultOption = None,
     fault_axis: FaultAxis = None,
     fault_after: FaultAfter = 60.0,
+    drive: DriveOption = None,
+    model: ModelOption = None,
+    monitor: MonitorOption = None,
     axes: Axes = _MOST_AXES,
     port: Port = None,
     state_dir: StateDir = None,
@@ -41,13 +66,16 @@ def demo(
     """Look around: a simulated robot on a bus inside the process, and the daemon reading it.
 
     After a while something breaks: the friction of the second axis grows by 30 %, unless the options say
-    otherwise.
+    otherwise. Of another drive, torque constant, last inertia and friction are watched as far as there are such.
     """
     with _folder(state_dir) as folder:
         read = _adapted(configuration(shipped("demo.toml")), axes, port, folder)
+        with explained():
+            read = _driven(read, drive, model, tuple(monitor or ()))
         known = [axis.id for axis in read.axes]
         broken = axis_id(fault_axis, known) if fault_axis else known[min(1, axes - 1)]
-        _run(read, Fault(broken, factors(fault or ["fm=1.3"]), fault_after))
+        breaks = fault or [f"{usual_fault(read.axes[0].config)}=1.3"]
+        _run(read, Fault(broken, factors(breaks), fault_after))
 
 
 @contextmanager
@@ -70,6 +98,28 @@ def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Co
     )
 
 
+def _driven(config: Config, drive: str | None, model: str | None, monitor: tuple[str, ...]) -> Config:
+    """Every axis with the drive, and what is watched."""
+    axis = config.robot[0].axis[0]
+    if drive is not None:
+        axis = with_drive(axis, drive, model, monitor)
+    elif model is not None:
+        raise typer.BadParameter("is a model of a file: give it with --drive FILE.mo", param_hint="--model")
+    try:
+        axis = watching(axis, monitor) if monitor else axis
+    except (KeyError, ValueError) as error:
+        raise typer.BadParameter(str(error.args[0]), param_hint="--monitor") from None
+    keys = ("model", "estimator", "settling_time_s")
+    changes = {key: getattr(axis, key) for key in keys}
+    axes = tuple(
+        each.model_copy(
+            update={**changes, "torque": each.torque.model_copy(update={"factor": axis.torque.factor})}
+        )
+        for each in config.robot[0].axis
+    )
+    return config.model_copy(update={"robot": (config.robot[0].model_copy(update={"axis": axes}),)})
+
+
 def _run(config: Config, fault: Fault) -> None:
     from service import logs
     from service.app import run_daemon
@@ -78,13 +128,15 @@ def _run(config: Config, fault: Fault) -> None:
     stop = threading.Event()
     with explained():
         robot = RobotThread(config, fault, stop)
-        run_daemon(config, ready=lambda url: _begin(robot, url, fault), stop=stop)
+        watched = ", ".join(config.axes[0].config.model.monitor)
+        run_daemon(config, ready=lambda url: _begin(robot, url, fault, watched), stop=stop)
         robot.join()
 
 
-def _begin(robot: RobotThread, url: str, fault: Fault) -> None:
+def _begin(robot: RobotThread, url: str, fault: Fault, watched: str) -> None:
     robot.start()
     changes = ", ".join(f"{name} x {factor:g}" for name, factor in fault.factors.items())
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
+    console.print(f"watched: {watched}")
     console.print(f"{fault.axis_id}: {changes} after {fault.after_s:g} s.  Ctrl-C ends the demo.")

@@ -34,6 +34,7 @@ def explained() -> Iterator[None]:
 
 def _code(error: Exception) -> int | None:
     # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
+    from monitor_core.modeling.flat import ModelError
     from service.app import DaemonFailedError
     from service.axes import AxisError
     from service.ingest.dbc import DbcError
@@ -44,7 +45,7 @@ def _code(error: Exception) -> int | None:
 
     codes: list[tuple[tuple[type[Exception], ...], int]] = [
         ((BusError,), NO_BUS),
-        ((IngestError, DbcError, AxisError, FaultError), MISTAKE),
+        ((IngestError, DbcError, AxisError, FaultError, ModelError), MISTAKE),
         ((StoreError, CannotListenError), UNAVAILABLE),
         ((DaemonFailedError,), FAULT),
     ]

@@ -1,6 +1,6 @@
 """The configuration file: its schema, its rules, and every problem with file, line, key and value."""
 
-from service.config.drives import DRIVES
+from service.config.drives import drive_of, given_values
 from service.config.loading import load
 from service.config.problems import ConfigErrors, Problem
 from service.config.schema import (
@@ -19,7 +19,6 @@ from service.config.schema import (
 )
 
 __all__ = [
-    "DRIVES",
     "AxisConfig",
     "BusConfig",
     "Config",
@@ -34,5 +33,7 @@ __all__ = [
     "SignalConfig",
     "TimeConfig",
     "WebConfig",
+    "drive_of",
+    "given_values",
     "load",
 ]

@@ -1,10 +1,51 @@
-"""The drives that a configuration may name."""
+"""The drive of an axis, as its configuration names or draws it."""
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from __future__ import annotations
 
-from monitor_core.library import three_mass
-from monitor_core.model import Drive, Output
+from monitor_core.drive import Drive, Output
+from monitor_core.modeling.flat import ModelError
+from service import modeling
+from service.config.positions import Keys
+from service.config.schema import AxisConfig, ModelConfig
+from service.config.tables import ABSENT, Absent
 
-DRIVES: Mapping[str, Callable[[Output], Drive]] = MappingProxyType({"three-mass": three_mass})
-"""By name: a function from the measured quantity to the drive."""
+
+def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
+    """The drive of an axis, for what is measured there or for the ``output`` given.
+
+    Raises:
+        ModelError: it has none.
+    """
+    return _modelled(axis, output).drive
+
+
+def given_values(axis: AxisConfig) -> dict[str, float]:
+    """The nominal values that the drawing and, before it, the configuration give, by the names they have there.
+
+    The library's own values are those of one robot, so they are not taken.
+
+    Raises:
+        ModelError: the axis has no drive.
+    """
+    drawn = {} if is_library(axis.model) else _modelled(axis).values
+    given = {name: value for name, value in axis.model.nominal.items() if value is not ABSENT}
+    return {**drawn, **given}
+
+
+def _modelled(axis: AxisConfig, output: Output | None = None) -> modeling.Modelled:
+    if ABSENT in axis.model.components.values():
+        raise Absent("components")
+    return modeling.model_of_axis(axis, output)
+
+
+def is_library(model: ModelConfig) -> bool:
+    """Whether the drive is one that comes with the program."""
+    return not model.components and not model.drive.endswith(modeling.SUFFIX)
+
+
+def place_of(error: ModelError, model: ModelConfig) -> Keys:
+    """The key of a table [robot.axis.model] that an error of its drive is about."""
+    if not model.components:
+        return ("model", "drive")
+    component = error.origin.component.split(".")[0]
+    return ("model", "components", component) if component in model.components else ("model", "components")

@@ -1,11 +1,13 @@
 """Rules for an axis's model and estimator, asked of the engine's own model where it has the rule."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from typing import TypeVar
 
-from monitor_core.model import AxisModel, Drive, Output, split_name
-from service.config.drives import DRIVES
+from monitor_core.model import AxisModel, Drive, Output, Parameter, split_name
+from monitor_core.modeling.flat import ModelError
+from service.config.drives import drive_of, given_values, place_of
 from service.config.schema import AxisConfig
 from service.config.tables import ABSENT, Absent
 from service.config.wording import Finding
@@ -14,21 +16,40 @@ from service.words import did_you_mean
 T = TypeVar("T")
 
 
+def one_drive(axis: AxisConfig) -> Iterator[Finding]:
+    """A drive is named or drawn, not both."""
+    model = axis.model
+    for key in ("drive", "drive_model"):
+        if model.components and key in model.model_fields_set:
+            message = "the drive is drawn already: remove this, or"
+            yield Finding(("model", key), message, ("model", "components"))
+
+
 def known_drive(axis: AxisConfig) -> Iterator[Finding]:
-    """The drive exists."""
-    if axis.model.drive not in DRIVES:
-        yield Finding(("model", "drive"), f"no such drive: {did_you_mean(axis.model.drive, DRIVES)}")
+    """The drive exists, and can be modelled."""
+    try:
+        drive_of(axis, _measured(axis))
+    except ModelError as error:
+        yield Finding(place_of(error, axis.model), str(error))
+
+
+def measurable(axis: AxisConfig) -> Iterator[Finding]:
+    """What the drive's inputs depend on can be had from what is measured."""
+    if problem := _refusal(_drive(axis, usable=False), {}):
+        yield Finding(("model", "components" if axis.model.components else "drive"), problem)
 
 
 def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values are of parameters of the drive, and of all of them."""
-    known = {p.name: p for p in _drive(axis).parameters}
+    drive = _drive(axis)
+    known = _by_name(drive)
     for name in axis.model.nominal:
         if name not in known:
             yield Finding(("model", "nominal", name), _no_parameter(name, known))
-    for name, p in known.items():
-        if name not in axis.model.nominal:
-            yield Finding(("model", "nominal", name), f"missing ({p.meaning} [{p.unit}])")
+    given = {*given_values(axis), *axis.model.nominal}  # also what is given wrongly
+    for name in dict.fromkeys(part for p in drive.parameters for part in _lacking(drive, p.name, given)):
+        p = known[name]
+        yield Finding(("model", "nominal", name), f"missing ({p.meaning} [{p.unit}])")
 
 
 def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
@@ -44,11 +65,13 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
     """Monitored parameters exist, once each, with a size that gives a threshold."""
     drive, seen = _drive(axis), set[str]()
     names = [p.name for p in drive.parameters]
+    drawn = {p.name for p in drive.drawn}
     for i, name in enumerate(axis.model.monitor):
         base, inverse = split_name(name)
         if base not in names:
             known = [f"1/{n}" for n in names] if inverse else names
-            yield Finding(("model", "monitor", i), _no_parameter(name, known))
+            problem = _why_not(drive, base) if base in drawn else _no_parameter(name, known)
+            yield Finding(("model", "monitor", i), problem)
         elif base in seen:
             yield Finding(("model", "monitor", i), f"{base} is monitored twice")
         seen.add(base)
@@ -57,7 +80,7 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
 def monitored_sizes(axis: AxisConfig) -> Iterator[Finding]:
     """Each monitored parameter has a size: its nominal value or a scale."""
     drive, model = _drive(axis), axis.model
-    nominal = _known(model.nominal, drive)
+    nominal = _nominal(axis, drive)
     for i, name in enumerate(model.monitor):
         base = split_name(name)[0]
         if base not in nominal or _refusal(drive, {base: nominal[base]}) or model.scales.get(name) is ABSENT:
@@ -79,10 +102,10 @@ def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
                 yield Finding((*path, name), f"not monitored: {did_you_mean(name, model.monitor)}")
 
 
-def bounds(axis: AxisConfig) -> Iterator[Finding]:
+def limits(axis: AxisConfig) -> Iterator[Finding]:
     """The nominal value lies between the bounds, and a positive parameter stays positive."""
     drive, model = _drive(axis), axis.model
-    nominal = _known(model.nominal, drive)
+    nominal = _nominal(axis, drive)
     for name, (lower, upper) in _present(model.bounds).items():
         base, inverse = split_name(name)
         if base not in nominal or (inverse and nominal[base] == 0):
@@ -126,7 +149,8 @@ def noises(axis: AxisConfig) -> Iterator[Finding]:
 
 def gain_length(axis: AxisConfig) -> Iterator[Finding]:
     """One gain for each state."""
-    states = _drive(axis, axis.output).states
+    axis.output  # noqa: B018 - where that is not said, nothing can be counted
+    states = _drive(axis).states
     gain = axis.estimator.gain
     if gain and len(gain) != len(states):
         names = ", ".join(state.name for state in states)
@@ -142,11 +166,80 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
 
 
-def _drive(axis: AxisConfig, output: Output = "speed") -> Drive:
-    """The drive; its parameters are the same for both outputs, its states are not."""
-    if axis.model.drive not in DRIVES:
+def whole(axis: AxisConfig) -> Iterator[Finding]:
+    """Where no rule finds anything, the engine does not, either: values of a drawing, or merged from several."""
+    if any(not _is_quiet(rule, axis) for rule in MODEL_RULES if rule is not whole):
+        return
+    model, drive = axis.model, _drive(axis)
+    scales, bounds = _present(model.scales), _present(model.bounds)
+    try:
+        AxisModel(drive, given_values(axis), model.monitor, scales, bounds)
+    except KeyError:  # a value that is wrong in itself is as good as missing here
+        return
+    except ValueError as error:
+        yield Finding(("model", "components" if model.components else "drive"), str(error))
+
+
+def _is_quiet(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig) -> bool:
+    try:
+        return next(rule(axis), None) is None
+    except Absent:
+        return False
+
+
+def _measured(axis: AxisConfig) -> Output:
+    """What is measured; where that is not said rightly, the angle, so that the other rules still see a drive."""
+    try:
+        return axis.output
+    except Absent:
+        return "angle"
+
+
+def _drive(axis: AxisConfig, usable: bool = True) -> Drive:
+    """The drive, one whose inputs can be had if it is to be ``usable``; where there is none, another rule says so."""
+    try:
+        drive = drive_of(axis, _measured(axis))
+    except ModelError:
+        raise Absent("drive") from None
+    if usable and _refusal(drive, {}):
         raise Absent("drive")
-    return DRIVES[axis.model.drive](output)
+    return drive
+
+
+def _by_name(drive: Drive) -> dict[str, Parameter]:
+    """All parameters that may be given: those that were drawn, and merged ones."""
+    return {p.name: p for p in (*drive.drawn, *drive.parameters)}
+
+
+def _lacking(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
+    """The parameters whose values are missing for this one: itself, or what it is merged from."""
+    definition = next((d for d in drive.definitions if d.name == name), None)
+    if name in given:
+        return
+    if definition is None:
+        yield name
+    else:
+        for part in sorted(definition.names):
+            yield from _lacking(drive, part, given)
+
+
+def _nominal(axis: AxisConfig, drive: Drive) -> dict[str, float]:
+    """The nominal values of the drive's parameters, merged ones too, as far as they are right in themselves."""
+    values = _known(given_values(axis), drive)
+    for d in drive.definitions:
+        if d.name not in values and d.names <= values.keys():
+            with suppress(ValueError):
+                values[d.name] = d.value(values)
+    return {p.name: values[p.name] for p in drive.parameters if p.name in values}
+
+
+def _why_not(drive: Drive, name: str) -> str:
+    """Why a parameter that was drawn is none of the drive's."""
+    try:
+        drive.parameter(name)
+    except KeyError as error:
+        return str(error.args[0])
+    raise AssertionError(name)
 
 
 def _no_parameter(name: str, known: Mapping[str, object] | list[str]) -> str:
@@ -159,7 +252,7 @@ def _present(values: Mapping[str, T]) -> dict[str, T]:
 
 def _known(values: Mapping[str, float], drive: Drive) -> dict[str, float]:
     """The values that are right in themselves, of parameters of the drive."""
-    names = {p.name for p in drive.parameters}
+    names = _by_name(drive)
     return {name: value for name, value in values.items() if name in names and value is not ABSENT}
 
 
@@ -177,16 +270,19 @@ def _refusal(
     return ""
 
 
-MODEL_RULES = (
+MODEL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
+    one_drive,
     known_drive,
+    measurable,
     nominal_names,
     nominal_values,
     monitored,
     monitored_sizes,
     scales_and_bounds,
-    bounds,
+    limits,
     predictor,
     noises,
     gain_length,
     initial_p,
+    whole,
 )

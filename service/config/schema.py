@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo
 
 from monitor_core.model import Output
 from service.config.tables import ABSENT, Absent, Reading, Table
+from service.modeling import SUFFIX
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
@@ -25,6 +26,16 @@ def _from_folder(value: object, info: ValidationInfo) -> object:
 
 
 FilePath = Annotated[Path, BeforeValidator(_from_folder)]
+
+
+def _drive_from_folder(value: object, info: ValidationInfo) -> object:
+    if not isinstance(value, str) or not value.endswith(SUFFIX):
+        return value
+    return str(_from_folder(value, info))
+
+
+DriveName = Annotated[str, BeforeValidator(_drive_from_folder), Field(min_length=1)]
+"""A name of the library, or a Modelica file relative to the folder of the configuration."""
 
 
 def _intervals(count: float) -> Callable[[dict[str, Any]], Any]:
@@ -104,14 +115,24 @@ class TimeConfig(Table):
 class ModelConfig(Table):
     """[robot.axis.model]: the drive, its nominal values, and what is watched."""
 
-    drive: Text = Field("three-mass", description="structure of the drive")
+    drive: DriveName = Field(
+        "three-mass", description='name of a drive that comes with the program, or a file "....mo"'
+    )
+    drive_model: Text | None = Field(None, description="which model, of a Modelica file with more than one")
+    components: dict[str, dict[str, Any]] = Field(
+        default_factory=dict,
+        description="the drive drawn here, in place of one by name: name = { type, at, ... }",
+    )
     monitor: tuple[Text, ...] = Field(
         min_length=1, description='parameters to estimate, e.g. ["kT", "1/Ja", "fm"]'
     )
     friction_speed_scale: Positive = Field(
         1.0, description="Coulomb friction is fc tanh(speed / friction_speed_scale) [rad/s]"
     )
-    nominal: dict[str, Real] = Field(description="value of every parameter of the drive, SI")
+    nominal: dict[str, Real] = Field(
+        default_factory=dict,
+        description="value of every parameter of the drive, SI; goes before a drawing's own",
+    )
     scales: dict[str, Positive] = Field(
         default_factory=dict, description="size of a monitored parameter, where |nominal| is not it"
     )

@@ -8,10 +8,10 @@ import numpy as np
 
 from monitor_core.excitation import multisine
 from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.model import AxisModel, split_name
 from monitor_core.reference import faulty
 from monitor_core.simulation import SimulatedAxis
-from service.config import DRIVES, NamedAxis
+from service.config import NamedAxis, drive_of, given_values
 from service.simulation.motion import motion_of
 
 PERIOD_S = 10.0
@@ -44,12 +44,17 @@ class ControlledAxis:
         self._output = config.output
         self._rng = rng
         # With the angle among its states, whichever of angle and speed is sent.
-        drive = DRIVES[config.model.drive]("angle")
-        model = AxisModel(drive, config.model.nominal, ())
-        self._drive = SimulatedAxis(model.nominal, config.model.friction_speed_scale, drive=drive)
-        count, band = round(PERIOD_S / self.interval_s), _band(self.interval_s)
-        self._motion = motion_of(model, _lines(band))
-        self._test_signal = multisine(rng, count, self.interval_s, band, self._motion.torque_rms)
+        self._given = given_values(config)
+        self._model = model = AxisModel(drive_of(config, "angle"), self._given, ())
+        self._drive = SimulatedAxis(model.nominal, config.model.friction_speed_scale, drive=model.drive)
+        self._motion = motion_of(model, lines_of_motion(self.interval_s))
+        self._test_signal = multisine(
+            rng,
+            round(PERIOD_S / self.interval_s),
+            self.interval_s,
+            _band(self.interval_s),
+            self._motion.torque_rms,
+        )
         self._ripple = RIPPLE * (config.estimator.torque_noise or 0.0)
         self._noise = config.estimator.output_noise or 0.0
         self._torque_before = 0.0
@@ -57,11 +62,17 @@ class ControlledAxis:
     def break_down(self, fault: Mapping[str, float]) -> None:
         """From now on parameters have so many times their value: {"fm": 1.3, "1/Ja": 0.8}.
 
+        They may be those of the drive, or those that were drawn and of which the drive has its own merged.
+
         Raises:
             KeyError: the drive has no such parameter.
             ValueError: the drive cannot have such a value.
         """
-        self._drive.set(faulty(self._drive.values, fault))
+        changed = faulty({**self._model.nominal, **self._given}, fault)
+        named = {split_name(name)[0] for name in fault}
+        given = {name: value for name, value in changed.items() if name in named or name in self._given}
+        self._drive.set(AxisModel(self._model.drive, given, ()).nominal)
+        self._given = given
 
     def sample(self, k: int) -> Reading:
         """Sample k: what is measured and commanded now; then the drive moves on to the next one."""
@@ -93,7 +104,7 @@ def _band(interval_s: float) -> tuple[float, float]:
     return BAND_HZ[0], min(BAND_HZ[1], 0.4 / interval_s)
 
 
-def _lines(band_hz: tuple[float, float]) -> Floats:
+def lines_of_motion(interval_s: float) -> Floats:
     """The frequencies of the test signal [rad/s]."""
-    low, high = (round(end * PERIOD_S) for end in band_hz)
+    low, high = (round(end * PERIOD_S) for end in _band(interval_s))
     return np.asarray(2 * np.pi / PERIOD_S * np.arange(max(low, 1), high + 1), dtype=float)

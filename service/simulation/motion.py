@@ -49,10 +49,10 @@ def motion_of(model: AxisModel, lines: Floats) -> Motion:
         model: the drive with its nominal values.
         lines: angular frequencies of the test signal [rad/s] (L,).
     """
-    stiffness = _stiffness(model, _RIGID)[0].real
-    inertia = float(abs(stiffness[0] - stiffness[1]) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
+    low, high = stiffness(model, _RIGID)[0].real
+    inertia = float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
     kp, kd = inertia * _BANDWIDTH**2, inertia * _BANDWIDTH
-    torque, others = _stiffness(model, lines)
+    torque, others = stiffness(model, lines)
     # Of fc sign(w), at a speed of random phases and SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS follows the speed.
     friction = np.abs(_of_kind(model, others, COULOMB)) * math.sqrt(2 / math.pi) / SPEED_RMS
     closed = torque + kp + 1j * lines * (kd + friction)
@@ -60,7 +60,7 @@ def motion_of(model: AxisModel, lines: Floats) -> Motion:
     return Motion(kp, kd, float(SPEED_RMS / speed), tuple(_weights(model)))
 
 
-def _stiffness(model: AxisModel, omega: Floats) -> tuple[Floats, Floats]:
+def stiffness(model: AxisModel, omega: Floats) -> tuple[Floats, Floats]:
     """Torque over angle (L,) and the torque (L, m) that acts like each input at 1; both complex."""
     A, B, C = model.matrices()
     s = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(A))
@@ -75,7 +75,7 @@ def _of_kind(model: AxisModel, by_input: Floats, kind: int) -> Floats:
 
 
 def _weights(model: AxisModel) -> Sequence[Weight]:
-    like_torque = _stiffness(model, _RIGID)[1][0].real
+    like_torque = stiffness(model, _RIGID)[1][0].real
     ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
     return [
         Weight(kind, -float(like_torque[i]), float(ratio[i]))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from service.config import Config
+from service.config import Config, given_values
 from service.simulation.axis import ControlledAxis, Reading
 
 
@@ -73,7 +73,7 @@ def _try_out(fault: Fault, config: Config) -> None:
     try:
         ControlledAxis(axis, np.random.default_rng(0)).break_down(fault.factors)
     except KeyError as error:
-        known = ", ".join(axis.config.model.nominal)
+        known = ", ".join(given_values(axis.config))
         raise FaultError(f"fault: no parameter {error} in axis {axis.id}; there is {known}") from None
     except (ValueError, ZeroDivisionError) as error:
         raise FaultError(f"fault: {error}") from None

@@ -143,9 +143,9 @@ MISTAKES = [
     ),
     Mistake(
         '["1/Ja"]',
-        '["1/Ja"]\ndrive = "two-mass"',
+        '["1/Ja"]\ndrive = "three_mass"',
         f"{SECOND}.model.drive",
-        '"two-mass"',
+        '"three_mass"',
         'mean "three-mass"',
         44,
     ),

@@ -1,0 +1,91 @@
+"""The demo's axes with another drive: torque, noises and what is watched follow from it."""
+
+from collections.abc import Sequence
+
+from monitor_core.model import AxisModel
+from monitor_core.modeling.flat import ModelError, Origin
+from service.config import AxisConfig, drive_of, given_values
+from service.modeling import SUFFIX, Modelled, model_called
+from service.simulation.axis import lines_of_motion
+from service.simulation.motion import motion_of
+from service.simulation.watching import frictions, watchable
+
+OUTPUT_NOISE = 1e-4  # rad, as in the demo with its own drive
+TORQUE_NOISE = 0.04  # of the torque, as there
+_USUAL_TORQUE = 1.2  # N m rms: that is what the signals of the demo's DBC are made for
+
+
+def with_drive(axis: AxisConfig, name: str, model: str | None, monitor: Sequence[str]) -> AxisConfig:
+    """An axis of the demo with a drive of the library or of a Modelica file.
+
+    Args:
+        axis: of the demo; it measures the angle.
+        name: of the library, or of a file.
+        model: which of the models of the file.
+        monitor: what to watch; empty for what can be told apart.
+
+    Raises:
+        ModelError: it is no drive, has not all its values, or nothing of it can be watched.
+    """
+    found = model_called(name, model, "angle")
+    engine = _engine(name, found)
+    lines = lines_of_motion(axis.sample_interval_s)
+    torque_rms = motion_of(engine, lines).torque_rms
+    noises = (TORQUE_NOISE * torque_rms, OUTPUT_NOISE)
+    turning = model_called(name, model, "speed").drive
+    chosen = tuple(monitor) or watchable(engine, turning, lines, torque_rms, noises)
+    if not chosen:
+        raise ModelError("nothing of it can be watched by the motor's torque and angle", _origin(name))
+    return _changed(axis, name, model, found, chosen, torque_rms / _USUAL_TORQUE, noises)
+
+
+def watching(axis: AxisConfig, monitor: Sequence[str]) -> AxisConfig:
+    """The axis with other parameters watched.
+
+    Raises:
+        KeyError, ValueError: one of them cannot be.
+    """
+    model = axis.model.model_copy(update={"monitor": tuple(monitor)})
+    AxisModel(drive_of(axis), given_values(axis), model.monitor, model.scales)
+    estimator = axis.estimator.model_copy(update={"initial_p": {}})
+    return axis.model_copy(update={"model": model, "estimator": estimator})
+
+
+def usual_fault(axis: AxisConfig) -> str:
+    """The watched parameter that breaks where nobody says which: a friction if there is one, else the first."""
+    braking = set(
+        frictions(drive_of(axis, "speed"), AxisModel(drive_of(axis), given_values(axis), ()).nominal)
+    )
+    return next((name for name in axis.model.monitor if name in braking), axis.model.monitor[0])
+
+
+def _engine(name: str, found: Modelled) -> AxisModel:
+    try:
+        return AxisModel(found.drive, found.values, ())
+    except (KeyError, ValueError) as error:
+        raise ModelError(str(error.args[0]), _origin(name)) from None
+
+
+def _origin(name: str) -> Origin:
+    return Origin(file=name) if name.endswith(SUFFIX) else Origin(name)
+
+
+def _changed(
+    axis: AxisConfig,
+    name: str,
+    model: str | None,
+    found: Modelled,
+    monitor: tuple[str, ...],
+    factor: float,
+    noises: tuple[float, float],
+) -> AxisConfig:
+    drive = {"drive": name, "drive_model": model, "nominal": dict(found.values), "monitor": monitor}
+    estimator = {"torque_noise": noises[0], "output_noise": noises[1], "initial_p": {}}
+    return axis.model_copy(
+        update={
+            "model": axis.model.model_copy(update=drive),
+            "estimator": axis.estimator.model_copy(update=estimator),
+            "torque": axis.torque.model_copy(update={"factor": factor}),
+            "settling_time_s": None,
+        }
+    )
