@@ -15,8 +15,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # --- monitor_core: arrays in, arrays out --------------------------------------------------------------
 
 PURE = {"numpy", "scipy", "numba", "monitor_core"} | {
-    *("__future__", "ast", "collections", "dataclasses", "difflib", "enum", "fractions", "functools"),
-    *("heapq", "itertools", "math", "re", "types", "typing"),
+    *("__future__", "ast", "collections", "contextlib", "dataclasses", "difflib", "enum", "fractions"),
+    *("functools", "heapq", "itertools", "math", "re", "types", "typing"),
 }
 SYMBOLIC = {"sympy", "pymoca"}  # in monitor_core/modeling only
 IMPURE_CALLS = {"open", "print", "input", "exec", "eval", "__import__", "breakpoint"}
