@@ -87,10 +87,11 @@ class SimulatedAxis:
             self._held[h] = zero_order_hold(self._A, self._B, h)
         Ad, Bd = self._held[h]
         for _ in range(self._parts):
-            self._x = Ad @ self._x + Bd @ self._inputs(torque)
+            self._x = Ad @ self._x + Bd @ self.inputs(torque)
         return self.angle, self.speed
 
-    def _inputs(self, torque: float) -> Floats:
+    def inputs(self, torque: float) -> Floats:
+        """All inputs of the drive now (m,), with that torque [N m]."""
         speed, angle = self.speed / self._speed_scale, self.angle
         flanges = zip(self._drive.inputs, self._ratio, strict=True)
         return np.array([_input(kind, torque, ratio * speed, ratio * angle) for kind, ratio in flanges])

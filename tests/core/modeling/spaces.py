@@ -68,7 +68,7 @@ def space(
         C=C,
         rest={},
         ratio={},
-        speed_states=(),
+        speed_states=(-1,) * (1 + max(r for r, _ in C)),
         parameters=tuple(parameter(name) for name in here),
         drawn=tuple(parameter(name) for name in sorted(drawn)),
         definitions=tied,

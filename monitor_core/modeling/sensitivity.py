@@ -1,0 +1,131 @@
+"""How the output of a drive depends on its parameters, for a given torque: output error at fixed parameters.
+
+Coulomb friction and gravity are inputs that depend on the motion.  As in the monitor they count as known signals:
+those of the motion at the given values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.drive import Drive, split_name
+from monitor_core.excitation import multisine
+from monitor_core.kernel.tables import Floats
+from monitor_core.simulation import SimulatedAxis
+
+INTERVAL_S = 0.005
+BAND_HZ = (0.0, 30.0)
+SECONDS = 10.0
+
+_STEP = 1e-30
+"""Of the complex step: so far below rounding that the derivative is exact."""
+
+
+class Linear(NamedTuple):
+    """A (n, n), B (n, m), C (n,), or their derivatives."""
+
+    A: Floats
+    B: Floats
+    C: Floats
+
+
+def usual_torque(seed: int | np.random.Generator, rms: float, seconds: float = SECONDS) -> Floats:
+    """The reference experiment's torque (N,): multisine from 0 to 30 Hz at 200 Hz, with that rms value in N m."""
+    N = round(seconds / INTERVAL_S)
+    return multisine(np.random.default_rng(seed), N, INTERVAL_S, BAND_HZ, rms)
+
+
+def sensitivities(
+    drive: Drive,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    torque: Floats,
+    interval_s: float = INTERVAL_S,
+    *,
+    scales: Mapping[str, float] | None = None,
+    speed_scale: float = 1.0,
+) -> Floats:
+    """S (N, p): size_i * dy/dtheta_i, from rest, the torque (N,) held over each interval.
+
+    ``names`` are parameters of the drive, drawn ones, or reciprocals ("1/Ja").  size_i is |theta_i|, or the scale
+    given, which a parameter needs that is zero.  ``speed_scale`` [rad/s] is that of Coulomb friction.
+
+    Raises:
+        KeyError: a name that the drive does not have, or a value that is missing.
+        ValueError: a value that makes no sense; a parameter that is zero and has no scale.
+    """
+    slopes = [_slopes(drive, _stepped(drive, values, name, scales or {})) for name in names]
+    u = known_inputs(drive, values, torque, interval_s, speed_scale)
+    at = drive.complete(values)
+    nominal = Linear(drive.matrix("A", at), drive.matrix("B", at), drive.matrix("C", at)[0])
+    d = np.asarray(sla.matrix_balance(nominal.A, permute=False, separate=True)[1][0], dtype=float)
+    return _propagated(_in_units(nominal, d), [_in_units(s, d) for s in slopes], u, interval_s)
+
+
+def known_inputs(
+    drive: Drive, values: Mapping[str, float], torque: Floats, interval_s: float, speed_scale: float = 1.0
+) -> Floats:
+    """All inputs (N, m) of a drive that the torque moves from rest, each held from its sample to the next."""
+    axis = SimulatedAxis(values, speed_scale, substeps=1, drive=drive)
+    rows = []
+    for value in torque.tolist():
+        rows.append(axis.inputs(value))
+        axis.step(value, interval_s)
+    return np.array(rows).reshape(len(torque), len(drive.inputs))
+
+
+def _stepped(
+    drive: Drive, values: Mapping[str, float], name: str, scales: Mapping[str, float]
+) -> dict[str, Any]:
+    """All parameters, with that one a complex step of its size away; what is merged from it moves with it."""
+    base, inverse = split_name(name)
+    drive.given_as(base)
+    known = {**drive.complete(values), **values}
+    if base not in known:
+        raise KeyError(f"no nominal value for {base}")
+    if known[base] == 0 and (inverse or name not in scales):
+        raise ValueError(f"{name} has the nominal value 0: give its scale")
+    theta = 1 / known[base] if inverse else known[base]
+    moved = theta + 1j * _STEP * scales.get(name, abs(theta))
+    merged = drive.merged_from(base)
+    given = {other: v for other, v in known.items() if other not in merged}
+    return drive.complete({**given, base: 1 / moved if inverse else moved})  # type: ignore[dict-item]
+
+
+def _slopes(drive: Drive, stepped: Mapping[str, Any]) -> Linear:
+    A, B, C = (np.imag(drive.matrix(which, stepped)) / _STEP for which in ("A", "B", "C"))
+    return Linear(A, B, C[0])
+
+
+def _in_units(of: Linear, d: Floats) -> Linear:
+    """In states x_i / d_i: springs on the arm's side and inertias on the motor's would cost digits."""
+    return Linear(of.A / d[:, None] * d, of.B / d[:, None], of.C * d)
+
+
+def _propagated(of: Linear, slopes: Sequence[Linear], u: Floats, interval_s: float) -> Floats:
+    """S (N, p) by the exact zero-order hold of  (z_i, x)' = [A A_i; 0 A] (z_i, x) + (B_i, B) u,  z_i = dx/dtheta_i."""
+    n, p = len(of.A), len(slopes)
+    held = [_held(of, slope, interval_s) for slope in slopes]
+    Ad, Bd = zero_order_hold(of.A, of.B, interval_s)
+    Ad_slope = np.array([A for A, _ in held]).reshape(p, n, n)
+    Bd_slope = np.array([B for _, B in held]).reshape(p, n, u.shape[1])
+    C_slope = np.array([slope.C for slope in slopes]).reshape(p, n)
+    S, x, z = np.empty((len(u), p)), np.zeros(n), np.zeros((p, n))
+    for k, inputs in enumerate(u):
+        S[k] = z @ of.C + C_slope @ x
+        z = z @ Ad.T + Ad_slope @ x + Bd_slope @ inputs
+        x = Ad @ x + Bd @ inputs
+    return S
+
+
+def _held(of: Linear, slope: Linear, interval_s: float) -> tuple[Floats, Floats]:
+    """The derivatives of what zero_order_hold makes of A and B."""
+    n = len(of.A)
+    A = np.block([[of.A, slope.A], [np.zeros((n, n)), of.A]])
+    Ad, Bd = zero_order_hold(A, np.vstack([slope.B, of.B]), interval_s)
+    return Ad[:n, n:], Bd[:n]

@@ -1,0 +1,311 @@
+"""Sensitivities against a complex step through a whole simulation, and what they say against many estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from monitor_core.drive import Drive
+from monitor_core.kernel.tables import COULOMB, ONE, TORQUE, Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import Output
+from monitor_core.modeling.accuracy import Accuracy
+from monitor_core.modeling.identifiability import structural
+from monitor_core.modeling.numbers import drive_of
+from monitor_core.modeling.sensitivity import INTERVAL_S, known_inputs, sensitivities, usual_torque
+from monitor_core.simulation import SimulatedAxis, simulate_linear
+from tests.core.modeling.spaces import Chain, table
+
+law = settings(deadline=None, max_examples=25)
+seeds = st.integers(0, 2**32 - 1)
+STEP = 1e-30
+MOVING = {**REFERENCE_VALUES, "fc": 0.3, "tau0": 0.1}
+ALL = ("Jm", "1/Jg", "Ja", "kg", "1/ka", "dg", "da", "fm", "fc", "tau0", "kT", "r")
+
+
+def torque(seed: int, N: int = 120) -> Floats:
+    return np.random.default_rng(seed).normal(size=N) * 1.5
+
+
+# --- the oracle: everything complex ------------------------------------------------------------------------
+
+
+def response(
+    drive: Drive, values: Mapping[str, complex], u: NDArray[np.generic], h: float
+) -> NDArray[np.complex128]:
+    """Output for inputs (N, m): the exponential of the system with its inputs as states, and no derivative anywhere."""
+    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))  # type: ignore[arg-type]
+    n, m = B.shape
+    M = np.zeros((n + m, n + m), dtype=complex)
+    M[:n, :n], M[:n, n:] = A, B
+    balanced, (d, _) = sla.matrix_balance(M, permute=False, separate=True)
+    E = d[:, None] * sla.expm(balanced * h) / d
+    x, out = np.zeros(n, dtype=complex), []
+    for inputs in u:
+        out.append(C[0] @ x)
+        x = E[:n, :n] @ x + E[:n, n:] @ inputs
+    return np.array(out)
+
+
+def by_complex_step(
+    drive: Drive, values: Mapping[str, float], name: str, size: float, u: Floats, h: float
+) -> Floats:
+    base = name.removeprefix("1/")
+    at = dict[str, complex](values)
+    if base == name:
+        at[name] = values[name] + 1j * STEP * size
+    else:
+        at[base] = 1 / (1 / values[base] + 1j * STEP * size)
+    complete = drive.complete(at)  # type: ignore[arg-type]
+    return np.asarray(np.imag(response(drive, complete, u, h)) / STEP)
+
+
+def agree(S: Floats, expected: Sequence[Floats]) -> None:
+    for column, other in zip(S.T, expected, strict=True):
+        scale = np.abs(other).max()
+        assert scale > 0
+        assert np.abs(column - other).max() <= 1e-9 * scale
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+def test_sensitivities_are_the_derivatives_of_a_simulation(output: Output, seed: int) -> None:
+    drive, u = three_mass(output), torque(seed)
+    S = sensitivities(drive, MOVING, ALL, u)
+    inputs = known_inputs(drive, MOVING, u, INTERVAL_S)
+    sizes = [1 / MOVING[name[2:]] if name.startswith("1/") else MOVING[name] for name in ALL]
+    agree(
+        S, [by_complex_step(drive, MOVING, n, s, inputs, INTERVAL_S) for n, s in zip(ALL, sizes, strict=True)]
+    )
+
+
+def test_inputs_are_those_of_the_motion(seed: int) -> None:
+    """Torque as given, friction by the speed at the start of each interval, the constant 1."""
+    drive, u = three_mass("angle"), torque(seed)
+    inputs = known_inputs(drive, MOVING, u, 0.01, speed_scale=0.5)
+    axis = SimulatedAxis(MOVING, speed_scale=0.5, substeps=1, drive=drive)
+    speed = [axis.speed, *(axis.step(value, 0.01)[1] for value in u[:-1])]
+    assert drive.inputs == (TORQUE, COULOMB, ONE)
+    np.testing.assert_array_equal(inputs[:, 0], u)
+    np.testing.assert_allclose(inputs[:, 1], np.tanh(np.array(speed) / 0.5), rtol=1e-12)
+    np.testing.assert_array_equal(inputs[:, 2], 1.0)
+    x = response(drive, MOVING, inputs, 0.01)
+    np.testing.assert_allclose(np.real(x[-1]), _angle_at_last(u), rtol=1e-9)
+
+
+def _angle_at_last(u: Floats) -> float:
+    axis = SimulatedAxis(MOVING, speed_scale=0.5, substeps=1, drive=three_mass("angle"))
+    return [axis.step(value, 0.01)[0] for value in u[:-1]][-1]
+
+
+def test_a_drawn_parameter_moves_what_it_is_merged_into(seed: int) -> None:
+    ss = table({(0, 0): "-f/M"}, {(0, 0): "kT/M"}, {(0, 0): "1"}, definitions={"M": "J1 + J2*r^2"})
+    drive, u = drive_of(ss), torque(seed)
+    values = {"J1": 0.2, "J2": 3.0, "r": 0.3, "f": 0.7, "kT": 1.1}
+    S = sensitivities(drive, values, ("J1", "1/J2", "r", "M", "f", "kT"), u)
+    names = ("J1", "1/J2", "r", "f", "kT")
+    sizes = (0.2, 1 / 3.0, 0.3, 0.7, 1.1)
+    agree(
+        S[:, [0, 1, 2, 4, 5]],
+        [
+            by_complex_step(drive, values, n, s, u[:, None], INTERVAL_S)
+            for n, s in zip(names, sizes, strict=True)
+        ],
+    )
+    # dM/M = (J1 / M) dJ1/J1
+    M = 0.2 + 3.0 * 0.3**2
+    np.testing.assert_allclose(S[:, 0], S[:, 3] * 0.2 / M, rtol=1e-9, atol=1e-12)
+    # a merged value that is given, too, does not hide the change
+    np.testing.assert_allclose(
+        sensitivities(drive, {**values, "M": M}, ("J1",), u), S[:, :1], rtol=1e-9, atol=1e-12
+    )
+
+
+def test_a_scale_is_the_size(seed: int) -> None:
+    drive, u = three_mass("speed"), torque(seed)
+    S = sensitivities(drive, MOVING, ("tau0", "fm"), u)
+    scaled = sensitivities(drive, MOVING, ("tau0", "fm"), u, scales={"tau0": 0.3, "fm": 0.006})
+    np.testing.assert_allclose(scaled, S * [3.0, 0.1], rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "error", "text"),
+    [
+        (("tau0",), REFERENCE_VALUES, ValueError, "tau0 has the nominal value 0: give its scale"),
+        (("1/fc",), REFERENCE_VALUES, ValueError, "1/fc has the nominal value 0"),
+        (("Jx",), REFERENCE_VALUES, KeyError, "has no parameter 'Jx'; it has Jm"),
+        (("Jm",), {"Jm": 1.0}, KeyError, "no nominal value for Jg"),
+        (("Jm",), {**REFERENCE_VALUES, "Jm": -1.0}, ValueError, "nominal Jm = -1.0"),
+    ],
+)
+def test_wrong_names_and_values(
+    names: tuple[str, ...], values: Mapping[str, float], error: type[Exception], text: str
+) -> None:
+    with pytest.raises(error, match=text):
+        sensitivities(three_mass("speed"), values, names, np.ones(3))
+
+
+def test_the_usual_torque_is_that_of_the_reference_experiment(seed: int) -> None:
+    u = usual_torque(seed, 1.23)
+    assert u.shape == (2000,)
+    assert np.sqrt(np.mean(u**2)) == pytest.approx(1.23, rel=1e-12)
+    spectrum = np.abs(np.fft.rfft(u))
+    frequency = np.fft.rfftfreq(2000, 0.005)
+    assert spectrum[frequency > 30.01].max() < 1e-9 * spectrum.max()
+    assert np.array_equal(u, usual_torque(seed, 1.23))
+
+
+# --- hidden directions: as many as by structure ------------------------------------------------------------
+
+
+@law
+@given(seed=seeds, masses=st.integers(1, 3), data=st.data())
+def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, data: st.DataObject) -> None:
+    some = st.frozensets(st.integers(0, masses - 1), min_size=1)
+    ss = Chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1))).state_space()
+    rng = np.random.default_rng(seed)
+    values = {p.name: rng.uniform(0.5, 2.0) for p in ss.drawn}
+    names = tuple(values)
+    found = structural(ss, seed=seed)
+    told = Accuracy(names, sensitivities(drive_of(ss), values, names, rng.normal(size=400), 0.3))
+    assert len(told.hidden) == len(names) - found.count
+    infinite = {n for n, sd in zip(names, told.standard_deviations, strict=True) if sd == np.inf}
+    assert infinite == set(names) - set(found.identifiable)
+    if infinite:
+        assert told.condition == np.inf
+        assert any("does not move the output at all" in text for text in told.words())
+
+
+# --- Cramer and Rao's bound is what estimates do --------------------------------------------------------------
+
+
+def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
+    """One mass with friction: 300 least-squares fits.
+
+    Of 300 normal draws a standard deviation is good to 1/sqrt(600) = 4.1 %, a correlation's inverse tanh to
+    1/sqrt(297) = 0.058; the margin is 5 of those, and for the curvature of the model, which is below 1 %.
+    """
+    drive = drive_of(table({(0, 0): "-f/J"}, {(0, 0): "1/J"}, {(0, 0): "1"}))
+    values = {"J": 0.5, "f": 0.8}
+    rng = np.random.default_rng(seed)
+    u = np.cumsum(rng.normal(size=200)) * 0.1
+    h, noise = 0.1, 0.02
+    told = Accuracy(("J", "f"), sensitivities(drive, values, ("J", "f"), u, h), noise)
+    clean = simulate_linear(drive, values, u[:, None], h)[0][:, 0]
+
+    def error(theta: Floats, y: Floats) -> Floats:
+        at = {"J": 0.5 * np.exp(theta[0]), "f": 0.8 * np.exp(theta[1])}
+        return simulate_linear(drive, at, u[:, None], h)[0][:, 0] - y
+
+    runs = 300
+    fits = [
+        least_squares(error, np.zeros(2), args=(clean + noise * rng.normal(size=len(u)),), method="lm").x
+        for _ in range(runs)
+    ]
+    spread = np.std(fits, axis=0, ddof=1)
+    np.testing.assert_allclose(spread, told.standard_deviations, rtol=5 / np.sqrt(2 * runs) + 0.01)
+    found, expected = np.asarray(np.corrcoef(np.array(fits).T))[0, 1], told.correlations[0, 1]
+    assert abs(np.arctanh(found) - np.arctanh(expected)) < 5 / np.sqrt(runs - 3) + 0.02
+
+
+# --- what the sensitivities say --------------------------------------------------------------------------------
+
+
+def columns(seed: int, *rows: Sequence[float], N: int = 400) -> Floats:
+    """Sensitivities with these components over orthonormal signals."""
+    q = np.linalg.qr(np.random.default_rng(seed).normal(size=(N, len(rows[0]))))[0]
+    return np.asarray(q @ np.array(rows).T)
+
+
+def test_independent_parameters(seed: int) -> None:
+    told = Accuracy(("a", "b"), columns(seed, [10.0, 0], [0, 50.0]), noise=0.2)
+    np.testing.assert_allclose(told.standard_deviations, [0.02, 0.004], rtol=1e-12)
+    np.testing.assert_allclose(told.correlations, np.eye(2), atol=1e-12)
+    assert told.condition == pytest.approx(1)
+    assert (*told.words(), *told.pairs(), *told.directions()) == ()
+
+
+def test_a_pair(seed: int) -> None:
+    """Columns at an angle: the estimates correlate by minus its cosine."""
+    cosine = 0.99
+    told = Accuracy(
+        ("kg", "ka", "c"), columns(seed, [1, 0, 0], [cosine, np.sqrt(1 - cosine**2), 0], [0, 0, 1]), 0.05
+    )
+    ((one, other, r),) = told.pairs()
+    assert (one, other) == ("kg", "ka")
+    assert r == pytest.approx(-0.99)
+    assert told.condition == pytest.approx(np.sqrt((1 + cosine) / (1 - cosine)))
+    sd = 0.05 / np.sqrt(1 - cosine**2)
+    np.testing.assert_allclose(told.standard_deviations, [sd, sd, 0.05])
+    assert told.words() == (
+        "kg and ka cannot both be told from this record: their estimates correlate by -0.99"
+        " (standard deviations 35 % and 35 %).",
+    )
+    ((size, parts),) = told.directions()
+    assert size == pytest.approx(np.sqrt(1 - cosine))
+    assert [name for name, _ in parts] == ["kg", "ka"]
+    assert parts[0][1] == pytest.approx(np.sqrt(0.5))
+    assert parts[1][1] == pytest.approx(-np.sqrt(0.5))
+    assert (*told.pairs(limit=0.995), *told.directions(limit=0.995)) == ()
+    # with little noise both are told, however much the one depends on the other
+    assert Accuracy(told.names, told.S, 0.001).words() == ()
+
+
+def test_a_weak_parameter(seed: int) -> None:
+    told = Accuracy(("Jm", "fm"), columns(seed, [5.0, 0], [0, 0.1]), noise=0.12)
+    assert told.words() == ("fm cannot be told from this record (standard deviation 120 %).",)
+
+
+def test_a_group_of_three(seed: int) -> None:
+    """c is nearly a + b: no two correlate so much, all three do."""
+    told = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0, 1, 0], [0.7, 0.7, 0.01]), 0.01)
+    ((size, parts),) = told.directions()
+    assert [(name, value > 0) for name, value in parts] == [("a", True), ("b", True), ("c", False)]
+    assert size < 0.01
+    (*_, last) = told.words()
+    assert last == (
+        "a, b and c cannot all be told from this record: the joint change +a +b -c moves the output by only "
+        "0.71 % of what they would one by one."
+    )
+
+
+def test_hidden_directions_are_named_apart(seed: int) -> None:
+    """Two pairs, in each of which one column is a multiple of the other, and a column of zeros."""
+    S = columns(seed, [1, 0, 0], [-2, 0, 0], [0, 1, 0], [0, 0.5, 0], [0, 0, 1], [0, 0, 0])
+    told = Accuracy(("a", "b", "c", "d", "e", "f"), S, 0.01)
+    assert told.condition == np.inf
+    np.testing.assert_array_equal(told.standard_deviations[[0, 1, 2, 3, 5]], np.inf)
+    assert told.standard_deviations[4] == pytest.approx(0.01)
+    assert set(told.words()) == {
+        "a and b cannot both be told from this record: the joint change +a +b does not move the output at all.",
+        "c and d cannot both be told from this record: the joint change +c -d does not move the output at all.",
+        "f does not show in this record at all.",
+    }
+    assert told.pairs() == ()
+
+
+def test_fewer_samples_than_parameters() -> None:
+    told = Accuracy(("a", "b", "c"), np.array([[1.0, 2.0, 0.5]]))
+    assert len(told.hidden) == 2
+    assert np.all(told.standard_deviations == np.inf)
+
+
+def test_no_parameters() -> None:
+    told = Accuracy((), np.zeros((5, 0)))
+    assert (*told.words(), *told.pairs(), *told.directions()) == ()
+    assert np.isnan(told.condition)
+
+
+@pytest.mark.parametrize(
+    ("S", "noise", "text"),
+    [(np.zeros((5, 3)), 1.0, "for 2 parameters"), (np.zeros((5, 2)), 0.0, "noise 0.0")],
+)
+def test_wrong_arguments(S: Floats, noise: float, text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        Accuracy(("a", "b"), S, noise)
