@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 import scipy.linalg as sla
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -23,7 +23,7 @@ from monitor_core.modeling.sensitivity import INTERVAL_S, known_inputs, sensitiv
 from monitor_core.simulation import SimulatedAxis, simulate_linear
 from tests.core.modeling.spaces import Chain, table
 
-law = settings(deadline=None, max_examples=25)
+law = settings(deadline=None, max_examples=20)
 seeds = st.integers(0, 2**32 - 1)
 STEP = 1e-30
 MOVING = {**REFERENCE_VALUES, "fc": 0.3, "tau0": 0.1}
@@ -173,7 +173,11 @@ def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, da
     values = {p.name: rng.uniform(0.5, 2.0) for p in ss.drawn}
     names = tuple(values)
     found = structural(ss, seed=seed)
-    told = Accuracy(names, sensitivities(drive_of(ss), values, names, rng.normal(size=400), 0.3))
+    told = Accuracy(names, sensitivities(drive_of(ss), values, names, rng.normal(size=200), 0.3))
+    sizes = np.linalg.svd(told.S / np.maximum(told.lengths, 1e-300), compute_uv=False)
+    assume(
+        not np.any((sizes > 1e-13) & (sizes < 1e-7))
+    )  # else some drive hides what its structure would show
     assert len(told.hidden) == len(names) - found.count
     infinite = {n for n, sd in zip(names, told.standard_deviations, strict=True) if sd == np.inf}
     assert infinite == set(names) - set(found.identifiable)
@@ -186,15 +190,15 @@ def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, da
 
 
 def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
-    """One mass with friction: 300 least-squares fits.
+    """One mass with friction: 150 least-squares fits.
 
-    Of 300 normal draws a standard deviation is good to 1/sqrt(600) = 4.1 %, a correlation's inverse tanh to
-    1/sqrt(297) = 0.058; the margin is 5 of those, and for the curvature of the model, which is below 1 %.
+    Of 150 normal draws a standard deviation is good to 1/sqrt(300) = 5.8 %, a correlation's inverse tanh to
+    1/sqrt(147) = 0.082; the margin is 5 of those, and for the curvature of the model, which is below 1 %.
     """
     drive = drive_of(table({(0, 0): "-f/J"}, {(0, 0): "1/J"}, {(0, 0): "1"}))
     values = {"J": 0.5, "f": 0.8}
     rng = np.random.default_rng(seed)
-    u = np.cumsum(rng.normal(size=200)) * 0.1
+    u = np.cumsum(rng.normal(size=150)) * 0.1
     h, noise = 0.1, 0.02
     told = Accuracy(("J", "f"), sensitivities(drive, values, ("J", "f"), u, h), noise)
     clean = simulate_linear(drive, values, u[:, None], h)[0][:, 0]
@@ -203,7 +207,7 @@ def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
         at = {"J": 0.5 * np.exp(theta[0]), "f": 0.8 * np.exp(theta[1])}
         return simulate_linear(drive, at, u[:, None], h)[0][:, 0] - y
 
-    runs = 300
+    runs = 150
     fits = [
         least_squares(error, np.zeros(2), args=(clean + noise * rng.normal(size=len(u)),), method="lm").x
         for _ in range(runs)
