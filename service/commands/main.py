@@ -11,7 +11,7 @@ from service.commands.exits import EXIT_CODES
 from service.kernel_cache import choose
 from service.words import did_you_mean
 
-COMMANDS = ("demo", "check", "listen", "run", "simulate", "play", "replay", "warm", "version")
+COMMANDS = ("demo", "check", "model", "listen", "run", "simulate", "play", "replay", "warm", "version")
 """In the order of the help: look around, commission, run, try, install."""
 
 
@@ -25,9 +25,9 @@ class _LazyGroup(TyperGroup):
         if cmd_name not in COMMANDS:
             ctx.fail(f"no command {cmd_name!r}: {did_you_mean(cmd_name, COMMANDS)}")
         one = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
-        one.command(cmd_name, epilog=" ".join(EXIT_CODES.split()))(
-            getattr(import_module(f"service.commands.{cmd_name}"), cmd_name)
-        )
+        module = import_module(f"service.commands.{cmd_name}")
+        kind = getattr(module, "Command", None)  # a command that reads its line in a way of its own
+        one.command(cmd_name, cls=kind, epilog=" ".join(EXIT_CODES.split()))(getattr(module, cmd_name))
         return typer.main.get_command(one)
 
 

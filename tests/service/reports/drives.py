@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import Matrix, Output
+from monitor_core.model import Matrix, Output, Quantity
 from monitor_core.modeling.flat import FlatComponent, FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Definition, Report, StateSpace
@@ -29,6 +29,9 @@ CHAIN: list[Row] = [
     ("inertia", "arm", "tip", {"J": "Ja"}),
 ]
 
+STATES = ("r phi_m - phi_g", "phi_g - phi_a", "phi_m'", "phi_g'", "phi_a'", "phi_m")
+"""As the paper calls them."""
+
 
 def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
     """The three-mass drive of the paper, from the engine's own terms."""
@@ -49,7 +52,7 @@ def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
     )
     return StateSpace(
         name=name,
-        states=drive.states,
+        states=tuple(Quantity(name, q.unit) for name, q in zip(STATES, drive.states, strict=False)),
         inputs=tuple(FlatInput(kinds[kind], kind) for kind in drive.inputs),
         sensors=(FlatSensor("encoder", "shaft", output),),
         A=entries("A"),

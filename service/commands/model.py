@@ -1,0 +1,258 @@
+"""``axiswatch model``: what a drive is once everything that can be eliminated is: states, A, B, C, poles."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from service.commands.exits import MISTAKE, explained
+from service.commands.optional_value import OptionalValueCommand
+from service.modeling import LIBRARY, SUFFIX
+
+if TYPE_CHECKING:
+    from monitor_core.drive import Output
+    from monitor_core.modeling.statespace import StateSpace
+    from service.config import NamedAxis
+
+
+class Quantity(StrEnum):
+    """What a sensor measures."""
+
+    SPEED = "speed"
+    ANGLE = "angle"
+
+    def drawn(self) -> Output:
+        """As the modelling calls it."""
+        return "speed" if self is Quantity.SPEED else "angle"
+
+
+class Command(OptionalValueCommand):
+    """--json alone writes to standard output; a drive after it is the drive."""
+
+    options = ("--json",)
+
+    @staticmethod
+    def is_value(word: str) -> bool:
+        """Whether the word after the option is a file to write to."""
+        path = Path(word)
+        return (
+            word == "-"
+            or (path.suffix not in ("", SUFFIX) and word not in LIBRARY)
+            or word.startswith("/dev/")
+        )
+
+
+STDOUT = Path("-")
+
+DriveArgument = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="FILE.mo|NAME", help=f"A Modelica file, or a drive of the library: {', '.join(LIBRARY)}."
+    ),
+]
+ModelName = Annotated[
+    str | None,
+    typer.Option("--model", metavar="NAME", help="Which model of the Modelica file, if there are several."),
+]
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config", "-c", metavar="FILE", help="The drive of an axis of this configuration instead."
+    ),
+]
+AxisOption = Annotated[
+    str | None,
+    typer.Option("--axis", metavar="AXIS", help="Which axis, if there are several; its name, or robot.axis."),
+]
+OutputOption = Annotated[
+    Quantity | None,
+    typer.Option("--output", help="What the sensors measure, whatever is drawn or configured."),
+]
+Latex = Annotated[bool, typer.Option("--latex", help="Print LaTeX instead: states, matrices, parameters.")]
+Json = Annotated[
+    Path | None,
+    typer.Option(
+        "--json", metavar="[FILE]", help="Also write everything here; - or nothing is standard output."
+    ),
+]
+Svg = Annotated[
+    Path | None, typer.Option("--svg", metavar="FILE", help="Also write a picture of the masses and springs.")
+]
+Matlab = Annotated[
+    Path | None, typer.Option("--matlab", metavar="FILE.m", help="Also write a function for MATLAB's idgrey.")
+]
+
+
+def model(
+    drive: DriveArgument = None,
+    name: ModelName = None,
+    config: ConfigOption = None,
+    axis: AxisOption = None,
+    output: OutputOption = None,
+    latex: Latex = False,
+    json: Json = None,
+    svg: Svg = None,
+    matlab: Matlab = None,
+) -> None:
+    """From a drawing of a drive to x' = A x + B u, y = C x with the fewest states, in symbols.
+
+    Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
+    tell apart. What goes to standard output replaces the text.
+    """
+    files = _Files(STDOUT if latex else None, json, svg, matlab)
+    files.check()
+    with explained():
+        found = _found(drive, name, config, axis, output)
+        texts = list(files.texts(found))
+    for path, text in texts:
+        _write(path, text)
+    if STDOUT not in (path for path, _ in texts):
+        _print(found)
+
+
+class _Drive(NamedTuple):
+    """A state space, and nominal values that go before the drawing's own."""
+
+    space: StateSpace
+    values: Mapping[str, float]
+
+
+class _Files(NamedTuple):
+    """Where each report goes; None: not wanted."""
+
+    latex: Path | None
+    json: Path | None
+    svg: Path | None
+    matlab: Path | None
+
+    def check(self) -> None:
+        """That they can be, before anything is computed.
+
+        Raises:
+            typer.BadParameter: two on standard output; a drawing would be overwritten; a name MATLAB cannot have.
+        """
+        given = {f"--{option}": path for option, path in self._asdict().items() if path is not None}
+        shown = [option for option, path in given.items() if path == STDOUT]
+        if len(shown) > 1:
+            raise typer.BadParameter(f"{' and '.join(shown)} cannot both write to standard output")
+        for option, path in given.items():
+            if path.suffix == SUFFIX:
+                raise typer.BadParameter(
+                    f"{path} is a drawing, it will not be overwritten", param_hint=option
+                )
+        if self.matlab is not None:
+            _function_name(self.matlab)
+
+    def texts(self, drive: _Drive) -> Iterator[tuple[Path, str]]:
+        """What goes where."""
+        from monitor_core.modeling.numbers import nominal_of
+
+        space, nominal = drive.space, nominal_of(drive.space, drive.values)
+        if self.json is not None:
+            from service.reports.model_facts import facts_of
+            from service.reports.model_json import as_json
+
+            yield self.json, as_json(facts_of(space, drive.values))
+        if self.latex is not None:
+            from service.reports.model_latex import as_latex
+
+            yield self.latex, as_latex(space, nominal)
+        if self.svg is not None:
+            from service.reports.model_svg import as_svg
+
+            yield self.svg, as_svg(space)
+        if self.matlab is not None:
+            from service.reports.model_matlab import as_matlab
+
+            yield self.matlab, as_matlab(space, nominal, _function_name(self.matlab))
+
+
+def _function_name(path: Path) -> str:
+    """MATLAB finds a function by the name of its file.
+
+    Raises:
+        typer.BadParameter: it cannot be one.
+    """
+    from service.reports.model_matlab import is_function_name, matlab_names
+
+    name = "drive" if path == STDOUT else path.stem
+    if not is_function_name(name) or (path != STDOUT and path.suffix != ".m"):
+        raise typer.BadParameter(
+            f"{path.name}: MATLAB finds a function by its file, so call it {matlab_names([name])[name]}.m",
+            param_hint="--matlab",
+        )
+    return name
+
+
+def _found(
+    drive: str | None, name: str | None, config: Path | None, axis: str | None, output: Quantity | None
+) -> _Drive:
+    """The one drive that the command line names.
+
+    Raises:
+        typer.BadParameter: none or two, or an option that does not go with it.
+        ModelError: it is not there, or is no drive.
+    """
+    if (drive is None) == (config is None):
+        known = f"a file ({SUFFIX}), one of {', '.join(LIBRARY)}, or --config FILE"
+        raise typer.BadParameter(f"give {'a drive' if drive is None else 'one drive, not two'}: {known}")
+    if axis is not None and config is None:
+        raise typer.BadParameter("goes with --config FILE", param_hint="--axis")
+    if name is not None and not (drive or "").endswith(SUFFIX):
+        raise typer.BadParameter(f"goes with a Modelica file (FILE{SUFFIX})", param_hint="--model")
+    measured = None if output is None else output.drawn()
+    if config is not None:
+        return _of_axis(config, axis, output)
+    from service.modeling import state_space_of_file, state_space_of_library
+
+    assert drive is not None
+    if drive.endswith(SUFFIX):
+        return _Drive(state_space_of_file(Path(drive), name, measured), {})
+    return _Drive(state_space_of_library(drive, measured), {})
+
+
+def _of_axis(config: Path, axis: str | None, output: Quantity | None) -> _Drive:
+    from service.commands.configuration import configuration
+    from service.config import given_values
+    from service.modeling import model_of_axis
+
+    found = _axis(configuration(config).axes, axis)
+    modelled = model_of_axis(found.config, None if output is None else output.drawn())
+    return _Drive(modelled.space, given_values(found.config))
+
+
+def _axis(axes: tuple[NamedAxis, ...], wanted: str | None) -> NamedAxis:
+    names = ", ".join(a.id for a in axes)
+    if wanted is None and len(axes) > 1:
+        raise typer.BadParameter(f"say which axis: there is {names}", param_hint="--axis")
+    found = [a for a in axes if wanted in (None, a.id, a.id.split(".", 1)[1])]
+    if len(found) != 1:
+        what = "is in more than one robot" if found else "is not there"
+        raise typer.BadParameter(f"{wanted} {what}; there is {names}", param_hint="--axis")
+    return found[0]
+
+
+def _print(drive: _Drive) -> None:
+    from rich.console import Console
+
+    from service.reports.model_facts import facts_of
+    from service.reports.model_text import print_text
+
+    with explained():
+        print_text(facts_of(drive.space, drive.values), Console(highlight=False))
+
+
+def _write(path: Path, text: str) -> None:
+    if path == STDOUT:
+        sys.stdout.write(text)
+        return
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        typer.echo(f"axiswatch: cannot write {path}: {error.strerror}", err=True)
+        raise typer.Exit(MISTAKE) from None

@@ -1,0 +1,207 @@
+"""``axiswatch model``: files, the library and configured axes, in all forms; every mistake with what would be right."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from service.commands.main import app
+from service.shipping import shipped
+from tests.end_to_end.processes import demo_config
+
+DRAWING = """\
+model Press "Motor and ram"
+  parameter Modelica.Units.SI.Inertia Jm = 0.004 "inertia of the motor";
+  Modelica.Mechanics.Rotational.Sources.Torque torque;
+  Modelica.Mechanics.Rotational.Components.Inertia motor(J = Jm);
+  Modelica.Mechanics.Rotational.Components.SpringDamper belt(c = 300, d = 0.2);
+  Modelica.Mechanics.Rotational.Components.Inertia ram(J = 0.02);
+  Modelica.Mechanics.Rotational.Sensors.AngleSensor encoder;
+equation
+  connect(torque.flange, motor.flange_a);
+  connect(encoder.flange, motor.flange_a);
+  connect(motor.flange_b, belt.flange_a);
+  connect(belt.flange_b, ram.flange_a);
+end Press;
+"""
+
+
+@pytest.fixture
+def drawing(tmp_path: Path) -> Path:
+    file = tmp_path / "press.mo"
+    file.write_text(DRAWING, encoding="utf-8")
+    return file
+
+
+def model(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["model", *map(str, arguments)])
+
+
+def shown(*arguments: str | Path) -> str:
+    result = model(*arguments)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def as_json(*arguments: str | Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(shown(*arguments))
+    return found
+
+
+def test_a_file_as_text(drawing: Path) -> None:
+    text = shown(drawing)
+    assert text.startswith("Press\nflat equations ")
+    assert "inertia of the motor" in text
+    assert "the paper" not in text
+
+
+def test_a_drive_of_the_library_as_text() -> None:
+    assert "the paper counts for its tool and library" in shown("three-mass").replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        ("{}", "--json", "-"),
+        ("{}", "--json"),
+        ("--json", "{}"),
+        ("--json", "-", "{}"),
+        ("--json", "--output", "angle", "{}"),
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize("drive", ["press.mo", "two-mass"])
+def test_json_wherever_it_stands(place: tuple[str, ...], drive: str, drawing: Path) -> None:
+    given = str(drawing) if drive == drawing.name else drive
+    found = as_json(*(word.format(given) for word in place))
+    assert found["name"] == ("Press" if drive == drawing.name else "two-mass")
+
+
+def test_json_into_a_file(drawing: Path, tmp_path: Path) -> None:
+    text = shown(drawing, "--json", tmp_path / "press.json")
+    assert text.startswith("Press\n")
+    assert json.loads((tmp_path / "press.json").read_text(encoding="utf-8")) == as_json(drawing, "--json")
+    shown("--json", tmp_path / "again.txt", "two-mass")
+    assert (tmp_path / "again.txt").is_file()
+
+
+def test_the_output_may_be_another(drawing: Path) -> None:
+    drawn, other = as_json(drawing, "--json"), as_json(drawing, "--json", "--output", "speed")
+    assert [d["outputs"][0]["quantity"] for d in (drawn, other)] == ["angle", "speed"]
+    assert [len(d["states"]) for d in (drawn, other)] == [4, 3]
+
+
+def test_one_of_several_models(tmp_path: Path) -> None:
+    file = tmp_path / "two.mo"
+    file.write_text(DRAWING + DRAWING.replace("Press", "Stamp"), encoding="utf-8")
+    assert as_json(file, "--model", "Stamp", "--json")["name"] == "Stamp"
+    result = model(file)
+    assert (result.exit_code, "Traceback" in result.output) == (2, False)
+    assert "Press" in result.stderr
+    assert "Stamp" in result.stderr
+
+
+def test_the_drive_of_an_axis(tmp_path: Path) -> None:
+    config = demo_config(tmp_path, axes=2)
+    text = config.read_text(encoding="utf-8")
+    assert "fm = 0.06" in text
+    config.write_text(text.replace("fm = 0.06", "fm = 0.05", 1), encoding="utf-8")
+    for name in ("axis1", "demo.axis1"):
+        found = as_json("--config", config, "--axis", name, "--json")
+        assert {p["name"]: p["nominal"] for p in found["parameters"]}["fm"] == 0.05
+    assert as_json("--config", config, "--axis", "axis2", "--json")["outputs"][0]["quantity"] == "angle"
+
+
+def test_the_only_axis_need_not_be_named(tmp_path: Path) -> None:
+    assert as_json("--config", demo_config(tmp_path, axes=1), "--json")["name"] == "three-mass"
+
+
+def test_latex_is_printed() -> None:
+    text = shown("two-mass", "--latex")
+    assert r"\begin{bmatrix}" in text
+    assert "flat equations" not in text
+
+
+def test_picture_and_matlab_function_are_written(drawing: Path, tmp_path: Path) -> None:
+    svg, function = tmp_path / "press.svg", tmp_path / "press.m"
+    assert shown(drawing, "--svg", svg, "--matlab", function).startswith("Press\n")
+    assert ET.parse(svg).getroot().tag.endswith("svg")
+    assert function.read_text(encoding="utf-8").startswith("function [A,B,C,D,K,x0] = press(")
+
+
+def test_picture_and_matlab_function_on_standard_output() -> None:
+    assert ET.fromstring(shown("two-mass", "--svg", "-")).tag.endswith("svg")
+    assert shown("two-mass", "--matlab", "-").startswith("function [A,B,C,D,K,x0] = drive(")
+
+
+@pytest.mark.parametrize("name", ["two-mass", "three-mass", "five-mass"])
+def test_the_picture_shows_every_component(name: str) -> None:
+    from service.modeling import state_space_of_library
+
+    titles = [
+        e.text or ""
+        for e in ET.fromstring(shown(name, "--svg", "-")).iter("{http://www.w3.org/2000/svg}title")
+    ]
+    drawn = {c.name for c in state_space_of_library(name).components if c.kind != "fixed"}
+    assert {title.split(":")[0] for title in titles} == drawn | {name}
+
+
+MISTAKES = [
+    (["thre-mass"], ['did you mean "three-mass"?']),
+    (["none.mo"], ["none.mo", "No such file"]),
+    (["README.md"], ['ends with ".mo"']),
+    ([], ["give a drive", "two-mass", "--config"]),
+    (["three-mass", "--config", "CONFIG"], ["one drive, not two"]),
+    (["--config", "CONFIG"], ["--axis", "demo.axis1, demo.axis2"]),
+    (["--config", "CONFIG", "--axis", "axis9"], ["axis9 is not there", "demo.axis1"]),
+    (["--config", "none.toml"], ["none.toml"]),
+    (["three-mass", "--axis", "axis1"], ["--axis", "--config"]),
+    (["three-mass", "--model", "A"], ["--model", "FILE.mo"]),
+    (["DRAWING", "--model", "Pres"], ["Pres", "Press"]),
+    (["three-mass", "--output", "torque"], ["torque", "speed", "angle"]),
+    (["three-mass", "--latex", "--json"], ["--latex and --json", "standard output"]),
+    (["three-mass", "--svg", "DRAWING"], ["--svg", "will not be overwritten"]),
+    (["three-mass", "--json=DRAWING"], ["--json", "will not be overwritten"]),
+    (["three-mass", "--matlab", "my-drive.m"], ["my_drive.m"]),
+    (["three-mass", "--matlab", "end.m"], ["call it end_2.m"]),
+    (["three-mass", "--matlab", "drive.txt"], ["drive.m"]),
+    (["three-mass", "--svg", "nowhere/a.svg"], ["cannot write nowhere/a.svg", "No such file or directory"]),
+    (["three-mass", "five-mass"], ["five-mass"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"), MISTAKES, ids=[" ".join(a) or "nothing" for a, _ in MISTAKES]
+)
+def test_mistakes(
+    arguments: list[str], words: list[str], drawing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.chdir(tmp_path)
+    config = demo_config(tmp_path, axes=2)
+    given = [a.replace("CONFIG", str(config)).replace("DRAWING", str(drawing)) for a in arguments]
+    result = model(*given)
+    assert (result.exit_code, "Traceback" in result.output) == (2, False), result.output
+    for word in words:
+        assert word in result.stderr
+    assert result.stdout == ""
+    assert drawing.read_text(encoding="utf-8") == DRAWING
+
+
+def test_a_mistake_in_a_drawing_names_its_line(drawing: Path) -> None:
+    drawing.write_text(DRAWING.replace("ram(J = 0.02)", "ram(J = Jx)"), encoding="utf-8")
+    result = model(drawing)
+    assert (result.exit_code, "Traceback" in result.output) == (2, False)
+    assert f"{drawing}:6: " in result.stderr
+    assert "Jx" in result.stderr
+
+
+def test_the_shipped_drawings_are_the_library() -> None:
+    by_file = as_json(shipped("drives/two_mass.mo"), "--json")
+    by_name = as_json("two-mass", "--json")
+    assert {**by_file, "name": "two-mass"} == by_name
