@@ -20,11 +20,11 @@ from monitor_core.modeling.fragments import Fragment, join
 from monitor_core.modeling.linear import Linear
 from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.connecting import Wiring
-from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.instances import Instance, unit_of
 from monitor_core.modeling.modelica.leaves import Part, bearing_joint, parts
 from monitor_core.modeling.modelica.library import BEARING
 from monitor_core.modeling.modelica.mistakes import about
-from monitor_core.modeling.modelica.parameters import flat_parameters, unit_of
+from monitor_core.modeling.modelica.parameters import flat_parameters
 from monitor_core.modeling.modelica.signals import measured_torque, outputs
 from monitor_core.modeling.modelica.syntax import Connect, Equation
 from monitor_core.modeling.modelica.values import Values

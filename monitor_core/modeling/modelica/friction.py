@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modelica.arithmetic import number_of
 from monitor_core.modeling.modelica.changes import Bound
-from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.instances import Instance, unit_of
 from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.syntax import Array
 from monitor_core.modeling.modelica.values import Values
@@ -14,7 +16,18 @@ from monitor_core.modeling.modelica.values import Values
 _FORM = "[0, fc; 1, fc + fm]: friction at standstill, and at a speed of 1 rad/s"
 
 
-def coulomb_and_viscous(bearing: Instance, values: Values) -> tuple[Laurent, Laurent]:
+@dataclass(frozen=True, slots=True)
+class Coefficient:
+    """Of friction.  ``has_unit``: its unit tells those of the parameters in it.
+
+    Speeds are mostly numbers, whose unit does not show: fm in [0, fc; 1, fc + fm], tau1 in [0, 0; 1, tau1].
+    """
+
+    value: Laurent
+    has_unit: bool
+
+
+def coulomb_and_viscous(bearing: Instance, values: Values) -> tuple[Coefficient, Coefficient]:
     """Intercept [N m] and slope [N m s/rad] of the line through the points of ``tau_pos``.
 
     A number becomes a parameter "<bearing>.fc" or "<bearing>.d" with that nominal value.
@@ -27,25 +40,36 @@ def coulomb_and_viscous(bearing: Instance, values: Values) -> tuple[Laurent, Lau
         raise ModelError(f"tau_pos is not given; write tau_pos = {_FORM}", bearing.origin)
     origin = Origin(bearing.path, table.binding.origin.file, table.binding.origin.line)
     with about(bearing.path):
-        points = _points(table.binding, values, origin)
-    if len(points) == 1:
-        intercept, slope = points[0][1], Laurent()
-    else:
-        (w1, tau1), (w2, tau2) = points
-        try:
-            slope = (tau2 - tau1) / (w2 - w1)
-        except NotLaurentError:
-            raise ModelError(
-                "the speeds of tau_pos must differ, by a number or one parameter", origin
-            ) from None
-        intercept = tau1 - slope * w1
-    return (
-        _named(bearing.inside("fc"), intercept, values, origin),
-        _named(bearing.inside("d"), slope, values, origin),
-    )
+        (w1, tau1), *more = _points(table.binding, values, origin)
+    slope = _slope((w1, tau1), more[0], origin) if more else Laurent()
+    fc = _named(bearing.inside("fc"), tau1 - slope * w1, values, origin)
+    d = _named(bearing.inside("d"), slope, values, origin)
+    return Coefficient(fc, has_unit=not w1), Coefficient(d, has_unit=_is_viscous(d, bearing))
 
 
-def _points(bound: Bound, values: Values, origin: Origin) -> list[tuple[Laurent, Laurent]]:
+Point = tuple[Laurent, Laurent]
+
+
+def _slope(first: Point, second: Point, origin: Origin) -> Laurent:
+    try:
+        return (second[1] - first[1]) / (second[0] - first[0])
+    except NotLaurentError:
+        raise ModelError("the speeds of tau_pos must differ, by a number or one parameter", origin) from None
+
+
+def _is_viscous(slope: Laurent, bearing: Instance) -> bool:
+    """A single name that is not declared to be a torque."""
+    (name, *others) = slope.names or ("",)
+    if others or slope != Laurent.symbol(name):
+        return False
+    model = bearing
+    while model.parent is not None:
+        model = model.parent
+    declared = next((unit_of(i) for i in model.tree() if i.path == name), "")
+    return declared != "N m"
+
+
+def _points(bound: Bound, values: Values, origin: Origin) -> list[Point]:
     table = bound.expression
     if not isinstance(table, Array):
         raise ModelError(f"tau_pos must be a table: {_FORM}", origin)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.modelica.changes import Bound, Changes, Scope
 from monitor_core.modeling.modelica.library import Leaf
-from monitor_core.modeling.modelica.syntax import ClassDef, Component, Statement
+from monitor_core.modeling.modelica.syntax import ClassDef, Component, Literal, Statement
+from monitor_core.modeling.units import parse
 
 
 @dataclass(slots=True, eq=False)
@@ -64,3 +65,16 @@ class Instance:
     def is_parameter(self) -> bool:
         """A parameter or a constant."""
         return bool(self.variability)
+
+
+def unit_of(instance: Instance) -> str:
+    """The unit that the type or a modification gives, as units.py writes it; "" if none.
+
+    Raises:
+        ModelError: it cannot be read.
+    """
+    change = instance.attributes.get("unit")
+    value = change.value.expression if change is not None and change.value is not None else None
+    if not isinstance(value, Literal) or not isinstance(value.value, str) or not value.value:
+        return ""
+    return str(parse(value.value, instance.origin))

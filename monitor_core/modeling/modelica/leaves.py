@@ -73,16 +73,15 @@ def _written_at(parameter: Instance, leaf: Instance) -> Origin:
 
 def _bearing(leaf: Instance, values: Values) -> Iterator[Part]:
     coulomb, viscous = coulomb_and_viscous(leaf, values)
-    at = (leaf.inside("flange_a"),)
-    for name, kind, role, value in (
+    at, origin = (leaf.inside("flange_a"),), _written_at(leaf.members["tau_pos"], leaf)
+    for name, kind, role, found in (
         (leaf.path, "viscous-friction", "d", viscous),
         (leaf.inside("coulomb"), "coulomb-friction", "fc", coulomb),
     ):
-        if value:
+        if found.value:
             about = KINDS[kind].role(role)
-            origin = _written_at(leaf.members["tau_pos"], leaf)
-            use = Use(value, about.unit, origin, role, about.meaning)
-            yield Part(name, kind, {role: value}, leaf.origin, (use,), at)
+            use = Use(found.value, about.unit if found.has_unit else "", origin, role, about.meaning)
+            yield Part(name, kind, {role: found.value}, leaf.origin, (use,), at)
 
 
 def bearing_joint(leaf: Instance, found: list[Part]) -> Joint:

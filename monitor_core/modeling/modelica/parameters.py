@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from monitor_core.modeling.components import KINDS, Role
 from monitor_core.modeling.flat import FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.instances import Instance, unit_of
 from monitor_core.modeling.modelica.leaves import Part
-from monitor_core.modeling.modelica.syntax import Literal, Number
+from monitor_core.modeling.modelica.syntax import Number
 from monitor_core.modeling.modelica.values import Values
 from monitor_core.modeling.parameters import is_positive
-from monitor_core.modeling.units import infer, parse
+from monitor_core.modeling.units import infer
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,19 +51,6 @@ def flat_parameters(
         )
         for name in (*written, *of_tables)
     )
-
-
-def unit_of(instance: Instance) -> str:
-    """The unit that the type or a modification gives, as units.py writes it; "" if none.
-
-    Raises:
-        ModelError: it cannot be read.
-    """
-    change = instance.attributes.get("unit")
-    value = change.value.expression if change is not None and change.value is not None else None
-    if not isinstance(value, Literal) or not isinstance(value.value, str) or not value.value:
-        return ""
-    return str(parse(value.value, instance.origin))
 
 
 def _entries(parts: Iterable[Part]) -> dict[str, list[Entry]]:
