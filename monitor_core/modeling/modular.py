@@ -125,14 +125,19 @@ def generic_rank(
     return max(rank(residues(entries, shape, point), point.prime) for point in points)
 
 
-def krylov_rank(A: Ints, start: Ints, prime: int) -> int:
-    """Rank of  [start, A start, A^2 start, ...]: dimension of what A makes of the columns (n, m)."""
+def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
+    """Rows (rank, n) that span  [start, A start, A^2 start, ...]: what A makes of the columns (n, m)."""
     newest = start.T % prime
     basis, before = echelon(newest, prime)[0], 0
     while len(basis) > before:  # once nothing is added, nothing will ever be
         newest, before = product(newest, A.T, prime), len(basis)
         basis = echelon(np.vstack([basis, newest]), prime)[0]
-    return len(basis)
+    return basis
+
+
+def krylov_rank(A: Ints, start: Ints, prime: int) -> int:
+    """The dimension of what A makes of the columns of start (n, m)."""
+    return len(krylov_basis(A, start, prime))
 
 
 def inverse(values: Ints, prime: int) -> Ints:

@@ -21,6 +21,7 @@ def pruned(reduction: Reduction) -> StateSpace:
 
     Raises:
         ModelError: the torque does not reach the sensors.
+        NotLaurentError: an entry cannot be written as a sum of Laurent terms.
     """
     A, B = reduction.A_B()
     C, rigid = reduction.C(), rigid_angles(reduction)

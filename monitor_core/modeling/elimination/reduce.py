@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.model import Output
@@ -12,9 +13,13 @@ from monitor_core.modeling.elimination.operators import Operator, Row
 from monitor_core.modeling.elimination.pruning import pruned
 from monitor_core.modeling.elimination.rational import Field
 from monitor_core.modeling.elimination.substitution import Line, System, distances, orders_of
+from monitor_core.modeling.elimination.unseen import hidden
 from monitor_core.modeling.flat import FlatModel, FlatSensor, ModelError, Symbol
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.statespace import StateSpace
+
+MOST_RATIONAL = 120
+"""Parameters of a drive that needs rational functions: beyond, sympy would take minutes."""
 
 
 def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
@@ -26,10 +31,27 @@ def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
     """
     _check_complete(flat)
     try:
-        reduction = _reduce(flat, output, None)
+        ss = pruned(_reduce(flat, output, None))
     except NotLaurentError:
-        reduction = _reduce(flat, output, Field(p.name for p in flat.parameters))
-    return pruned(reduction)
+        ss = _with_rational_functions(flat, output)
+    return replace(ss, notes=ss.notes + hidden(ss))
+
+
+def _with_rational_functions(flat: FlatModel, output: Output | None) -> StateSpace:
+    if len(flat.parameters) > MOST_RATIONAL:
+        raise ModelError(
+            f"flanges without inertia between springs or dampers, and {len(flat.parameters)} parameters: "
+            f"that is solved for up to {MOST_RATIONAL}; give each such flange an inertia, or leave parts out",
+            flat.origin,
+        )
+    try:
+        return pruned(_reduce(flat, output, Field(p.name for p in flat.parameters)))
+    except NotLaurentError as error:
+        raise ModelError(
+            f"its equations cannot be written with sums of products of parameters: {error} would have to be divided "
+            "by; give the flange without inertia an inertia of its own",
+            flat.origin,
+        ) from None
 
 
 def _check_complete(flat: FlatModel) -> None:

@@ -38,10 +38,16 @@ class Basis:
         return coordinates, rest
 
     def extend(self, row: Angles, order: Mapping[str, int]) -> bool:
-        """Add the row if it is independent of the basis; whether it was."""
+        """Add the row, or what of it is independent of the basis; whether anything is."""
         coordinates, rest = self.express(row)
         if not rest:
             return False
+        if not any(is_single(c) for c in rest.values()):
+            # A loop through different gears: an absolute angle shows in a deflection, times (1 - ratio).  The angle
+            # itself is the better state.
+            nearest = rest[min(rest, key=lambda name: order[name])]
+            row = rest = {name: c / nearest for name, c in rest.items()}
+            coordinates = {}
         one = next(iter(rest.values())) / next(iter(rest.values()))
         combination = add({len(self.rows): one}, coordinates, -one)
         pivot = min(rest, key=lambda name: (not is_unit(rest[name]), -order[name]))

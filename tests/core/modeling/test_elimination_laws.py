@@ -1,0 +1,152 @@
+"""Random drives: the reduced form is the unreduced one, in rational arithmetic, and it is minimal."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sympy import QQ
+from sympy.polys.matrices import DomainMatrix
+
+from monitor_core.modeling.drawing import from_tables
+from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.flat import FlatModel
+from monitor_core.modeling.modular import minimality
+from monitor_core.modeling.numbers import drive_of, nominal_of
+from monitor_core.modeling.statespace import Entries, StateSpace
+from tests.core.modeling.random_drives import RandomDrive, drives
+
+LAWS = settings(deadline=None)
+
+Matrix = list[list[Fraction]]
+
+
+def flat(drive: RandomDrive) -> FlatModel:
+    return from_tables("random", drive.parts, {}).flat()
+
+
+def reduced(drive: RandomDrive) -> StateSpace:
+    return eliminate(flat(drive))
+
+
+def exact_values(ss: StateSpace, drive: RandomDrive) -> dict[str, Fraction]:
+    """The drawn parameters, and what the merged ones are by their definitions."""
+    values = dict(drive.exact)
+    for definition in ss.definitions:
+        values[definition.name] = definition.value.value(values)
+    return values
+
+
+def dense(entries: Entries, shape: tuple[int, int], values: dict[str, Fraction]) -> Matrix:
+    out = [[Fraction(0)] * shape[1] for _ in range(shape[0])]
+    for (i, j), entry in entries.items():
+        out[i][j] = entry.value(values)
+    return out
+
+
+def domain(matrix: Matrix, columns: int) -> DomainMatrix:
+    rows = [[QQ(c.numerator, c.denominator) for c in row] for row in matrix]
+    return DomainMatrix(rows, (len(matrix), columns), QQ)
+
+
+def fraction(c: object) -> Fraction:
+    return Fraction(int(c.numerator), int(c.denominator))  # type: ignore[attr-defined]
+
+
+def unreduced(drive: RandomDrive, s: Fraction) -> DomainMatrix:
+    """M s^2 + D s + K."""
+    M, D, K = (drive.form(which) for which in "MDK")
+    n = range(drive.free)
+    return domain([[M[i][j] * s * s + D[i][j] * s + K[i][j] for j in n] for i in n], drive.free)
+
+
+def response_of_reduced(ss: StateSpace, values: dict[str, Fraction], s: Fraction) -> Fraction:
+    n = len(ss.states)
+    A, B, C = dense(ss.A, (n, n), values), dense(ss.B, (n, 1), values), dense(ss.C, (1, n), values)
+    shifted = [[(s if i == j else 0) - A[i][j] for j in range(n)] for i in range(n)]
+    x = domain(shifted, n).lu_solve(domain(B, 1)).to_list()
+    return sum((C[0][i] * fraction(x[i][0]) for i in range(n)), Fraction(0))
+
+
+def response_of_unreduced(drive: RandomDrive, s: Fraction) -> Fraction:
+    torque = domain([[c] for c in drive.vector(drive.torque)], 1)
+    phi = unreduced(drive, s).lu_solve(torque).to_list()
+    angle = sum((c * fraction(phi[i][0]) for i, c in drive.sensor.items()), Fraction(0))
+    return angle * (s if drive.parts[-1]["type"] == "speed-sensor" else 1)
+
+
+POINTS = st.lists(st.builds(Fraction, st.integers(1, 500), st.just(10)), min_size=3, max_size=3, unique=True)
+
+
+@LAWS
+@given(drive=drives(), points=POINTS)
+def test_transfer_function_is_that_of_the_unreduced_equations_exactly(
+    drive: RandomDrive, points: list[Fraction]
+) -> None:
+    ss = reduced(drive)
+    values = exact_values(ss, drive)
+    for s in points:  # positive: no pole of a passive drive is there
+        assert response_of_reduced(ss, values, s) == response_of_unreduced(drive, s)
+
+
+@LAWS
+@given(drive=drives())
+def test_characteristic_polynomial_is_that_of_the_unreduced_equations_exactly(drive: RandomDrive) -> None:
+    ss = reduced(drive)
+    n = len(ss.states)
+    poly = domain(dense(ss.A, (n, n), exact_values(ss, drive)), n).charpoly()
+    characteristic = [fraction(c) for c in poly]
+
+    def value(s: Fraction) -> Fraction:
+        return sum((c * s ** (n - k) for k, c in enumerate(characteristic)), Fraction(0))
+
+    def full(s: Fraction) -> Fraction:
+        return fraction(unreduced(drive, s).det())
+
+    # det(M s^2 + D s + K) = c s^k chi(s): equal at more points than the degree, hence everywhere.
+    points = [Fraction(i + 1) for i in range(2 * drive.free + 2)]
+    quotients = [full(s) / value(s) for s in points]
+    k = power_of(quotients[1] / quotients[0])
+    assert all(q == quotients[0] * s**k for q, s in zip(quotients, points, strict=True))
+    assert k >= -1  # an angle sensor's integrator may be one factor s more than the unreduced equations have
+
+
+def power_of(two_to_the_k: Fraction) -> int:
+    k = two_to_the_k.numerator.bit_length() - two_to_the_k.denominator.bit_length()
+    assert Fraction(2) ** k == two_to_the_k
+    return k
+
+
+@LAWS
+@given(drive=drives())
+def test_minimal(drive: RandomDrive) -> None:
+    ss = reduced(drive)
+    n = len(ss.states)
+    moved, seen = minimality(ss, 1)
+    assert (moved < n) == any("no input changes" in note for note in ss.notes)
+    assert seen == n
+    if (
+        moved < n
+    ):  # the one such case: an absolute angle whose momentum a damper hands over to a grounded part
+        assert moved == n - 1
+        assert ss.sensors[0].quantity == "angle"
+        assert minimality(eliminate(flat(drive), "speed"), 1) == (n - 1, n - 1)
+
+
+@LAWS
+@given(drive=drives(most=4), frequency=st.floats(0.1, 30))
+def test_frequency_response_in_floating_point(drive: RandomDrive, frequency: float) -> None:
+    ss = reduced(drive)
+    numeric = drive_of(ss)
+    values = nominal_of(ss, {name: float(value) for name, value in drive.exact.items()})
+    A, B, C = (numeric.matrix(which, values) for which in ("A", "B", "C"))
+    s = 1j * frequency
+    got = (C @ np.linalg.solve(s * np.eye(len(A)) - A, B))[0, 0]
+    M, D, K = (np.array(drive.form(which), dtype=float) for which in "MDK")
+    phi = np.linalg.solve(M * s**2 + D * s + K, np.array(drive.vector(drive.torque), dtype=float))
+    weights = np.array(drive.vector(drive.sensor), dtype=float)
+    want = weights @ phi * (s if numeric.output == "speed" else 1)
+    scale = np.abs(weights) @ np.abs(phi) * (frequency if numeric.output == "speed" else 1)
+    assert abs(got - want) <= 1e-9 * scale
