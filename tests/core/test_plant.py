@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from monitor_core.discretize import zero_order_hold
 from monitor_core.excitation import multisine
 from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
+from monitor_core.model import AxisModel, Output
 from monitor_core.reference import FAULT_AT, INTERVAL_S, experiment, experiments, faulty, reference_model
 from monitor_core.simulation import SimulatedAxis, simulate_linear, simulate_speed
 
@@ -87,10 +87,10 @@ def test_wrong_parameters_leave_the_axis_as_it_was() -> None:
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
-def test_many_records_side_by_side_are_those_of_single_axes(output: str, seed: int) -> None:
+def test_many_records_side_by_side_are_those_of_single_axes(output: Output, seed: int) -> None:
     u = np.random.default_rng(seed).standard_normal((50, 3))
     values = {**REFERENCE_VALUES, "tau0": 0.1}
-    y, end = simulate_linear(three_mass(output), values, u, H)  # type: ignore[arg-type]
+    y, end = simulate_linear(three_mass(output), values, u, H)
     for a in range(3):
         axis = SimulatedAxis(values)
         motion = [(0.0, 0.0)] + [axis.step(torque, H) for torque in u[:, a]]
