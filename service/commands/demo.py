@@ -109,7 +109,7 @@ def _driven(config: Config, drive: str | None, model: str | None, monitor: tuple
         axis = watching(axis, monitor) if monitor else axis
     except (KeyError, ValueError) as error:
         raise typer.BadParameter(str(error.args[0]), param_hint="--monitor") from None
-    keys = ("model", "estimator", "settling_time_s")
+    keys = ("model", "estimator")
     changes = {key: getattr(axis, key) for key in keys}
     axes = tuple(
         each.model_copy(

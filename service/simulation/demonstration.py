@@ -86,6 +86,5 @@ def _changed(
             "model": axis.model.model_copy(update=drive),
             "estimator": axis.estimator.model_copy(update=estimator),
             "torque": axis.torque.model_copy(update={"factor": factor}),
-            "settling_time_s": None,
         }
     )
