@@ -124,18 +124,26 @@ class _Varying:
         self.rows, self.prime = rows, point.prime
         places = sorted(entries)
         self.row, self.col = np.array(places, dtype=np.int64).reshape(-1, 2).T
+        self.filled, self.first = np.unique(self.row, return_index=True)
         self.value = np.array([residue(entries[at], point) for at in places], dtype=np.int64).reshape(-1, 1)
-        self.slope = np.array([gradient(entries[at], known, p, point) for at in places], dtype=np.int64)
-        self.slope = self.slope.reshape(-1, 1, p)
+        slopes = [gradient(entries[at], known, p, point) for at in places]
+        self.slopes = np.array(slopes, dtype=np.int64).reshape(-1, p)
+        self.entry, self.parameter = np.nonzero(self.slopes)
 
     def times(self, X: Ints, dX: Ints) -> tuple[Ints, Ints]:
         """The product with X (n, m), and its gradient, that of X being dX (n, m, p)."""
-        Y = np.zeros((self.rows, *X.shape[1:]), dtype=np.int64)
-        dY = np.zeros((self.rows, *dX.shape[1:]), dtype=np.int64)
-        np.add.at(Y, self.row, self.value * X[self.col] % self.prime)
-        np.add.at(dY, self.row, self.value[..., None] * dX[self.col] % self.prime)
-        np.add.at(dY, self.row, self.slope * X[self.col][..., None] % self.prime)
-        return Y % self.prime, dY % self.prime
+        dY = self._summed(self.value[..., None] * dX[self.col] % self.prime)
+        entry, every = self.entry, np.arange(X.shape[1])
+        moved = self.slopes[entry, self.parameter, None] * X[self.col[entry]] % self.prime
+        np.add.at(dY, (self.row[entry, None], every, self.parameter[:, None]), moved)
+        return self._summed(self.value * X[self.col] % self.prime) % self.prime, dY % self.prime
+
+    def _summed(self, products: Ints) -> Ints:
+        """Of each row the sum of its products; they are sorted by row."""
+        out = np.zeros((self.rows, *products.shape[1:]), dtype=np.int64)
+        if len(products):
+            out[self.filled] = np.add.reduceat(products, self.first, axis=0)
+        return out
 
 
 def markov_gradients(ss: StateSpace, known: Gradients, point: Point, inputs: Sequence[int]) -> Ints:

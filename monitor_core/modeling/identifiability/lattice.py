@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import combinations, islice
 
 import numpy as np
@@ -22,6 +23,7 @@ MOST_SUBSETS = 3000
 Vector = tuple[int, ...]
 
 
+@lru_cache(maxsize=4096)
 def fraction(residue: int, prime: int) -> Fraction | None:
     """The fraction with numerator and denominator below sqrt(prime / 2) that has this residue, if there is one."""
     bound = math.isqrt(prime // 2)
@@ -34,14 +36,17 @@ def fraction(residue: int, prime: int) -> Fraction | None:
 
 def integers(row: Ints, prime: int) -> Vector | None:
     """The row times the smallest number that makes its small fractions integers without common factor."""
-    fractions = [fraction(int(v), prime) for v in row]
-    if any(f is None for f in fractions):
+    places = np.flatnonzero(row).tolist()
+    found = [f for f in (fraction(int(row[j]), prime) for j in places) if f is not None]
+    if len(found) < len(places):
         return None
-    found = [f for f in fractions if f is not None]
     scale = math.lcm(*(f.denominator for f in found))
     whole = [int(f * scale) for f in found]
-    common = math.gcd(*whole) or 1
-    return tuple(v // common for v in whole)
+    common = math.gcd(*whole)
+    out = [0] * len(row)
+    for j, v in zip(places, whole, strict=True):
+        out[j] = v // common
+    return tuple(out)
 
 
 def agreed(bases: Sequence[Ints], primes: Sequence[int]) -> tuple[Vector, ...]:

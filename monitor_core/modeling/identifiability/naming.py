@@ -65,7 +65,7 @@ def _named(
     order = sorted(range(len(coordinates)), key=lambda j: (by_unit(coordinates[j].unit, _BELOW), j))
     frame = frame_of([c.text for c in coordinates], order, samples)
     first = [some[0] for some in samples]
-    found = list(products(with_sums(frame), first))
+    found = list(products(with_sums(frame), first[0]))
     texts = {c.name: c.text for c in coordinates}
     if len(found) < len(first[0].seen):
         for candidate in entries_seen(ss, [c.name for c in coordinates], texts, first):
@@ -75,7 +75,7 @@ def _named(
 
 
 def _adds(candidate: Combination, found: Sequence[Combination], prime: int) -> bool:
-    return rank(np.array([f.slopes[0] for f in (*found, candidate)]), prime) > len(found)
+    return rank(np.array([f.slope() for f in (*found, candidate)]), prime) > len(found)
 
 
 def _drawn(ss: StateSpace, free: Sequence[str]) -> list[Coordinate]:

@@ -7,9 +7,10 @@ powers.  What is still missing are entries of A, B and C that are seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
@@ -42,11 +43,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class Combination:
-    """What is seen: its text, the first coordinates in it, and the gradients (p,) of its logarithm for each prime."""
+    """What is seen: its text, the first coordinates in it, and the gradient (p,) of its logarithm.
+
+    The gradient is that at the first sample, with respect to the logarithms of the first coordinates.
+    """
 
     text: str
     columns: frozenset[int]
-    slopes: tuple[Ints, ...]
+    slope: Callable[[], Ints]
 
 
 def frame_of(texts: Sequence[str], order: Sequence[int], samples: Sequence[Sequence[Sample]]) -> Frame:
@@ -77,10 +81,10 @@ def _in_forms(sample: Sample, forms: Sequence[Vector]) -> Sample:
     return Sample(sample.point, values, plain * values % prime)
 
 
-def products(frame: Frame, first: Sequence[Sample]) -> Iterator[Combination]:
+def products(frame: Frame, first: Sample) -> Iterator[Combination]:
     """Products of powers of the coordinates that are seen; also those that are seen by themselves.
 
-    ``first``: a sample in the first coordinates for each prime.
+    ``first``: the first sample, in the first coordinates.
     """
     bases = [null_space(union([s.hidden for s in some], some), some[0].prime) for some in frame.samples]
     space = agreed(bases, frame.primes)
@@ -92,14 +96,11 @@ def products(frame: Frame, first: Sequence[Sample]) -> Iterator[Combination]:
             yield _product(tuple(vector.get(j, 0) for j in range(len(frame.texts))), frame, first)
 
 
-def _product(vector: Vector, frame: Frame, first: Sequence[Sample]) -> Combination:
+def _product(vector: Vector, frame: Frame, first: Sample) -> Combination:
     text = _product_text({frame.texts[j]: e for j, e in enumerate(vector) if e})
     columns = {i for j, e in enumerate(vector) if e for i, c in enumerate(frame.forms[j]) if c}
-    slopes = tuple(
-        _slope(vector, frame.forms, sample, some[0])
-        for sample, some in zip(first, frame.samples, strict=True)
-    )
-    return Combination(text, frozenset(columns), slopes)
+    slope = partial(_slope, vector, frame.forms, first, frame.samples[0][0])
+    return Combination(text, frozenset(columns), slope)
 
 
 def _slope(vector: Vector, forms: Sequence[Vector], first: Sample, sample: Sample) -> Ints:
@@ -125,7 +126,7 @@ def entries_seen(
             rank(np.vstack([s.seen, g]), s.prime) == len(s.seen) for s, g in zip(first, slopes, strict=True)
         ):
             columns = frozenset(place[name] for name in entry.names if name in place)
-            yield Combination(text, columns, slopes)
+            yield Combination(text, columns, partial(_entry_slope, ss, entry, coordinates, first[0]))
 
 
 def _entry_slope(ss: StateSpace, entry: Laurent, coordinates: Sequence[str], sample: Sample) -> Ints:
