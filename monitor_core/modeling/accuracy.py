@@ -147,20 +147,26 @@ class Accuracy:
     def words(self, limit: float = LIMIT) -> tuple[str, ...]:
         """What cannot be told from this record, in plain sentences."""
         deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
+        groups = _groups(deviations, self.directions(limit))
+        pairs = [p for p in self.pairs(limit) if not any({p[0], p[1]} <= set(g.names) for g in groups)]
         return (
             *_alone(deviations, self.directions(limit)),
-            *_in_pairs(deviations, self.pairs(limit)),
-            *_in_groups(deviations, self.directions(limit)),
+            *_in_pairs(deviations, pairs),
+            *_in_groups(groups),
         )
 
 
 def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[str]:
-    for direction in directions:
-        if direction.size == 0 and len(direction.parts) == 1:
-            yield f"{direction.names[0]} does not show in this record at all."
-    for name, sd in deviations.items():
-        if POOR < sd < np.inf:
-            yield f"{name} cannot be told from this record (standard deviation {percent(sd)})."
+    absent = [d.names[0] for d in directions if d.size == 0 and len(d.parts) == 1]
+    if absent:
+        yield f"{listed(absent)} {'do' if len(absent) > 1 else 'does'} not show in this record at all."
+    poor = {name: percent(sd) for name, sd in deviations.items() if POOR < sd < np.inf}
+    if len(poor) == 1:
+        ((name, sd),) = poor.items()
+        yield f"{name} cannot be told from this record (standard deviation {sd})."
+    elif poor:
+        names = listed([f"{name} ({sd})" for name, sd in poor.items()])
+        yield f"{names} cannot be told from this record (standard deviations in brackets)."
 
 
 def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[tuple[str, str, float]]) -> Iterator[str]:
@@ -172,22 +178,31 @@ def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[tuple[str, str, f
             )
 
 
-def _in_groups(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[str]:
-    """Hidden directions, and weak ones of more than two parameters."""
+def _groups(deviations: Mapping[str, float], directions: Sequence[Direction]) -> list[Direction]:
+    """Hidden directions, and weak ones of three or more, each with a parameter that the others do not explain."""
+    out: list[Direction] = []
+    named: set[str] = set()
     for direction in directions:
-        names, hidden = direction.names, direction.size == 0
-        worst = max(deviations[name] for name in names)
-        if (hidden and len(names) > 1) or (len(names) > 2 and FAIR < worst < np.inf):
-            change = " ".join(f"{'+' if v > 0 else '-'}{name}" for name, v in direction.parts)
-            effect = (
-                "does not move the output at all"
-                if hidden
-                else f"moves the output by only {percent(direction.size)} of what they would one by one"
-            )
-            yield (
-                f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be told from this record:"
-                f" the joint change {change} {effect}."
-            )
+        names, hidden = set(direction.names), direction.size == 0
+        poor = {name for name in names if FAIR < deviations[name] < np.inf}
+        if (hidden and len(names) > 1) or (len(names) > 2 and poor - named):
+            out.append(direction)
+            named |= names
+    return out
+
+
+def _in_groups(groups: Sequence[Direction]) -> Iterator[str]:
+    for direction in groups:
+        names = direction.names
+        change = " ".join(f"{'+' if v > 0 else '-'}{name}" for name, v in direction.parts)
+        if direction.size == 0:
+            effect = "does not move the output at all"
+        else:
+            effect = f"moves the output by only {percent(direction.size)} of what they would one by one"
+        yield (
+            f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be told from this record:"
+            f" the joint change {change} {effect}."
+        )
 
 
 def _sparse(rows: Floats) -> Floats:

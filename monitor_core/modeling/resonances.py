@@ -11,7 +11,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from monitor_core.kernel.tables import TORQUE, Floats
-from monitor_core.modeling.flat import ModelError
+from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.numbers import nominal_of
 from monitor_core.modeling.statespace import Entries, StateSpace
 
@@ -56,7 +56,10 @@ def resonances_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> 
     missing = [p for p in ss.parameters if p.name not in known]
     if missing:
         names = ", ".join(p.name for p in missing)
-        raise ModelError(f"no nominal value for {names}", missing[0].origin)
+        first = missing[0].origin
+        raise ModelError(
+            f"no nominal value for {names}", first if len(missing) == 1 else Origin(file=first.file)
+        )
     n = len(ss.states)
     torque = next(column for column, u in enumerate(ss.inputs) if u.kind == TORQUE)
     A, B, C = (

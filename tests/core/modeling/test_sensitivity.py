@@ -264,6 +264,10 @@ def test_a_pair(seed: int) -> None:
 def test_a_weak_parameter(seed: int) -> None:
     told = Accuracy(("Jm", "fm"), columns(seed, [5.0, 0], [0, 0.1]), noise=0.12)
     assert told.words() == ("fm cannot be told from this record (standard deviation 120 %).",)
+    both = Accuracy(("a", "b", "c"), columns(seed, [5.0, 0, 0], [0, 0.1, 0], [0, 0, 0.05]), noise=0.12)
+    assert both.words() == (
+        "b (120 %) and c (240 %) cannot be told from this record (standard deviations in brackets).",
+    )
 
 
 def test_a_group_of_three(seed: int) -> None:
@@ -277,6 +281,23 @@ def test_a_group_of_three(seed: int) -> None:
         "a, b and c cannot all be told from this record: the joint change +a +b -c moves the output by only "
         "0.71 % of what they would one by one."
     )
+
+
+def test_pairs_that_a_group_explains_are_not_said_twice(seed: int) -> None:
+    """Estimates of the three correlate by +-1 now, which the group says."""
+    S = columns(
+        seed, [1, 0, 0, 0, 0], [0, 1, 0, 0, 0], [0.7, 0.7, 0.01, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 0.01]
+    )
+    told = Accuracy(("a", "b", "c", "d", "e"), S, 0.002)
+    assert {(one, other) for one, other, _ in told.pairs()} == {
+        ("a", "b"),
+        ("a", "c"),
+        ("b", "c"),
+        ("d", "e"),
+    }
+    pair, group = told.words()
+    assert pair.startswith("d and e cannot both be told")
+    assert group.startswith("a, b and c cannot all be told")
 
 
 def test_hidden_directions_are_named_apart(seed: int) -> None:
