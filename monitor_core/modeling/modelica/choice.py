@@ -30,7 +30,8 @@ def _named(model: str, classes: list[ClassDef], names: Names) -> ClassDef:
     same = [c for c in classes if c.name == model] if found is None else [found]
     if len(same) != 1 or not same[0].file:
         known = [str(c) for c in classes if c.sort in ("model", "block", "class")]
-        near = did_you_mean(similar(model, known))
+        last = similar(model.split(".")[-1], {k.split(".")[-1] for k in known})
+        near = did_you_mean([k for k in known if k.split(".")[-1] in last])
         raise ModelError(
             f"there is no model {model}{near}{listed(known, '; there is')}", Origin(file=classes[0].file)
         )

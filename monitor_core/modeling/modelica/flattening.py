@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from monitor_core.kernel.tables import ONE
@@ -20,12 +20,13 @@ from monitor_core.modeling.fragments import Fragment, join
 from monitor_core.modeling.linear import Linear
 from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.connecting import Wiring
+from monitor_core.modeling.modelica.dimensions import own_units, variable_unit
 from monitor_core.modeling.modelica.instances import Instance, unit_of
 from monitor_core.modeling.modelica.leaves import Part, bearing_joint, parts
 from monitor_core.modeling.modelica.library import BEARING
 from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.parameters import flat_parameters
-from monitor_core.modeling.modelica.signals import measured_torque, outputs
+from monitor_core.modeling.modelica.signals import is_given, measured_torque, outputs
 from monitor_core.modeling.modelica.syntax import Connect, Equation
 from monitor_core.modeling.modelica.values import Values
 
@@ -62,12 +63,15 @@ class Flattening:
         )
         if any((CONSTANT, 0) in e.terms for e in self.own) and all(i.name != CONSTANT for i in inputs):
             inputs.append(FlatInput(CONSTANT, ONE))
-        variables = tuple(_variables(instances, library, inputs))
+        units = own_units(self.own, _declared_units(instances, library))
+        used = {name for equation in equations for name, _ in equation.terms}
+        idle = {i.path for i in instances if is_given(i)} - used
+        variables = tuple(v for v in _variables(instances, library, inputs, units) if v.name not in idle)
         _check(variables, inputs, equations, self.model)
         kinds = {part.name: part.kind for part in self.parts}
         return FlatModel(
             name=self.model.cls.name,
-            parameters=flat_parameters(self.model, self.parts, equations, self.values),
+            parameters=flat_parameters(self.model, self.parts, equations, self.values, units),
             variables=variables,
             inputs=tuple(inputs),
             sensors=outputs(self.model, library.sensors, kinds, self.wiring),
@@ -122,7 +126,7 @@ class Flattening:
 
 
 def _variables(
-    instances: Iterable[Instance], library: Fragment, inputs: Iterable[FlatInput]
+    instances: Iterable[Instance], library: Fragment, inputs: Iterable[FlatInput], units: Mapping[str, str]
 ) -> Iterator[FlatVariable]:
     """Those of the library, and those that the user declared."""
     known = {i.name for i in inputs}
@@ -135,18 +139,18 @@ def _variables(
             continue
         if instance.base != "Real":
             raise ModelError(f"a variable of type {instance.base} is not supported", instance.origin)
-        yield FlatVariable(instance.path, _unit(instance), origin=instance.origin)
+        unit = variable_unit(units.get(instance.path, ""))
+        yield FlatVariable(instance.path, unit, origin=instance.origin)
 
 
-def _unit(variable: Instance) -> str:
-    """Of a flange by its definition, else as declared, where the unit is one that counts."""
-    if variable.parent is not None and variable.parent.is_flange:
-        return {"phi": "rad", "tau": "N m"}.get(variable.path.split(".")[-1], "")
-    unit = unit_of(variable)
-    return unit if unit in _UNITS else ""
-
-
-_UNITS = ("rad", "rad/s", "rad/s^2", "N m")
+def _declared_units(instances: Iterable[Instance], library: Fragment) -> dict[str, str]:
+    """Of parameters and variables; angle and torque of a flange by its definition."""
+    units = {i.path: unit_of(i) for i in instances if i.base == "Real"}
+    units.update((v.name, v.unit) for v in library.variables)
+    for flange in instances:
+        if flange.is_flange:
+            units.update({flange.inside("phi"): "rad", flange.inside("tau"): "N m"})
+    return units
 
 
 def _check(

@@ -79,7 +79,8 @@ class Names:
         if key in self._found:
             return self._found[key]
         first = next(filter(None, (self._visible(s, parts[0]) for s in outwards(scope))), None)
-        found = self._within(first or self.root.classes.get(parts[0]), parts[1:])
+        first = first or self.root.classes.get(parts[0]) or self._anything_imported(scope, parts[0])
+        found = self._within(first, parts[1:])
         if not self._searching:  # else what is inherited may have been passed over
             self._found[key] = found
         return found
@@ -130,12 +131,21 @@ class Names:
 
     def _imported(self, scope: ClassDef, name: str) -> ClassDef | None:
         for clause in scope.imports:
-            path = (*clause.path, name) if clause.alias == "*" else clause.path
-            if clause.alias in ("*", name):
-                found = self._within(self.root, path)
-                if found is not None:
-                    return found
+            found = None
+            if clause.alias == name:
+                found = self._within(self.root, clause.path)
+            elif clause.alias == "*":
+                package = self._within(self.root, clause.path)
+                found = self._member(package, name) if package is not None else None
+            if found is not None:
+                return found
         return None
+
+    def _anything_imported(self, scope: ClassDef, name: str) -> ClassDef | None:
+        """By ``import Modelica.Blocks.Sources.*``, where every name means something; so this comes last."""
+        stars = [c.path for s in outwards(scope) for c in s.imports if c.alias == "*"]
+        packages = filter(None, (self._within(self.root, path) for path in stars))
+        return next(filter(None, (self._any(package, name) for package in packages)), None)
 
     def _unknown(self, scope: ClassDef, name: Name, origin: Origin) -> NoReturn:
         lost = next((c for s in outwards(scope) for c in s.imports if c.alias == name.parts[0]), None)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from monitor_core.modeling.components import KINDS, Role
 from monitor_core.modeling.flat import FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modelica.instances import Instance, unit_of
+from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.leaves import Part
 from monitor_core.modeling.modelica.syntax import Number
 from monitor_core.modeling.modelica.values import Values
@@ -31,16 +31,22 @@ class Entry:
 
 
 def flat_parameters(
-    model: Instance, parts: Sequence[Part], equations: Iterable[FlatEquation], values: Values
+    model: Instance,
+    parts: Sequence[Part],
+    equations: Iterable[FlatEquation],
+    values: Values,
+    known: Mapping[str, str],
 ) -> tuple[FlatParameter, ...]:
     """All parameters that occur in the equations, in the order in which they are declared.
+
+    ``known``: units that are declared, or that the user's own equations tell.
 
     Raises:
         ModelError: units that do not fit; a value that makes no sense (an inertia of zero).
     """
     occurring = {name for e in equations for c in e.terms.values() for name in c.names}
     written = {i.path: i for i in model.tree() if i.base == "Real" and i.is_parameter and i.path in occurring}
-    declared = {path: unit_of(i) for path, i in written.items()}
+    declared = {path: known.get(path, "") for path in written}
     units = infer([use for part in parts for use in part.uses], declared)
     _check_values(parts, values)
     entries = _entries(parts)

@@ -25,9 +25,10 @@ def measured_torque(model: Instance, wiring: Wiring, own: Sequence[FlatEquation]
     """
     written = {name for equation in own for name, _ in equation.terms}
     signals = {i.path: i for i in model.tree() if _is_signal(i)}
-    found: list[Instance] = []
-    for names in wiring.signals.members(signals).values():
-        found.extend(_measured([signals[name] for name in names], written))
+    groups = [[signals[name] for name in names] for names in wiring.signals.members(signals).values()]
+    found = [signal for group in groups for signal in _measured(group, written)]
+    if not found:  # a torque that the user's equations use, but do not set
+        found = [signal for group in groups for signal in _measured(group, set())][:1]
     if len(found) > 1:
         raise ModelError(
             f"{' and '.join(i.path for i in found)} would both be the measured motor torque, but there is only one: "
@@ -49,7 +50,7 @@ def _measured(group: list[Instance], written: set[str]) -> list[Instance]:
         raise ModelError(f"{names} are connected, but each of them sets the signal", drivers[1].origin)
     if drivers:
         used = len(group) > 1 or drivers[0].path in written
-        return drivers if used and (_is_model_input(drivers[0]) or _is_source(drivers[0])) else []
+        return drivers if used and is_given(drivers[0]) else []
     if any(i.path in written or i.binding is not None for i in group):
         return []
     return _open(group)
@@ -69,8 +70,13 @@ def _drives(signal: Instance) -> bool:
     return out or _is_model_input(signal)
 
 
+def is_given(signal: Instance) -> bool:
+    """It comes from outside: where nothing uses it, it can be left out."""
+    return _is_model_input(signal) or _is_source(signal)
+
+
 def _is_model_input(signal: Instance) -> bool:
-    return signal.causality == "input" and "." not in signal.path
+    return _is_signal(signal) and signal.causality == "input" and "." not in signal.path
 
 
 def _is_source(signal: Instance) -> bool:
