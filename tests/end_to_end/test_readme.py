@@ -6,7 +6,9 @@ import json
 import re
 import shlex
 import shutil
+import signal
 import subprocess
+import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 
@@ -35,14 +37,15 @@ def shown(start: str) -> list[list[str]]:
 
 def arguments(command: list[str], folder: Path) -> list[str]:
     """Without the program's name, its files in this folder."""
-    return [str(folder / word) if word.endswith((".toml", ".log", ".json")) else word for word in command[1:]]
+    files = (".toml", ".log", ".json", ".mo")
+    return [str(folder / word) if word.endswith(files) else word for word in command[1:]]
 
 
 def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = ("check", "listen", "run", "simulate", "replay", "play")
+    commands = ("check", "listen", "run", "simulate", "replay", "play", "model", "demo")
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands)}
 
 
@@ -75,6 +78,31 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
     assert run_program(*arguments(replay, tmp_path)).returncode == 0
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["axes"]
     assert run_program(*arguments(play, tmp_path)).returncode == 0
+
+
+def test_the_drive_drawn_here_is_modelled_and_its_fault_is_named(tmp_path: Path) -> None:
+    (drawing,) = re.findall(r"```modelica\n(.*?)```", README, re.S)
+    (tmp_path / "two.mo").write_text(drawing, encoding="utf-8")
+    (model,) = shown("axiswatch model")
+    (demo,) = shown("axiswatch demo")
+    modelled = run_program(*arguments(model, tmp_path))
+    assert (modelled.returncode, modelled.stderr) == (0, "")
+    assert all(name in modelled.stdout for name in ("Jm", "Ja", "k", "d", "f", "motor", "arm"))
+    log = tmp_path / "demo.log"
+    options = ("--port", "0", "--axes", "2", "--fault-after", "14")
+    with running(*arguments(demo, tmp_path), *options, log=log) as process:
+        page = wait_for(lambda: re.search(r"dashboard: (http://\S+)", log.read_text(encoding="utf-8")))[1]
+        (alarm,) = wait_for(lambda: alarms(page))
+        assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "f", "up")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    assert "watched: 1/Ja, f" in log.read_text(encoding="utf-8")
+
+
+def alarms(page: str) -> list[dict[str, object]]:
+    with urllib.request.urlopen(page + "api/v1/alarms", timeout=20) as answer:
+        found: list[dict[str, object]] = json.loads(answer.read())["alarms"]
+        return found
 
 
 def answers_to_curl(d: Daemon) -> None:
