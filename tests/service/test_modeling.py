@@ -1,0 +1,165 @@
+"""Drives by what a user calls them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from monitor_core.drive import Output
+from monitor_core.library import REFERENCE_VALUES
+from monitor_core.modeling import library
+from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.flat import FlatModel, ModelError
+from monitor_core.modeling.numbers import drive_of
+from service import modeling
+from service.modeling import (
+    LIBRARY,
+    Modelled,
+    model_of_axis,
+    model_of_library,
+    state_space_of_axis,
+    state_space_of_drawing,
+    state_space_of_file,
+    state_space_of_library,
+)
+from service.shipping import shipped
+from tests.service.monitoring.robots import demo
+
+MODEL = modeling._model
+DRAWINGS = {"two-mass": library.two_mass, "three-mass": library.three_mass, "five-mass": library.five_mass}
+
+BELT = """\
+model Belt
+  parameter Real Jm(unit = "kg.m2") = 0.002;
+  parameter Real Ja(unit = "kg.m2") = 0.01;
+  parameter Real k(unit = "N.m/rad") = 60;
+  Modelica.Mechanics.Rotational.Sources.Torque torque;
+  Modelica.Mechanics.Rotational.Components.Inertia motor(J = Jm);
+  Modelica.Mechanics.Rotational.Components.Spring belt(c = k);
+  Modelica.Mechanics.Rotational.Components.Inertia arm(J = Ja);
+  Modelica.Mechanics.Rotational.Sensors.SpeedSensor encoder;
+equation
+  connect(torque.flange, motor.flange_a);
+  connect(motor.flange_b, belt.flange_a);
+  connect(belt.flange_b, arm.flange_a);
+  connect(encoder.flange, motor.flange_a);
+end Belt;
+"""
+
+COMPONENTS: dict[str, dict[str, object]] = {
+    "torque": {"type": "torque", "at": "shaft", "kT": 1},
+    "motor": {"type": "inertia", "at": "shaft", "J": "Jm"},
+    "belt": {"type": "spring", "at": ["shaft", "load"], "c": "k"},
+    "arm": {"type": "inertia", "at": "load", "J": "Ja"},
+    "encoder": {"type": "speed-sensor", "at": "shaft"},
+}
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("name", LIBRARY)
+def test_the_files_of_the_library_are_the_drives_drawn_in_python(name: str, output: Output) -> None:
+    drawn = eliminate(DRAWINGS[name]().flat(), output)
+    read = state_space_of_library(name, output)
+    for entries in ("A", "B", "C", "rest", "ratio"):
+        assert getattr(read, entries) == getattr(drawn, entries), entries
+    assert model_of_library(name, None, output).drive == drive_of(drawn)
+
+
+def test_the_file_of_three_masses_has_the_values_of_the_reference_experiment() -> None:
+    assert model_of_library("three-mass").values == pytest.approx(dict(REFERENCE_VALUES), rel=1e-14)
+
+
+def test_what_is_measured_goes_before_what_was_drawn(tmp_path: Path) -> None:
+    (tmp_path / "belt.mo").write_text(BELT, encoding="utf-8")
+    drawn, speed, angle = (
+        state_space_of_file(tmp_path / "belt.mo", None, output) for output in (None, "speed", "angle")
+    )
+    assert [s.quantity for s in (*drawn.sensors, *speed.sensors, *angle.sensors)] == [
+        *("speed", "speed"),
+        "angle",
+    ]
+    assert [len(ss.states) for ss in (drawn, speed, angle)] == [3, 3, 4]
+
+
+def test_components_of_a_configuration_are_the_same_drive_as_a_file(tmp_path: Path) -> None:
+    (tmp_path / "belt.mo").write_text(BELT, encoding="utf-8")
+    read, drawn = state_space_of_file(tmp_path / "belt.mo"), state_space_of_drawing(COMPONENTS)
+    assert (read.A, read.C) == (drawn.A, drawn.C)
+    assert {str(entry) for entry in drawn.B.values()} == {"torque.kT/Jm"}
+
+
+def test_axes_with_one_drive_read_it_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "belt.mo").write_text(BELT.replace("Belt", "Once"), encoding="utf-8")
+    axis = demo(tmp_path, 1).axes[0].config
+    model = axis.model.model_copy(update={"drive": str(tmp_path / "belt.mo")})
+    axis = axis.model_copy(update={"model": model})
+    calls: list[Output | None] = []
+
+    def counted(flat: FlatModel, output: Output | None, called: str | None) -> Modelled:
+        calls.append(output)
+        return MODEL(flat, output, called)
+
+    monkeypatch.setattr(modeling, "_model", counted)
+    for _ in range(3):
+        assert len(state_space_of_axis(axis).states) == 4
+    assert calls == ["angle"]
+    model_of_axis(axis, "speed")
+    (tmp_path / "belt.mo").write_text(BELT.replace("Belt", "Changed"), encoding="utf-8")
+    assert state_space_of_axis(axis).name == "Changed"
+    assert calls == ["angle", "speed", "angle"]
+
+
+def test_a_mistake_is_told_each_time(tmp_path: Path) -> None:
+    (tmp_path / "belt.mo").write_text(BELT.replace("Ja)", "Jx)"), encoding="utf-8")
+    told = []
+    for _ in range(2):
+        with pytest.raises(ModelError, match=r"belt\.mo:8: arm\.J: ") as caught:
+            state_space_of_file(tmp_path / "belt.mo")
+        told.append(str(caught.value))
+    assert told[0] == told[1]
+
+
+def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "latin.mo").write_bytes(b"model M\n  Real x;\n  // \xe4\nend M;\n")
+    cases = {
+        "none.mo": r"none\.mo: cannot read the drawing: No such file",
+        ".": "cannot read the drawing: Is a directory",
+        "latin.mo": r"latin\.mo:3: the file must be UTF-8 text",
+        "a\0.mo": "zero byte",
+    }
+    for name, words in cases.items():
+        with pytest.raises(ModelError, match=words):
+            state_space_of_file(tmp_path / name)
+
+
+def test_a_name_that_the_library_does_not_have() -> None:
+    with pytest.raises(ModelError, match=r'did you mean "five-mass"\?.*ends with "\.mo"'):
+        state_space_of_library("five_mass")
+
+
+def test_a_model_that_the_file_does_not_have() -> None:
+    with pytest.raises(ModelError, match="ThreeMass"):
+        state_space_of_file(shipped("drives/three_mass.mo"), "FourMass")
+
+
+def test_a_drive_of_the_library_needs_no_parser_and_no_algebra() -> None:
+    code = """
+import sys
+from pathlib import Path
+from service.config import load
+from service.monitoring.banks import Monitors
+Monitors(load(Path(sys.argv[1]), {}).axes)
+print(sorted({"sympy", "pymoca", "antlr4"} & {name.split(".")[0] for name in sys.modules}))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, shipped("demo.toml")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+        cwd=shipped("demo.toml").parents[1],
+    )
+    assert done.stdout == "[]\n"
