@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from monitor_core.kernel.tables import TORQUE
 from monitor_core.model import Definition, Drive, Matrix, Output, Parameter, Term
 from monitor_core.modeling.flat import FlatParameter, ModelError
 from monitor_core.modeling.laurent import Laurent
@@ -14,9 +15,11 @@ def drive_of(ss: StateSpace) -> Drive:
     """The drive as the engine takes it: one torque, one sensor.
 
     Raises:
-        ModelError: more than one motor torque or sensor, or a parameter whose unit is not known.
+        ModelError: more than one motor torque or sensor; friction or gravity at a flange whose motion the sensor does
+            not tell.
     """
     _check_single(ss)
+    _check_ratios(ss)
     (sensor,) = ss.sensors
     matrices: tuple[tuple[Matrix, Entries], ...] = (
         ("A", ss.A),
@@ -51,8 +54,6 @@ def nominal_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> dic
 
 
 def _check_single(ss: StateSpace) -> None:
-    from monitor_core.kernel.tables import TORQUE
-
     torques = [u for u in ss.inputs if u.kind == TORQUE]
     if len(torques) != 1:
         names = ", ".join(u.name for u in torques)
@@ -64,6 +65,16 @@ def _check_single(ss: StateSpace) -> None:
         raise ModelError(
             f"an axis has one sensor, this drive has {len(ss.sensors)}: {names}", ss.sensors[-1].origin
         )
+
+
+def _check_ratios(ss: StateSpace) -> None:
+    for k, u in enumerate(ss.inputs):
+        if u.angle and (k, 0) not in ss.ratio:
+            raise ModelError(
+                f"the motion at {u.angle}, which {u.name} depends on, cannot be told from what the sensor measures: "
+                "no springs or dampers join the two, or one of them is held",
+                u.origin,
+            )
 
 
 def _output(quantity: str) -> Output:

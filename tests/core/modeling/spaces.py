@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
-from monitor_core.library import three_mass
 from monitor_core.model import Output, Quantity
+from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.library import three_mass
 from monitor_core.modeling.statespace import Definition, Report, StateSpace
 
 UNITS = {"kT": "1", "M": "kg m^2", "J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad"}
@@ -91,18 +91,10 @@ def table(
 
 def library_three_mass(output: Output = "speed", inputs: Sequence[int] = (TORQUE,)) -> StateSpace:
     """The library's drive with some of its inputs."""
-    drive = three_mass(output)
-    M: dict[str, dict[tuple[int, int], Laurent]] = {"A": {}, "B": {}, "C": {}, "rest": {}}
-    for t in drive.terms:
-        col = t.col
-        if t.matrix == "B":
-            if drive.inputs[col] not in inputs:
-                continue
-            col = list(inputs).index(drive.inputs[col])
-        entry = Laurent([(tuple(sorted(t.powers)), Fraction(t.coefficient))])
-        M[t.matrix][t.row, col] = M[t.matrix].get((t.row, col), Laurent()) + entry
-    units = {p.name: p.unit for p in drive.parameters}
-    return space(M["A"], M["B"], M["C"], inputs=inputs, units=units)
+    ss = eliminate(three_mass().flat(), output)
+    columns = {k: inputs.index(u.kind) for k, u in enumerate(ss.inputs) if u.kind in inputs}
+    B = {(i, columns[k]): entry for (i, k), entry in ss.B.items() if k in columns}
+    return space(ss.A, B, ss.C, inputs=inputs, units={p.name: p.unit for p in ss.parameters})
 
 
 @dataclass(frozen=True)
