@@ -39,12 +39,7 @@ class Command(OptionalValueCommand):
     @staticmethod
     def is_value(word: str) -> bool:
         """Whether the word after the option is a file to write to."""
-        path = Path(word)
-        return (
-            word == "-"
-            or (path.suffix not in ("", SUFFIX) and word not in LIBRARY)
-            or word.startswith("/dev/")
-        )
+        return word == "-" or Path(word).suffix not in ("", SUFFIX) or word.startswith("/dev/")
 
 
 STDOUT = Path("-")

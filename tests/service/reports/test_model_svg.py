@@ -50,16 +50,29 @@ def titles(root: ET.Element) -> list[str]:
 Box = tuple[float, float, float, float]
 
 
-def boxes(root: ET.Element, x: float = 0, y: float = 0) -> Iterator[Box]:
-    """Left, top, right, bottom of every inertia."""
+def placed(root: ET.Element, x: float = 0, y: float = 0) -> Iterator[tuple[ET.Element, float, float]]:
+    """Every element that is not turned, with the origin of its coordinates."""
     for child in root:
-        move = re.match(r"translate\((\S+) (\S+)\)", child.get("transform", "translate(0 0)"))
-        assert move
-        dx, dy = x + float(move[1]), y + float(move[2])
-        if child.get("class") == "mass":
-            left, top = dx + float(child.get("x", "")), dy + float(child.get("y", ""))
-            yield left, top, left + float(child.get("width", "")), top + float(child.get("height", ""))
-        yield from boxes(child, dx, dy)
+        move = re.fullmatch(r"translate\((\S+) (\S+)\)", child.get("transform", "translate(0 0)"))
+        if move:
+            dx, dy = x + float(move[1]), y + float(move[2])
+            yield child, dx, dy
+            yield from placed(child, dx, dy)
+
+
+def boxes(root: ET.Element) -> Iterator[Box]:
+    """Left, top, right, bottom of every inertia."""
+    for e, x, y in placed(root):
+        if e.get("class") == "mass":
+            left, top = x + float(e.get("x", "")), y + float(e.get("y", ""))
+            yield left, top, left + float(e.get("width", "")), top + float(e.get("height", ""))
+
+
+def springs(root: ET.Element) -> Iterator[Box]:
+    """The same of every spring between two bodies."""
+    for e, x, y in placed(root):
+        if zigzag := re.fullmatch(r"M0 0H.*L.*H([\d.]+)", e.get("d", "")):
+            yield x, y - 8, x + float(zigzag[1]), y + 8
 
 
 def apart(a: Box, b: Box) -> bool:
@@ -70,7 +83,7 @@ def check(root: ET.Element, inertias: int) -> None:
     found = list(boxes(root))
     width, height = float(root.get("width", "")), float(root.get("height", ""))
     assert len(found) == inertias
-    assert all(apart(a, b) for a, b in combinations(found, 2))
+    assert all(apart(a, b) for a, b in combinations([*found, *springs(root)], 2))
     assert all(0 < left < right < width and 0 < top < bottom < height for left, top, right, bottom in found)
 
 
@@ -117,7 +130,10 @@ def test_without_a_torque_and_in_two_pieces() -> None:
 def test_trees_of_any_shape(parents: list[int], seed: int) -> None:
     parents = [p % (i + 1) for i, p in enumerate(parents)]
     rows: list[Row] = [("torque", "servo", "n0", {})]
-    rows += [("inertia", f"mass {i}", f"n{i}", {"J": f"J{i}"}) for i in range(len(parents) + 1)]
+    rows += [
+        ("inertia", f"mass {i}", f"n{i}", {"J": "J" * (1 + seed % (7 * i + 1) % 30)})
+        for i in range(len(parents) + 1)
+    ]
     rows += [("spring-damper", f"s{i}", f"n{p} n{i}", {"c": "c", "d": "d"}) for i, p in enumerate(parents, 1)]
     random.Random(seed).shuffle(rows)
     layout = lay_out(components(rows))
