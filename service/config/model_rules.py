@@ -197,6 +197,8 @@ def _measured(axis: AxisConfig) -> Output:
 
 def _drive(axis: AxisConfig, usable: bool = True) -> Drive:
     """The drive, one whose inputs can be had if it is to be ``usable``; where there is none, another rule says so."""
+    if any(one_drive(axis)):
+        raise Absent("drive")
     try:
         drive = drive_of(axis, _measured(axis))
     except ModelError:
