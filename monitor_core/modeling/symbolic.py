@@ -27,6 +27,9 @@ GREEK = {
 _GREEK_FIRST = re.compile(
     rf"({'|'.join(sorted((g for g in GREEK if len(g) > 1), key=len, reverse=True))})(\d*)"
 )
+_FORMULA = frozenset(" +*/^()")
+_LETTERS = {"kg m^2": "J", "N m/rad": "k", "N m s/rad": "d"}
+"""Of merged parameters, by their unit."""
 _SPECIAL = {
     "\\": r"\textbackslash{}",
     "~": r"\textasciitilde{}",
@@ -85,6 +88,16 @@ def latex_names(names: Iterable[str]) -> dict[str, str]:
     }
 
 
+def latex_names_of(space: StateSpace) -> dict[str, str]:
+    r"""The LaTeX of each parameter; merged ones, whose name is a formula, are ``\bar{J}_{1}`` and so on."""
+    formulas = [d.name for d in space.definitions if _FORMULA & set(d.name)]
+    names = latex_names(name for name in symbols_of(space) if name not in formulas)
+    units = {p.name: p.unit for p in space.parameters}
+    letters = [_LETTERS.get(units.get(name, ""), "p") for name in formulas]
+    merged = (rf"\bar{{{letter}}}_{{{number}}}" for number, letter in enumerate(letters, 1))
+    return names | dict(zip(formulas, merged, strict=True))
+
+
 def expression(value: Laurent, symbols: Mapping[str, sympy.Symbol]) -> sympy.Expr:
     """A Laurent sum as a sympy expression, what is common to all of its terms outside."""
     from sympy import Add, Mul, Rational
@@ -104,13 +117,12 @@ def expression(value: Laurent, symbols: Mapping[str, sympy.Symbol]) -> sympy.Exp
 
 
 def symbols_of(space: StateSpace) -> dict[str, sympy.Symbol]:
-    """A sympy symbol for each parameter, positive where the parameter is."""
+    """A sympy symbol for each parameter, drawn or merged, positive where the parameter is."""
     from sympy import Symbol
 
-    return {
-        p.name: Symbol(p.name, positive=True) if p.positive else Symbol(p.name, real=True)
-        for p in (*space.drawn, *space.parameters)
-    }
+    positive = {p.name: p.positive for p in (*space.drawn, *space.parameters)}
+    names = dict.fromkeys([*positive, *(d.name for d in space.definitions)])
+    return {n: Symbol(n, positive=True) if positive.get(n) else Symbol(n, real=True) for n in names}
 
 
 def matrices(space: StateSpace) -> tuple[sympy.Matrix, sympy.Matrix, sympy.Matrix]:
@@ -145,7 +157,7 @@ def latex(value: Laurent, symbols: Mapping[str, sympy.Symbol], names: Mapping[st
 def latex_matrix(space: StateSpace, entries: Entries, rows: int, columns: int) -> str:
     """A matrix of formulas as an amsmath bmatrix, a row in a line."""
     symbols = symbols_of(space)
-    names = latex_names(symbols)
+    names = latex_names_of(space)
     body = " \\\\[0.6ex]\n".join(
         " & ".join(latex(entries.get((row, column), Laurent()), symbols, names) for column in range(columns))
         for row in range(rows)

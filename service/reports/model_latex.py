@@ -12,7 +12,7 @@ from monitor_core.modeling.symbolic import (
     latex,
     latex_matrix,
     latex_name,
-    latex_names,
+    latex_names_of,
     latex_text,
     shapes,
     symbols_of,
@@ -106,14 +106,14 @@ def _definitions(space: StateSpace) -> Iterator[str]:
     if not space.definitions:
         return
     symbols = symbols_of(space)
-    names = latex_names(symbols)
-    yield "Inertias that are rigidly joined count as one:"
+    names = latex_names_of(space)
+    yield "What cannot be told apart counts as one:"
     for definition in space.definitions:
         yield rf"\[ {names[definition.name]} = {latex(definition.value, symbols, names)} \]"
 
 
 def _table(space: StateSpace, nominal: Mapping[str, float]) -> Iterator[str]:
-    names = latex_names(symbols_of(space))
+    names = latex_names_of(space)
     yield r"\begin{center}\begin{tabular}{llrl}"
     yield r"parameter & meaning & nominal & unit \\ \hline"
     for p in space.parameters:

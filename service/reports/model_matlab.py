@@ -62,7 +62,7 @@ def is_function_name(name: str) -> bool:
 
 def matlab_name(name: str) -> str:
     """``motor.J`` -> ``motor_J``: letters, digits and underscores, a letter first."""
-    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:_LONGEST]
+    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name)[:_LONGEST]
     return plain if plain[:1].isalpha() else f"p_{plain}"[:_LONGEST]
 
 
@@ -90,7 +90,7 @@ def _explanation(
     yield from (f"  u({i}) = {_line(input_words(u))}" for i, u in enumerate(space.inputs, 1))
     yield from (f"  y({i}) = {_line(output_words(s))}" for i, s in enumerate(space.sensors, 1))
     for d in space.definitions:
-        yield f"  {_line(d.name)} stands for {_line(str(d.value))}"
+        yield f"  {names.get(d.name, _line(d.name))} stands for {_line(str(d.value))}"
     yield ""
     yield "From nominal values (NaN: give one):"
     yield "  parameters = {"

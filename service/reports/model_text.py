@@ -36,7 +36,10 @@ def _print(facts: Facts, console: Console) -> None:
     sections: list[tuple[str, RenderableType | None]] = [
         ("States, inputs, outputs", _signals(space)),
         ("Parameters", _parameters(facts)),
-        ("Merged parameters", _lines(f"{d.name} = {d.value}" for d in space.definitions)),
+        (
+            "Merged parameters",
+            _lines(f"{d.name} = {d.value}" for d in space.definitions if str(d.value) != d.name),
+        ),
         ("x' = A x + B u,  y = C x", _lines(matrix_lines(space, console.width - _INDENT, ascii_only))),
         ("Poles at nominal", _poles(facts, "+-" if ascii_only else "±")),
         ("Resonances at nominal", _resonances(facts.motion) if facts.motion else None),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -10,7 +11,7 @@ from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.model import Matrix, Output, Quantity
 from monitor_core.modeling.flat import FlatComponent, FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.statespace import Definition, Report, StateSpace
+from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
 
 Row = tuple[str, str, str, dict[str, str]]
 """Kind, name, nodes with blanks between, parameters."""
@@ -70,15 +71,28 @@ def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
     )
 
 
-def merged(drive: StateSpace) -> StateSpace:
-    """The same with Jm = J1 + n^2 J2, as two rigidly joined inertias give it."""
+def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:
+    """The same with Jm = J1 + n^2 J2, as two rigidly joined inertias give it, under this name."""
     symbol = Laurent.symbol
     one = FlatParameter("J1", "kg m^2", "rotor", 0.005, True)
     two = FlatParameter("J2", "kg m^2", "brake", 0.001, True)
     ratio = FlatParameter("n", "1", "ratio of the brake", 0.5)
     kept = tuple(p for p in drive.drawn if p.name != "Jm")
-    definition = Definition("Jm", symbol("J1") + symbol("n", 2) * symbol("J2"))
-    return replace(drive, drawn=(one, two, ratio, *kept), definitions=(definition,))
+    definition = Definition(name, symbol("J1") + symbol("n", 2) * symbol("J2"))
+    return replace(renamed(drive, {"Jm": name}), drawn=(one, two, ratio, *kept), definitions=(definition,))
+
+
+def renamed(drive: StateSpace, names: Mapping[str, str]) -> StateSpace:
+    """The same drive with other names of its parameters."""
+    symbols = {old: Laurent.symbol(new) for old, new in names.items()}
+
+    def of(entries: Entries) -> Entries:
+        return {place: value.substitute(symbols) for place, value in entries.items()}
+
+    parameters = tuple(replace(p, name=names.get(p.name, p.name)) for p in drive.parameters)
+    return replace(
+        drive, parameters=parameters, drawn=parameters, A=of(drive.A), B=of(drive.B), C=of(drive.C)
+    )
 
 
 def components(rows: list[Row]) -> tuple[FlatComponent, ...]:

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from monitor_core.library import REFERENCE_VALUES
 from monitor_core.model import Quantity
 from monitor_core.modeling.flat import FlatParameter
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.statespace import Definition
 from monitor_core.modeling.symbolic import GREEK
 from service.reports.model_latex import as_latex, formula
 from tests.service.reports.drives import merged, space
@@ -23,6 +25,7 @@ COMMANDS = {
         "omega",
         "dot",
         "ddot",
+        "bar",
         "mathrm",
         "text",
         "frac",
@@ -112,6 +115,21 @@ def test_merged_parameters_are_defined() -> None:
     assert r"\[ J_{m} = J_{1} + J_{2} n^{2} \]" in text
     assert "$J_{m}$ & inertia of the motor & -- &" in text
     assert faults(text) == []
+
+
+def test_merged_parameters_without_a_name_get_a_letter() -> None:
+    text = as_latex(merged(space(), "J1 + J2*n^2"), {})
+    assert r"\[ \bar{J}_{1} = J_{1} + J_{2} n^{2} \]" in text
+    assert r"- \frac{k_{g} r}{\bar{J}_{1}}" in text
+    assert faults(text) == []
+
+
+def test_definitions_may_use_earlier_ones() -> None:
+    drive = merged(space(), "J1 + J2*n^2")
+    inner = Definition("J2 + 1", Laurent.symbol("J2") + Laurent.number(1))
+    text = as_latex(replace(drive, definitions=(inner, *drive.definitions)), {})
+    assert r"\[ \bar{p}_{1} = J_{2} + 1 \]" in text
+    assert r"\[ \bar{J}_{2} = J_{1} + J_{2} n^{2} \]" in text
 
 
 def test_a_large_matrix_fits_the_page() -> None:

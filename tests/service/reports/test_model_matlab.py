@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,11 +13,10 @@ from hypothesis import strategies as st
 
 from monitor_core.library import REFERENCE_VALUES
 from monitor_core.model import Output
-from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.statespace import Entries, StateSpace
+from monitor_core.modeling.statespace import Entries
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_matlab import KEYWORDS, as_matlab, matlab_name, matlab_names
-from tests.service.reports.drives import space
+from tests.service.reports.drives import merged, renamed, space
 
 
 def called(text: str, *given: float) -> dict[str, np.ndarray]:
@@ -49,19 +47,6 @@ def numeric(entries: Entries, shape: tuple[int, int], values: Mapping[str, float
     for place, value in entries.items():
         out[place] = value.value(values)
     return out
-
-
-def renamed(drive: StateSpace, names: Mapping[str, str]) -> StateSpace:
-    """The same drive with other names of its parameters."""
-    symbols = {old: Laurent.symbol(new) for old, new in names.items()}
-
-    def of(entries: Entries) -> Entries:
-        return {place: value.substitute(symbols) for place, value in entries.items()}
-
-    parameters = tuple(replace(p, name=names.get(p.name, p.name)) for p in drive.parameters)
-    return replace(
-        drive, parameters=parameters, drawn=parameters, A=of(drive.A), B=of(drive.B), C=of(drive.C)
-    )
 
 
 AWKWARD = {
@@ -128,3 +113,10 @@ def test_a_comment_stays_a_comment() -> None:
         line.startswith(("%", "function", "A", "B", "C", "D", "K", "x0", "end"))
         for line in as_matlab(drive, {}).splitlines()
     )
+
+
+def test_merged_parameters_have_names_and_are_explained() -> None:
+    text = as_matlab(merged(space(), "J1 + J2*n^2"), {})
+    assert text.startswith("function [A,B,C,D,K,x0] = drive(J1_J2_n_2, Jg,")
+    assert "%   J1_J2_n_2 stands for J1 + J2*n^2\n" in text
+    assert "A(3,1) = -kg*r/J1_J2_n_2;" in text

@@ -86,7 +86,9 @@ def test_missing_values_are_named() -> None:
 
 def test_merged_parameters_are_told() -> None:
     assert "  Jm = J1 + J2*n^2\n" in shown(merged(space()))
-    assert "Merged" not in shown(space())
+    for drive in (space(), merged(space(), "J1 + J2*n^2")):
+        assert "Merged" not in shown(drive)
+    assert "  J1 + J2*n^2 " in shown(merged(space(), "J1 + J2*n^2"))
 
 
 def test_markup_in_names_is_text() -> None:
