@@ -122,7 +122,7 @@ class Instantiation:
                 return
         if component.refused and scope.cls.file:
             raise ModelError(_INSTEAD[component.refused], scope.origin(component.line, path))
-        cls = self.names.find(scope.cls, component.type, path)
+        cls = self.names.find(scope.cls, component.type, scope.origin(component.type.line, path))
         new = Instance(path, cls, scope.origin(component.line, path), owner, component)
         _check_not_inside_itself(new)
         new.causality, new.variability = component.causality, component.variability

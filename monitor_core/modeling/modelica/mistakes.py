@@ -11,10 +11,11 @@ from monitor_core.modeling.flat import ModelError
 
 @contextmanager
 def about(component: str) -> Iterator[None]:
-    """An error from inside that does not say which component it is about, is about this one."""
+    """An error from inside that names no component, or one that this one is in, is about this one."""
     try:
         yield
     except ModelError as error:
-        if error.origin.component or not component:
+        named = error.origin.component
+        if named and not component.startswith(f"{named}."):
             raise
         raise ModelError(error.problem, replace(error.origin, component=component)) from None

@@ -62,7 +62,7 @@ class Names:
         self._found: dict[tuple[ClassDef, tuple[str, ...]], ClassDef | None] = {}
         self._searching: set[ClassDef] = set()
 
-    def find(self, scope: ClassDef, name: Name, component: str = "") -> ClassDef:
+    def find(self, scope: ClassDef, name: Name, origin: Origin) -> ClassDef:
         """The class that a name written inside of ``scope`` means.
 
         Raises:
@@ -70,7 +70,7 @@ class Names:
         """
         found = self.search(scope, name.parts)
         if found is None:
-            self._unknown(scope, name, Origin(component, _file(scope), name.line))
+            self._unknown(scope, name, origin)
         return found
 
     def search(self, scope: ClassDef, parts: tuple[str, ...]) -> ClassDef | None:
@@ -92,7 +92,8 @@ class Names:
             ModelError: a base class is unknown.
         """
         for extends in cls.extends:
-            yield extends, self.find(_scope_of_bases(cls), extends.base, str(cls))
+            origin = Origin(str(cls), cls.file, extends.line)
+            yield extends, self.find(_scope_of_bases(cls), extends.base, origin)
 
     def _within(self, cls: ClassDef | None, parts: tuple[str, ...]) -> ClassDef | None:
         for part in parts:
@@ -178,10 +179,6 @@ def outwards(scope: ClassDef) -> Iterator[ClassDef]:
     while where is not None:
         yield where
         where = where.parent
-
-
-def _file(scope: ClassDef) -> str:
-    return next((s.file for s in outwards(scope) if s.file), "")
 
 
 def descendants(cls: ClassDef) -> Iterator[ClassDef]:

@@ -55,10 +55,9 @@ def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, in
     """What is wrong in words, and the line where it is to be mended."""
     if token is None:
         found = re.search(r"at: '(.*)'", text, re.DOTALL)
-        return f"{found.group(1) if found else text!r} is not Modelica", line
+        return f"{found.group(1) if found else text} is not Modelica", line
     if token.type == -1:
-        last = _token_before(recognizer, token)
-        return _unfinished(recognizer), last.line if last is not None else line
+        return _unfinished([t for t in recognizer.getTokenStream().tokens[:-1] if t.channel == 0], line)
     before = _token_before(recognizer, token)
     if before is not None and re.match(r"(missing ';'|mismatched input .* expecting ';')", text):
         return f'";" is missing behind "{before.text}"', before.line
@@ -80,19 +79,23 @@ def _token_before(recognizer: Any, token: Any) -> Any:
     return None
 
 
-def _unfinished(recognizer: Any) -> str:
-    """The innermost class that is open where the text ends."""
-    context = recognizer._ctx
-    while context is not None and type(context).__name__ != "Class_definitionContext":
-        context = context.parentCtx
-    if context is None:
-        return "the text ends in the middle of something"
-    words = [token.text for token in recognizer.getTokenStream().tokens[context.start.tokenIndex :]]
-    sort = next((k for k, word in enumerate(words) if word in _SORTS), 0)
-    name = words[sort + 1] if sort + 1 < len(words) else "?"
-    return (
-        f'the text ends inside of {words[sort]} {name} (line {context.start.line}): is "end {name};" missing?'
-    )
+def _unfinished(tokens: list[Any], line: int) -> tuple[str, int]:
+    """The text ends inside of a class: which one lacks its end, and where that should be."""
+    opened: list[tuple[str, str, int]] = []
+    words = [*(token.text for token in tokens), "?", "?"]
+    for k, token in enumerate(tokens):
+        name = words[k + 1]
+        if token.text == "end" and name in [n for _, n, _ in opened]:
+            sort, inner, begin = opened.pop()
+            if inner != name:
+                return f'{sort} {inner} (line {begin}) has no "end {inner};" before "end {name};"', token.line
+        elif token.text in _SORTS and words[k + 2] != "=":
+            opened.append((token.text, name, token.line))
+    line = tokens[-1].line if tokens else line
+    if not opened:
+        return "the text ends in the middle of something", line
+    sort, name, begin = opened[-1]
+    return f'the text ends inside of {sort} {name} (line {begin}): is "end {name};" missing?', line
 
 
 def _stray(text: str) -> str:

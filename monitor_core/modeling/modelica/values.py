@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.linear import Linear, der
@@ -38,7 +40,7 @@ class Values:
         self.nominal: dict[str, float] = {}
         self._known: dict[Instance, Laurent] = {}
         self._constants: dict[tuple[ClassDef, str], Laurent] = {}
-        self._busy: list[tuple[object, str]] = []
+        self._busy: list[tuple[object, str, Origin]] = []
 
     # --- parameters ------------------------------------------------------------------------------------
 
@@ -69,16 +71,18 @@ class Values:
         folded = instance.final or instance.variability == "constant" or instance.base == "Integer"
         if folded or not value.is_number:
             return value
-        self.nominal[instance.path] = number_of(value, instance.origin)
+        self.nominal[instance.path] = number_of(value, _written_at(instance))
         return Laurent.symbol(instance.path)
 
     def _enter(self, key: object, name: str, origin: Origin) -> None:
-        for k, (busy, _) in enumerate(self._busy):
-            if busy is key or busy == key:
-                loop = " -> ".join([*(n for _, n in self._busy[k:]), name])
-                self._busy.clear()
-                raise ModelError(f"its value depends on itself: {loop}", origin)
-        self._busy.append((key, name))
+        """Notes what is being evaluated, and where its value is written."""
+        keys = [busy for busy, _, _ in self._busy]
+        if key in keys:
+            ring = self._busy[keys.index(key) :]
+            loop = " -> ".join([*(n for _, n, _ in ring), name])
+            _, last, where = ring[-1]
+            raise ModelError(f"its value depends on itself: {loop}", replace(where, component=last))
+        self._busy.append((key, name, origin))
 
     # --- expressions -----------------------------------------------------------------------------------
 
@@ -173,7 +177,7 @@ class Values:
             )
         key = (owner, declared.name)
         if key not in self._constants:
-            self._enter(key, name, origin)
+            self._enter(key, name, Origin(name, owner.file, declared.line))
             outside = Instance(str(owner), owner, Origin(name, owner.file, declared.line))
             self._constants[key] = self.constant(declared.value, Scope(outside, owner))
             self._busy.pop()
@@ -181,6 +185,11 @@ class Values:
 
 
 _INSTEAD = dict.fromkeys(("sin", "cos"), ", and gravity is AxisWatch.Gravity")
+
+
+def _written_at(parameter: Instance) -> Origin:
+    where = parameter.binding.origin if parameter.binding is not None else parameter.origin
+    return replace(where, component=parameter.path)
 
 
 def _text(value: str | bool) -> str:
