@@ -114,7 +114,7 @@ def _definitions(space: StateSpace) -> Iterator[str]:
 
 def _table(space: StateSpace, nominal: Mapping[str, float]) -> Iterator[str]:
     names = latex_names_of(space)
-    yield r"\begin{center}\begin{tabular}{llrl}"
+    yield r"\begin{center}\begin{tabular}{lp{0.5\linewidth}rl}"
     yield r"parameter & meaning & nominal & unit \\ \hline"
     for p in space.parameters:
         value = _number(nominal[p.name]) if p.name in nominal else "--"

@@ -106,7 +106,10 @@ def _poles(facts: Facts, both: str) -> RenderableType | None:
         decay = f"{-1 / p.real:.3g} s" if p.real < 0 else ""
         for mode in modes([p]):
             table.add_row(
-                f"{p.real:.4g} {both} {p.imag:.4g}i", f"{mode.frequency_hz:.4g}", f"{mode.damping:.3g}", decay
+                f"{p.real:.4g} {both} {p.imag:.4g}i",
+                f"{mode.frequency_hz:.4g}",
+                f"{mode.damping + 0.0:.3g}",
+                decay,
             )
         if not modes([p, p.conjugate()]):
             table.add_row(f"{p.real:.4g}" if p.real else "0", "", "", decay)
@@ -119,7 +122,7 @@ def _resonances(motion: Resonances) -> RenderableType:
         ("anti-resonance", m) for m in motion.antiresonances
     ]
     for kind, mode in sorted(found, key=lambda pair: pair[1].frequency_hz):
-        table.add_row(kind, f"{mode.frequency_hz:.4g}", f"{mode.damping:.3g}")
+        table.add_row(kind, f"{mode.frequency_hz:.4g}", f"{mode.damping + 0.0:.3g}")
     return table if found else Text("none")
 
 

@@ -77,7 +77,9 @@ def _cells(body: str) -> list[str]:
     for content in re.findall(r"\\begin\{bmatrix\}(.*?)\\end\{bmatrix\}", body, re.S):
         widths = {len(re.findall(r"(?<!\\)&", row)) for row in re.split(r"\\\\", content)}
         found += ["rows of a matrix differ"] if len(widths) > 1 else []
-    for content in re.findall(r"\\begin\{tabular\}\{llrl\}(.*?)\\end\{tabular\}", body, re.S):
+    for content in re.findall(
+        r"\\begin\{tabular\}\{lp\{0\.5\\linewidth\}rl\}(.*?)\\end\{tabular\}", body, re.S
+    ):
         rows = [row for row in re.split(r"\\\\", content) if row.strip()]
         found += [f"cells: {row}" for row in rows if len(re.findall(r"(?<!\\)&", row)) != 3]
     return found

@@ -66,6 +66,12 @@ def test_numbers_at_nominal() -> None:
     assert "-1.83 0.547 s" in [" ".join(x.split()) for x in text.splitlines()]
 
 
+def test_without_damping_there_is_no_minus_zero() -> None:
+    drawn = tuple(replace(p, value=0.0) if p.name in ("dg", "da", "fm") else p for p in space().drawn)
+    text = shown(replace(space(), drawn=drawn, parameters=drawn))
+    assert not re.search(r"-0\b(?!\.)", text)
+
+
 def test_what_the_elimination_did() -> None:
     assert (
         elimination_words(space(name="mine")) == "flat equations 71, states 11 -> minimal 5, equations left 6"
@@ -129,7 +135,7 @@ def test_equations_where_the_matrices_do_not_fit() -> None:
     assert lines == [
         "x1' = r*x3 - x4",
         "x2' = x4 - x5",
-        "x3' = -kg*r/Jm*x1 - (dg*r^2 + fm)/Jm*x3 + dg*r/Jm*x4",
+        f"x3' = -kg*r/Jm*x1 - {-space().A[2, 2]}*x3 + dg*r/Jm*x4",
         "      + kT/Jm*u1 - fc/Jm*u2 + tau0/Jm*u3",
         "x4' = kg/Jg*x1 - ka/Jg*x2 + dg*r/Jg*x3 - (da + dg)/Jg*x4",
         "      + da/Jg*x5",
