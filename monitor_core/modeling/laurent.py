@@ -147,7 +147,7 @@ class Laurent:
             ((m, c),) = self.terms.items()
             return _term_text(m, c)
         common, rest = self.common_factor()
-        inner = rest._sum_text()
+        inner = rest.sum_text()
         if common == Laurent.number(1):
             return inner
         ((m, c),) = common.terms.items()
@@ -164,8 +164,9 @@ class Laurent:
         common = Laurent([(tuple(sorted((n, e) for n, e in lowest.items() if e)), Fraction(sign))])
         return common, self / common
 
-    def _sum_text(self) -> str:
-        ordered = sorted(self, key=lambda term: term[1] < 0)  # positive terms first
+    def sum_text(self) -> str:
+        """As a plain sum, nothing put outside brackets: the name of a merged parameter."""
+        ordered = sorted(self, key=lambda term: (term[1] < 0, len(term[0])))  # positive and short terms first
         text = " + ".join(_term_text(m, c) for m, c in ordered)
         return text.replace("+ -", "- ")
 

@@ -70,26 +70,31 @@ def _solve_for(system: System, power: int, names: list[str], used: Collection[in
 
 
 def _merge(system: System, operator: Operator, power: int) -> None:
-    """Inertias rigidly joined: their sum, which stands nowhere else, becomes one parameter.
+    """Inertias rigidly joined: their sum, which stands nowhere else, becomes one parameter: J1 + r^2 J2.
 
     Where all of its parts stand elsewhere, too, it would not be independent of them: left to rational functions.
     """
     c = operator[power]
     if is_unit(c) or not isinstance(c, Laurent):
         return
-    common, total = c.common_factor()
-    operator[power] = common
-    if total.names <= _occurring(system):
-        operator[power] = c
+    free = c.names - _occurring(system, operator)
+    inertias = [name for name in system.drawn if name in free and name not in c.derivative(name).names]
+    if not inertias:
         return
-    name = str(total)
+    factor = c.derivative(inertias[0])
+    if not factor.is_unit:
+        return
+    total = c / factor
+    name = total.sum_text()
     system.definitions[name] = total
-    operator[power] = common * Laurent.symbol(name)
+    operator[power] = factor * Laurent.symbol(name)
 
 
-def _occurring(system: System) -> set[str]:
+def _occurring(system: System, but: Operator) -> set[str]:
+    """The parameters that stand in any other operator."""
     rows = [line.row for line in system.lines] + list(system.watched.values())
-    return {name for row in rows for operator in row.values() for c in operator.values() for name in c.names}
+    operators = (operator for row in rows for operator in row.values() if operator is not but)
+    return {name for operator in operators for c in operator.values() for name in c.names}
 
 
 def _weight(system: System, k: int, power: int) -> int:

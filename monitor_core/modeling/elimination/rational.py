@@ -87,7 +87,7 @@ def merge(field: Field, entries: Sequence[Any]) -> Merging:
     for entry in entries:
         total, below = field.factors(entry)
         for poly, power in below:
-            name = sums.setdefault(poly, str(poly))
+            name = sums.setdefault(poly, poly.sum_text())
             total = total * Laurent.symbol(name, -power)
         out.append(total)
     merging = Merging(out, {name: poly for poly, name in sums.items()})

@@ -66,13 +66,13 @@ def _reduce(flat: FlatModel, output: Output | None, field: Field | None) -> Redu
     stiff, differentiated = _stiff(flat, rows), _differentiated(rows)
     orders = orders_of(flat, rows)
     far = distances(rows, [u.name for u in flat.inputs if u.kind == TORQUE])
-    keep = _keep(flat, far)
+    keep, drawn = _keep(flat, far), tuple(p.name for p in flat.parameters)
     torques = _torques(flat)
     lines = [
         Line(row if field is None else field.row(row), equation.origin, torques.isdisjoint(row))
         for row, equation in zip(rows, flat.equations, strict=True)
     ]
-    system = System(lines, _watched(flat, field), orders, frozenset(u.name for u in flat.inputs), keep)
+    system = System(lines, _watched(flat, field), orders, frozenset(u.name for u in flat.inputs), keep, drawn)
     balances = balances_of(system)
     sensors = tuple(FlatSensor(s.name, s.angle, output or s.quantity, s.origin) for s in flat.sensors)
     counts = Counts(len(flat.equations), len(flat.variables), differentiated, len(system.lines))

@@ -36,7 +36,7 @@ class Line:
 class System:
     """The equations that are left, and rows that only watch: name -> row expressing a variable of interest.
 
-    ``definitions``: parameters merged on the way, as sums of the user's own.
+    ``drawn``: the user's parameters in their order; ``definitions``: those merged on the way, as sums of them.
     """
 
     lines: list[Line]
@@ -44,6 +44,7 @@ class System:
     orders: Mapping[str, int]
     inputs: frozenset[str]
     keep: Mapping[str, tuple[int, ...]]
+    drawn: tuple[str, ...]
     definitions: dict[str, Laurent] = field(default_factory=dict)
 
     def unknowns(self) -> list[str]:
