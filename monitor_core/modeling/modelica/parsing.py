@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
 from monitor_core.modeling.flat import ModelError, Origin
@@ -30,11 +31,43 @@ def parse_tree(source: Source) -> Any:
     for recognizer in (lexer, parser):
         recognizer.removeErrorListeners()
         recognizer.addErrorListener(listener)
+    tokens.fill()
+    for annotation in _annotations(tokens.tokens):
+        annotation.channel = antlr4.Token.HIDDEN_CHANNEL
     tree = parser.stored_definition()
     rest = tokens.LT(1)
     if rest.type != antlr4.Token.EOF:
         raise ModelError(_stray(rest.text), Origin(file=source.name, line=rest.line))
     return tree
+
+
+def _annotations(tokens: list[Any]) -> Iterator[Any]:
+    """What stands in the brackets of ``annotation(...)``: most of a drawing's text, and of no effect here."""
+    shown = [token for token in tokens if token.channel == 0]
+    words = [token.text for token in shown]
+    k = 0
+    while k < len(words):
+        end = _closing(words, k + 1) if words[k] == "annotation" else k
+        yield from shown[k + 2 : end]
+        k = max(k, end) + 1
+
+
+def _closing(words: list[str], start: int) -> int:
+    """The index of the bracket that closes the one at ``start``; 0 if it is not closed before the statement's end."""
+    opened: list[str] = []
+    for k in range(start, len(words)):
+        if words[k] in _CLOSING:
+            opened.append(_CLOSING[words[k]])
+        elif opened and words[k] == opened[-1]:
+            opened.pop()
+        elif words[k] == ";" and opened[-1:] != ["]"]:
+            return 0
+        if not opened:
+            return k
+    return 0
+
+
+_CLOSING = {"(": ")", "{": "}", "[": "]"}
 
 
 def _listener(source: Source) -> Any:
