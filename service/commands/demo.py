@@ -71,7 +71,7 @@ def demo(
     with _folder(state_dir) as folder:
         read = _adapted(configuration(shipped("demo.toml")), axes, port, folder)
         with explained():
-            read = _driven(read, drive, model, tuple(monitor or ()))
+            read = with_drive_of(read, drive, model, tuple(monitor or ()))
         known = [axis.id for axis in read.axes]
         broken = axis_id(fault_axis, known) if fault_axis else known[min(1, axes - 1)]
         breaks = fault or [f"{usual_fault(read.axes[0].config)}=1.3"]
@@ -98,7 +98,7 @@ def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Co
     )
 
 
-def _driven(config: Config, drive: str | None, model: str | None, monitor: tuple[str, ...]) -> Config:
+def with_drive_of(config: Config, drive: str | None, model: str | None, monitor: tuple[str, ...]) -> Config:
     """Every axis with the drive, and what is watched."""
     axis = config.robot[0].axis[0]
     if drive is not None:

@@ -52,7 +52,7 @@ equation
   connect(encoder.flange, motor.flange_a);
 end Rigid;
 """
-MERGED = "Jl*r^2 + Jm"
+MERGED = "Jm + Jl*r^2"
 
 FILE = 'drive = "rigid.mo"\nmonitor = ["f"]\n'
 DRAWN = """\
