@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.statespace import StateSpace
 from service.reports import picture_symbols as symbols
 from service.reports.picture_bodies import Figure
@@ -22,10 +23,10 @@ def as_svg(space: StateSpace) -> str:
     """The picture as an SVG document, for light and dark pages.
 
     Raises:
-        ValueError: the drive has not been drawn: there are no components.
+        ModelError: the drive has not been drawn: there are no components.
     """
     if not any(c.nodes for c in space.components):
-        raise ValueError(f"{space.name} has no components to draw")
+        raise ModelError(f"{space.name} has no components to draw")
     return _Picture(space.name, lay_out(space.components)).document()
 
 

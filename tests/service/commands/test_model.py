@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,9 @@ equation
   connect(belt.flange_b, ram.flange_a);
 end Press;
 """
+
+
+EXAMPLE = shipped("axiswatch.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -115,6 +119,22 @@ def test_the_drive_of_an_axis(tmp_path: Path) -> None:
         found = as_json("--config", config, "--axis", name, "--json")
         assert {p["name"]: p["nominal"] for p in found["parameters"]}["fm"] == 0.05
     assert as_json("--config", config, "--axis", "axis2", "--json")["outputs"][0]["quantity"] == "angle"
+
+
+def test_a_drive_drawn_in_the_configuration(tmp_path: Path) -> None:
+    config = demo_config(tmp_path, axes=1)
+    text = config.read_text(encoding="utf-8")
+    drawn = re.findall(r"^#((?:\[robot.axis.model.components\]|\w+ = \{ type = ).*)$", EXAMPLE, re.M)
+    assert len(drawn) == 12
+    head, tail = text.replace('drive = "three-mass"\n', "", 1).split("[robot.axis.model.nominal]", 1)
+    config.write_text("\n".join([head, *drawn, "[robot.axis.model.nominal]" + tail]), encoding="utf-8")
+    found, library = (
+        as_json("--config", config, "--json"),
+        as_json("three-mass", "--output", "angle", "--json"),
+    )
+    assert (found["A"], found["B"], found["C"]) == (library["A"], library["B"], library["C"])
+    picture = ET.fromstring(shown("--config", config, "--svg", "-"))
+    assert len([e for e in picture.iter() if e.get("class") == "mass"]) == 3
 
 
 def test_the_only_axis_need_not_be_named(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.modeling.flat import FlatComponent
+from monitor_core.modeling.flat import FlatComponent, ModelError
 from service.reports.model_svg import as_svg
 from service.reports.picture_layout import lay_out
 from service.reports.picture_text import formula
@@ -162,7 +162,7 @@ def test_a_hundred_masses() -> None:
 
 
 def test_nothing_to_draw() -> None:
-    with pytest.raises(ValueError, match="no components"):
+    with pytest.raises(ModelError, match="no components"):
         as_svg(replace(space(), components=()))
 
 
