@@ -116,8 +116,8 @@ def is_positive(name: str, uses: Iterable[tuple[Role, Laurent]], value: float | 
     for role, expression in uses:
         if role.positive and expression.is_unit:
             ((monomial, coefficient),) = expression
-            strict = not role.signed and coefficient > 0 and dict(monomial)[name] % 2 == 1
-            if strict or value is None or value >= 0:
+            strict = not role.signed and dict(monomial)[name] % 2 == 1
+            if coefficient > 0 if strict else value is None or value >= 0:
                 return True
     return False
 

@@ -194,6 +194,19 @@ def test_expressions_tell_units_and_signs() -> None:
     }
 
 
+def test_signs_of_parameters() -> None:
+    """Of an inertia -a the parameter a is negative; a gear's r may be, if its value says so; both are not zero."""
+    parts = [Inertia("arm", "arm", J="-a"), IdealGear("gear", "motor", "arm", ratio="-r")]
+    for nominal in ({}, {"a": -1.0, "r": -118.0}):
+        assert {name: row[3] for name, row in table(Drawing("arm", parts, nominal)).items()} == {
+            "a": False,
+            "r": not nominal,
+        }
+    for nominal, problem in ({"r": 0.0}, r"^gear: nominal value of r .* is 0"), ({"a": 1.0}, "= -a is -1 at"):
+        with pytest.raises(ModelError, match=problem):
+            Drawing("arm", parts, nominal).flat()
+
+
 def test_meanings_set_the_order_and_the_words() -> None:
     ordered = Drawing(
         "two-mass", two_mass().components, meanings={"k": "stiffness of the toothed belt", "Ja": ""}

@@ -140,6 +140,10 @@ def test_products_are_solved_for_the_one_unknown() -> None:
     }
 
 
+def test_how_radians_are_written_is_taken_from_where_the_name_stands_alone() -> None:
+    assert infer([use("2*k", "N m", "fc of brake"), use("k", "N m/rad", BELT)]) == {"k": "N m/rad"}
+
+
 def test_summands_say_it_to_each_other() -> None:
     assert infer([use("a + b + 2*c", "", "k of gain")], {"b": "N.m"}) == {"a": "N m", "b": "N m", "c": "N m"}
 
