@@ -1,12 +1,15 @@
 """``axiswatch check``: is the configuration right, and what does it say."""
 
+from pathlib import Path
+
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
-from service.config import Config, NamedAxis
+from service.config import Config, ModelConfig, NamedAxis
+from service.modeling import SUFFIX
 
 
 def check(config: ConfigPath) -> None:
@@ -26,7 +29,7 @@ def _buses(config: Config) -> Table:
 
 
 def _axes(config: Config) -> Table:
-    columns = ("axis", "bus", "torque and motion", "interval", "watched")
+    columns = ("axis", "bus", "torque and motion", "interval", "drive", "watched")
     table = Table(*columns, title="Axes", title_justify="left", show_lines=True)
     for axis in config.axes:
         table.add_row(*map(escape, _cells(axis)))
@@ -41,5 +44,12 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
         f"{config.torque.message}.{config.torque.signal}\n"
         f"{config.motion.message}.{config.motion.signal} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
+        _drive(config.model),
         ", ".join(config.model.monitor),
     )
+
+
+def _drive(model: ModelConfig) -> str:
+    if model.components:
+        return f"drawn, {len(model.components)} components"
+    return Path(model.drive).name if model.drive.endswith(SUFFIX) else model.drive
