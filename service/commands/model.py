@@ -3,32 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
-from enum import StrEnum
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import typer
 
 from service.commands.exits import MISTAKE, explained
 from service.commands.optional_value import OptionalValueCommand
+from service.commands.which_drive import FoundDrive, Quantity, found_drive
 from service.modeling import LIBRARY, SUFFIX
-
-if TYPE_CHECKING:
-    from monitor_core.drive import Output
-    from monitor_core.modeling.statespace import StateSpace
-    from service.config import NamedAxis
-
-
-class Quantity(StrEnum):
-    """What a sensor measures."""
-
-    SPEED = "speed"
-    ANGLE = "angle"
-
-    def drawn(self) -> Output:
-        """As the modelling calls it."""
-        return "speed" if self is Quantity.SPEED else "angle"
 
 
 class Command(OptionalValueCommand):
@@ -102,19 +86,12 @@ def model(
     files = _Files(STDOUT if latex else None, json, svg, matlab)
     files.check()
     with explained():
-        found = _found(drive, name, config, axis, output)
+        found = found_drive(drive, name, config, axis, output)
         texts = list(files.texts(found))
     for path, text in texts:
         _write(path, text)
     if STDOUT not in (path for path, _ in texts):
         _print(found)
-
-
-class _Drive(NamedTuple):
-    """A state space, and nominal values that go before the drawing's own."""
-
-    space: StateSpace
-    values: Mapping[str, float]
 
 
 class _Files(NamedTuple):
@@ -143,7 +120,7 @@ class _Files(NamedTuple):
         if self.matlab is not None:
             _function_name(self.matlab)
 
-    def texts(self, drive: _Drive) -> Iterator[tuple[Path, str]]:
+    def texts(self, drive: FoundDrive) -> Iterator[tuple[Path, str]]:
         """What goes where."""
         from monitor_core.modeling.numbers import nominal_of
 
@@ -184,55 +161,7 @@ def _function_name(path: Path) -> str:
     return name
 
 
-def _found(
-    drive: str | None, name: str | None, config: Path | None, axis: str | None, output: Quantity | None
-) -> _Drive:
-    """The one drive that the command line names.
-
-    Raises:
-        typer.BadParameter: none or two, or an option that does not go with it.
-        ModelError: it is not there, or is no drive.
-    """
-    if (drive is None) == (config is None):
-        known = f"a file ({SUFFIX}), one of {', '.join(LIBRARY)}, or --config FILE"
-        raise typer.BadParameter(f"give {'a drive' if drive is None else 'one drive, not two'}: {known}")
-    if axis is not None and config is None:
-        raise typer.BadParameter("goes with --config FILE", param_hint="--axis")
-    if name is not None and not (drive or "").endswith(SUFFIX):
-        raise typer.BadParameter(f"goes with a Modelica file (FILE{SUFFIX})", param_hint="--model")
-    measured = None if output is None else output.drawn()
-    if config is not None:
-        return _of_axis(config, axis, output)
-    from service.modeling import state_space_of_file, state_space_of_library
-
-    assert drive is not None
-    if drive.endswith(SUFFIX):
-        return _Drive(state_space_of_file(Path(drive), name, measured), {})
-    return _Drive(state_space_of_library(drive, measured), {})
-
-
-def _of_axis(config: Path, axis: str | None, output: Quantity | None) -> _Drive:
-    from service.commands.configuration import configuration
-    from service.config import given_values
-    from service.modeling import model_of_axis
-
-    found = _axis(configuration(config).axes, axis)
-    modelled = model_of_axis(found.config, None if output is None else output.drawn())
-    return _Drive(modelled.space, given_values(found.config))
-
-
-def _axis(axes: tuple[NamedAxis, ...], wanted: str | None) -> NamedAxis:
-    names = ", ".join(a.id for a in axes)
-    if wanted is None and len(axes) > 1:
-        raise typer.BadParameter(f"say which axis: there is {names}", param_hint="--axis")
-    found = [a for a in axes if wanted in (None, a.id, a.id.split(".", 1)[1])]
-    if len(found) != 1:
-        what = "is in more than one robot" if found else "is not there"
-        raise typer.BadParameter(f"{wanted} {what}; there is {names}", param_hint="--axis")
-    return found[0]
-
-
-def _print(drive: _Drive) -> None:
+def _print(drive: FoundDrive) -> None:
     from rich.console import Console
 
     from service.reports.model_facts import facts_of
