@@ -29,7 +29,7 @@ def _buses(config: Config) -> Table:
 
 
 def _axes(config: Config) -> Table:
-    columns = ("axis", "bus", "torque and motion", "interval", "drive", "watched")
+    columns = ("axis", "bus", "torque and motion", "interval", "drive and watched")
     table = Table(*columns, title="Axes", title_justify="left", show_lines=True)
     for axis in config.axes:
         table.add_row(*map(escape, _cells(axis)))
@@ -44,8 +44,7 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
         f"{config.torque.message}.{config.torque.signal}\n"
         f"{config.motion.message}.{config.motion.signal} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
-        _drive(config.model),
-        ", ".join(config.model.monitor),
+        f"{_drive(config.model)}\n{', '.join(config.model.monitor)}",
     )
 
 

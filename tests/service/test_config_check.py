@@ -25,7 +25,7 @@ def test_a_right_configuration_is_summed_up(name: str, signals: tuple[str, ...])
     result = CliRunner().invoke(app, ["--config", str(CONFIG / name)])
     assert result.exit_code == 0
     assert f"{CONFIG / name}: no problems\n" in result.stdout
-    for words in ("can0", "axis1", "axis2", "1/Ja", *signals):
+    for words in ("can0", "axis1", "axis2", "three-mass", "1/Ja", *signals):
         assert words in result.stdout
     assert result.stderr == ""
 
