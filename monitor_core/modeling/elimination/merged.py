@@ -9,6 +9,9 @@ from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.units import parse
 
 
+_TOGETHER = "taken together: "
+
+
 def parameters_of(
     drawn: Sequence[FlatParameter], definitions: Mapping[str, Laurent], occurring: Collection[str]
 ) -> tuple[FlatParameter, ...]:
@@ -24,12 +27,13 @@ def parameters_of(
 
 def _merged(name: str, value: Laurent, known: Mapping[str, FlatParameter]) -> FlatParameter:
     parts = [p for p in known.values() if p.name in value.names]
-    meanings = [p.meaning or p.name for p in parts]
+    meanings = [(p.meaning or p.name).removeprefix(_TOGETHER) for p in parts]
+    said = dict.fromkeys(meaning for listed in meanings for meaning in listed.split(", "))
     numbers = {p.name: p.value for p in parts if p.value is not None}
     return FlatParameter(
         name=name,
         unit=_unit(value, known),
-        meaning="taken together: " + ", ".join(meanings),
+        meaning=_TOGETHER + ", ".join(said),
         value=float(value.value(numbers)) if len(numbers) == len(parts) else None,
         positive=all(p.positive for p in parts) and all(c > 0 for _, c in value),
         origin=parts[0].origin,
