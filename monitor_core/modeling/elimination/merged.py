@@ -8,7 +8,6 @@ from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.units import parse
 
-
 _TOGETHER = "taken together: "
 
 
