@@ -1,4 +1,4 @@
-"""What config/ ships for Prometheus, Grafana and systemd is accepted by those programs."""
+"""What config/ ships for Prometheus, Grafana, systemd and OpenModelica is accepted by those programs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from monitor_core.modeling.modelica.declarations import parse
+from monitor_core.modeling.modelica.library import library
+from monitor_core.modeling.modelica.syntax import ClassDef, Source
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / "config"
@@ -114,3 +118,61 @@ def test_image_keeps_its_compiled_kernel_where_no_volume_hides_it() -> None:
         i for i, line in enumerate(lines) if f"-o axiswatch -g axiswatch {volumes[0]} {cache}" in line
     )
     assert made < lines.index("USER axiswatch") < lines.index("RUN axiswatch warm")
+
+
+def components(package: ClassDef) -> dict[str, dict[str, tuple[str, str]]]:
+    """Parameters and connectors of every class of a package, with their types."""
+    return {
+        name: {c.name: (c.variability, str(c.type)) for c in model.components.values()}
+        for name, model in package.classes.items()
+    }
+
+
+def test_openmodelica_gets_the_components_that_the_program_knows() -> None:
+    file = CONFIG / "modelica" / "AxisWatch.mo"
+    (package,) = parse(Source(file.name, file.read_text(encoding="utf-8"))).classes
+    shipped, known = components(package), components(library()["AxisWatch"])
+    del shipped["CoulombFriction"]["w"]  # a variable of its own
+    assert shipped == known
+
+
+PLACEMENT = re.compile(
+    r"transformation\((?:origin = \{(?P<ox>-?\d+), (?P<oy>-?\d+)\}, )?"
+    r"extent = \{\{(?P<x1>-?\d+), (?P<y1>-?\d+)\}, \{(?P<x2>-?\d+), (?P<y2>-?\d+)\}\}"
+)
+Box = tuple[int, int, int, int]
+
+
+def boxes(text: str) -> list[Box]:
+    """Left, bottom, right and top of each component of a drawing; the rotated ones are square."""
+    found = [{k: int(v or 0) for k, v in m.groupdict().items()} for m in PLACEMENT.finditer(text)]
+    return [(b["ox"] + b["x1"], b["oy"] + b["y1"], b["ox"] + b["x2"], b["oy"] + b["y2"]) for b in found]
+
+
+@pytest.mark.parametrize("file", sorted((CONFIG / "drives").glob("*.mo")), ids=lambda file: file.stem)
+def test_drawings_open_well_in_openmodelica(file: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    (model,) = parse(Source(file.name, text)).classes
+    placed = boxes(text)
+    assert len(placed) == len([c for c in model.components.values() if c.variability != "parameter"])
+    assert not [(a, b) for i, a in enumerate(placed) for b in placed[:i] if overlap(a, b)]
+    extent = re.search(r"Diagram\(coordinateSystem\(extent = \{\{(.*?), (.*?)\}, \{(.*?), (.*?)\}\}", text)
+    assert extent
+    left, bottom, right, top = map(int, extent.groups())
+    assert all(b[0] >= left and b[1] >= bottom and b[2] <= right and b[3] <= top for b in placed)
+    lines = re.findall(r"connect\(.*\)\n    annotation\(Line\(points = \{(.*)\}[,)]", text)
+    assert len(lines) == text.count("connect(")
+    for points in lines:
+        ends = [tuple(map(int, p.split(", "))) for p in re.findall(r"\{(-?\d+, -?\d+)\}", points)]
+        assert touches(ends[0], placed), points
+        assert touches(ends[-1], placed), points
+
+
+def overlap(a: Box, b: Box) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def touches(point: tuple[int, ...], placed: list[Box]) -> bool:
+    """Within two units of a component, as connectors stand out a little."""
+    x, y = point
+    return any(b[0] - 2 <= x <= b[2] + 2 and b[1] - 2 <= y <= b[3] + 2 for b in placed)

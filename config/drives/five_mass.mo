@@ -91,5 +91,5 @@ equation
   annotation(
     Diagram(coordinateSystem(extent = {{-200, -100}, {260, 100}})),
     Icon(coordinateSystem(extent = {{-200, -100}, {260, 100}})),
-    uses(Modelica(version = "4.0.0"), AxisWatch));
+    uses(Modelica(version = "4.0.0"), AxisWatch(version = "0.1.0")));
 end FiveMass;

@@ -69,5 +69,5 @@ equation
   annotation(
     Diagram(coordinateSystem(extent = {{-200, -100}, {140, 100}})),
     Icon(coordinateSystem(extent = {{-200, -100}, {140, 100}})),
-    uses(Modelica(version = "4.0.0"), AxisWatch));
+    uses(Modelica(version = "4.0.0"), AxisWatch(version = "0.1.0")));
 end ThreeMass;

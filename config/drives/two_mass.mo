@@ -58,5 +58,5 @@ equation
   annotation(
     Diagram(coordinateSystem(extent = {{-200, -100}, {80, 100}})),
     Icon(coordinateSystem(extent = {{-200, -100}, {80, 100}})),
-    uses(Modelica(version = "4.0.0"), AxisWatch));
+    uses(Modelica(version = "4.0.0"), AxisWatch(version = "0.1.0")));
 end TwoMass;

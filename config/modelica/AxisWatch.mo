@@ -51,5 +51,5 @@ package AxisWatch "What axiswatch knows besides Modelica.Mechanics.Rotational: l
         Text(extent = {{-150, 110}, {150, 70}}, textString = "%name", textColor = {0, 0, 255}),
         Text(extent = {{-150, -70}, {150, -100}}, textString = "tau0=%tau0")}));
   end TorqueOffset;
-  annotation(uses(Modelica(version = "4.0.0")));
+  annotation(version = "0.1.0", uses(Modelica(version = "4.0.0")));
 end AxisWatch;
