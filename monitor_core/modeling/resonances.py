@@ -124,9 +124,14 @@ def _reflection(c: Floats) -> Floats:
 
 
 def _balanced(A: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same drive in states of other units, in which the rows and columns of A are of like size."""
-    balanced, (d, _) = sla.matrix_balance(A, permute=False, separate=True)
-    return np.asarray(balanced, dtype=float), b / d, c * d
+    """The same drive in other units of states and input, in which rows and columns of [A b; c 0] are of like size.
+
+    Of A alone it would not be enough: an angle that nothing depends on but the sensor has any unit there.
+    """
+    whole = np.block([[A, b[:, None]], [c[None], np.zeros((1, 1))]])
+    balanced, _ = sla.matrix_balance(whole, permute=False, separate=True)
+    out = np.asarray(balanced, dtype=float)
+    return out[:-1, :-1], out[:-1, -1], out[-1, :-1]
 
 
 def _sorted(roots: NDArray[np.inexact]) -> tuple[complex, ...]:

@@ -92,6 +92,7 @@ CASES: list[tuple[Table, Table, dict[str, str], tuple[str, ...], set[str]]] = [
     # two dampers of one mass are seen as a sum
     ({(0, 0): "-f1/J - f2/J"}, {(0, 0): "kT/J"}, {}, (), {"(f1 + f2)/J", "kT/J"}),
     ({(0, 0): "-f1 - 2*f2"}, {(0, 0): "kT"}, {}, ("kT",), {"f1 + 2*f2"}),
+    ({(0, 0): "-2*f1/J - 3*f2/J"}, {(0, 0): "kT/J"}, {}, (), {"(2*f1 + 3*f2)/J", "kT/J"}),
     # merged inertias, written as drawn
     ({(0, 0): "-f/M"}, {(0, 0): "kT/M"}, {"M": "J1 + J2*r^2"}, (), {"f/(J1 + J2*r^2)", "kT/(J1 + J2*r^2)"}),
     ({(0, 0): "-f/M"}, {(0, 0): "1/M"}, {"M": "J1 + J2*r^2"}, ("f",), {"J1 + J2*r^2"}),
@@ -105,7 +106,15 @@ CASES: list[tuple[Table, Table, dict[str, str], tuple[str, ...], set[str]]] = [
         (),
         {"J1 + J2*r^2", "f1 + f2*r^2"},
     ),
+    (
+        {(0, 0): "-f1/M - f2*r^2/M"},
+        {(0, 0): "kT/M"},
+        {"M": "J1 + J2*r^2"},
+        (),
+        {"kT/(J1 + J2*r^2)", "(f1 + f2*r^2)/(J1 + J2*r^2)"},
+    ),
     # merged parameters that are not independent of the others: as drawn
+    ({(0, 0): "-M/J1"}, {(0, 0): "J2/J1"}, {"M": "J1 + J2"}, (), {"J2/J1"}),
     ({(0, 0): "-k*f/s"}, {(0, 0): "k"}, {"s": "k + f"}, ("f", "k"), set()),
     # the spring is seen through the ratio only, squared
     ({(0, 1): "1", (1, 0): "-k*r^2"}, {(1, 0): "kT"}, {}, ("kT",), {"k*r^2"}),
@@ -148,6 +157,12 @@ def test_the_suggestion_is_enough_and_no_part_of_it_is(seed: int) -> None:
         assert structural(ss, rest, seed).identifiable == tuple(rest)
         for name in suggestion:
             assert structural(ss, [*rest, name], seed).suggestion
+
+
+def test_two_groups_need_one_known_parameter_each(seed: int) -> None:
+    """Of a*b only one is held, however well both are known."""
+    ss = table({(0, 0): "-a*b"}, {(0, 0): "kT/J"}, {(0, 0): "1"})
+    assert structural(ss, seed=seed).suggestion == ("a", "kT")
 
 
 def test_a_parameter_that_is_not_there(seed: int) -> None:
