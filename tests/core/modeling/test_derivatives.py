@@ -1,0 +1,209 @@
+"""Derivatives of A, B, C as the kernel gets them: against sympy's, and against the complex step."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from monitor_core.assembly import Assembly
+from monitor_core.drive import Output
+from monitor_core.kernel.laurent import evaluate
+from monitor_core.model import AxisModel, split_name
+from monitor_core.modeling.drawing import Drawing, from_tables
+from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.library import five_mass, three_mass, two_mass
+from monitor_core.modeling.numbers import drive_of
+from monitor_core.modeling.statespace import StateSpace
+from monitor_core.modeling.symbolic import expression, matrices, symbols_of
+from tests.core.modeling.random_drives import RandomDrive, drives
+from tests.core.oracle import derivatives
+
+Array = NDArray[np.float64]
+MATRICES = ("A", "B", "C")
+TOLERANCE = 1e-12
+LAWS = settings(deadline=None, max_examples=25)
+
+RIGID: list[dict[str, object]] = [
+    {"type": "torque", "name": "torque", "at": "shaft", "kT": "kT"},
+    {"type": "inertia", "name": "motor", "at": "shaft", "J": "Jm"},
+    {"type": "ideal-gear", "name": "gear", "at": ["shaft", "drum"], "ratio": "1/r"},
+    {"type": "inertia", "name": "wheel", "at": "drum", "J": "Jg"},
+    {"type": "spring-damper", "name": "rope", "at": ["drum", "hook"], "c": "k", "d": "d"},
+    {"type": "inertia", "name": "load", "at": "hook", "J": "m*l^2"},
+    {"type": "viscous-friction", "name": "bearing", "at": "shaft", "d": "fm"},
+    {"type": "coulomb-friction", "name": "seal", "at": "drum", "fc": "fc"},
+    {"type": "angle-sensor", "name": "encoder", "at": "shaft"},
+]
+SPRINGS: list[dict[str, object]] = [
+    *RIGID[:4],
+    {"type": "spring", "name": "rope", "at": ["drum", "middle"], "c": "k1"},
+    {"type": "spring", "name": "belt", "at": ["middle", "hook"], "c": "k2"},
+    *RIGID[5:],
+]
+DAMPED: list[dict[str, object]] = [
+    *RIGID[:4],
+    {"type": "spring-damper", "name": "rope", "at": ["drum", "middle"], "c": "k1", "d": "d1"},
+    {"type": "spring-damper", "name": "belt", "at": ["middle", "hook"], "c": "k2", "d": "d2"},
+    *RIGID[5:],
+]
+DRAWINGS: Mapping[str, Callable[[], Drawing]] = {
+    "two masses": two_mass,
+    "three masses": three_mass,
+    "five masses": five_mass,
+    "rigid gear": lambda: from_tables("rigid", RIGID),
+    "massless flange between springs": lambda: from_tables("springs", SPRINGS),
+    "massless flange between dampers": lambda: from_tables("dampers", DAMPED),
+}
+
+
+def chosen(ss: StateSpace, values: Mapping[str, float], source: random.Random) -> AxisModel:
+    """Any of the parameters, in any order, some by their reciprocals."""
+    drive = drive_of(ss)
+    names = [p.name for p in drive.parameters]
+    some = source.sample(names, source.randint(1, len(names)))
+    return AxisModel(drive, values, tuple(f"1/({n})" if source.random() < 0.5 else n for n in some))
+
+
+def near(model: AxisModel, source: random.Random) -> Array:
+    return np.array([value * source.uniform(0.5, 2.0) for value in model.theta0])
+
+
+def of_kernel(model: AxisModel, theta: Array) -> dict[str, list[Array]]:
+    """dA, dB and dC for each parameter, as the kernel's tables say where each number goes."""
+    T = Assembly(model.drive, model.monitored).tables
+    V = evaluated(model, theta)
+    n, p, m = T.n, T.p, T.m
+    dA, dB, dC = ([np.zeros(shape) for _ in range(p)] for shape in ((n, n), (n, m), (1, n)))
+    starts = T.ext_start.astype(int)
+    for row in range(p * n):
+        for k in range(starts[row], starts[row + 1]):
+            source, slot = int(T.ext_src[k]), int(T.ext_slot[k])
+            if source >= p * n:
+                dA[row // n][row % n, source - p * n] += V[slot]
+    for row, slot, col, par in zip(T.in_row, T.in_slot, T.in_col, T.in_par, strict=True):
+        if row < p * n and par < 0:
+            dB[row // n][row % n, col] += V[slot]
+    for slot, source, par in zip(T.out_slot, T.out_src, T.out_par, strict=True):
+        if source >= p * n and par >= 0:
+            dC[par][0, source - p * n] += V[slot]
+    return {"A": dA, "B": dB, "C": dC}
+
+
+def evaluated(model: AxisModel, theta: Array) -> Array:
+    """All slots, and the zero behind them, at theta."""
+    assembly = Assembly(model.drive, model.monitored)
+    T, constants = assembly.tables, assembly.model_constants(model, 1.0)
+    V0, coef = constants["V0"][:, np.newaxis], constants["coef"][:, np.newaxis]
+    V = np.append(constants["V0"], 0.0)[:, np.newaxis]
+    factors = (T.term_slot, T.factor_start, T.factor_par, T.factor_exp)
+    interpreted = cast("Any", evaluate).py_func  # compiled, it may be called by the kernel only
+    interpreted((0,), *factors, V0, coef, theta[:, np.newaxis], V, np.empty(1))
+    return np.asarray(V[:, 0])
+
+
+def of_sympy(ss: StateSpace, model: AxisModel, theta: Array) -> dict[str, list[tuple[Array, Array]]]:
+    """Each derivative, and the sum of the sizes of its terms, in rational arithmetic until the end."""
+    exact = {name: sympy.Rational(*v.as_integer_ratio()) for name, v in model.nominal.items()}
+    here = {
+        name: sympy.Rational(*float(v).as_integer_ratio())
+        for name, v in zip(model.monitored, theta, strict=True)
+    }
+    symbols = symbols_of(ss)
+    q = {name: sympy.Symbol(f"q{i}", positive=True) for i, name in enumerate(model.monitored)}
+    inside = {symbols[split_name(n)[0]]: 1 / s if split_name(n)[1] else s for n, s in q.items()}
+    numbers = {s: exact[n] for n, s in symbols.items() if n in exact and s not in inside}
+    numbers |= {q[name]: value for name, value in here.items()}
+    out = {}
+    for which, M in zip(MATRICES, matrices(ss), strict=True):
+        out[which] = [numeric(M.subs(inside).diff(q[name]), numbers) for name in model.monitored]
+    return out
+
+
+def numeric(M: sympy.Matrix, numbers: Mapping[sympy.Symbol, sympy.Rational]) -> tuple[Array, Array]:
+    value, size = np.zeros(M.shape), np.zeros(M.shape)
+    for i in range(M.rows):
+        for j in range(M.cols):
+            terms = [term.subs(numbers) for term in sympy.Add.make_args(M[i, j].expand())]
+            value[i, j], size[i, j] = float(sum(terms)), float(sum(abs(t) for t in terms))
+    return value, size
+
+
+def check(ss: StateSpace, values: Mapping[str, float], source: random.Random) -> None:
+    model = chosen(ss, values, source)
+    theta = near(model, source)
+    kernel, exact = of_kernel(model, theta), of_sympy(ss, model, theta)
+    for which in MATRICES:
+        stepped = derivatives(model, which, theta)
+        for got, (want, size), step in zip(kernel[which], exact[which], stepped, strict=True):
+            assert (abs(got - want) <= TOLERANCE * size).all()
+            assert (abs(step - want) <= TOLERANCE * size).all()
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_derivatives_of_drawn_drives(name: str, output: Output, seed: int) -> None:
+    ss = eliminate(DRAWINGS[name]().flat(), output)
+    source = random.Random(seed)
+    for _ in range(2):
+        check(ss, {p.name: source.uniform(0.2, 5.0) for p in ss.drawn}, source)
+
+
+@pytest.mark.parametrize(
+    ("name", "merged"),
+    [
+        ("rigid gear", {"Jm + Jg*r^2"}),
+        ("massless flange between springs", {"Jm + Jg*r^2", "k1*k2/(k1 + k2)"}),
+        ("massless flange between dampers", {"Jm + Jg*r^2", "d1 + d2"}),
+    ],
+)
+def test_merged_parameters_are_among_them(name: str, merged: set[str]) -> None:
+    ss = eliminate(DRAWINGS[name]().flat())
+    assert {d.name for d in ss.definitions} & {p.name for p in ss.parameters} == merged
+
+
+@LAWS
+@given(drive=drives(most=4), seed=st.integers(0, 2**32 - 1))
+def test_derivatives_of_random_drives(drive: RandomDrive, seed: int) -> None:
+    ss = eliminate(from_tables("random", drive.parts, {}).flat())
+    check(ss, {name: float(value) for name, value in drive.exact.items()}, random.Random(seed))
+
+
+# --- Laurent sums --------------------------------------------------------------------------------------
+
+SYMBOLS = {name: sympy.Symbol(name, positive=True) for name in ("a", "b", "c")}
+monomials = st.dictionaries(st.sampled_from(sorted(SYMBOLS)), st.integers(-4, 4).filter(bool)).map(
+    lambda powers: tuple(sorted(powers.items()))
+)
+fractions = st.fractions(-99, 99, max_denominator=99)
+laurents = st.dictionaries(monomials, fractions, max_size=5).map(lambda terms: Laurent(terms.items()))
+
+
+@given(value=laurents, name=st.sampled_from(sorted(SYMBOLS)))
+def test_the_derivative_of_a_laurent_sum_is_sympys(value: Laurent, name: str) -> None:
+    difference = expression(value.derivative(name), SYMBOLS) - expression(value, SYMBOLS).diff(SYMBOLS[name])
+    assert sympy.expand(difference) == 0
+
+
+@given(left=laurents, right=laurents, name=st.sampled_from(sorted(SYMBOLS)))
+def test_the_derivative_of_a_product(left: Laurent, right: Laurent, name: str) -> None:
+    whole = (left * right).derivative(name)
+    assert whole == left.derivative(name) * right + left * right.derivative(name)
+
+
+@given(value=laurents, name=st.sampled_from(sorted(SYMBOLS)), t=st.fractions(1, 9, max_denominator=9))
+def test_the_derivative_through_a_reciprocal(value: Laurent, name: str, t: Fraction) -> None:
+    """d f(1/q) / dq = -f'(1/q) / q^2, in fractions."""
+    inverted = value.substitute({name: Laurent.symbol(name, -1)})
+    at = {other: Fraction(3, 2) for other in SYMBOLS} | {name: t}
+    there = at | {name: 1 / t}
+    assert inverted.derivative(name).value(at) == -value.derivative(name).value(there) / t**2
