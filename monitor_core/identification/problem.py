@@ -1,0 +1,137 @@
+"""What is to be estimated: a drive, which of its parameters are free, and how its output is predicted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from monitor_core.drive import Drive, split_name
+from monitor_core.model import AxisModel
+
+DELAY = "delay"
+"""Name of the skew between torque and output among the estimates, s."""
+
+Predictor = Literal["output-error", "innovations"]
+Loss = Literal["squares", "huber"]
+Motion = Literal["measured", "simulated"]
+Initial = Literal["free", "rest"]
+Level = Literal["torque", "slow", "time_constant"]
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What acts on the drive beside the motor torque, from which the gain K of the innovations form follows.
+
+    Standard deviations; only their ratios to that of the output matter to K, so that one is never free.  Those of
+    ``free`` are start values and are estimated with theta.
+
+    Args:
+        torque: of white noise that enters like the torque, held over each interval, N m; None: tried out.
+        slow: of d, N m, where d' = -d / time_constant_s + w enters like the torque, too; 0: no such state.
+        time_constant_s: of d.
+        output: of the white noise on the output, rad/s or rad.
+        free: which of "torque", "slow" and "time_constant" are estimated; one that is 0 never is.
+
+    Raises:
+        ValueError: a value out of its range.
+    """
+
+    torque: float | None = None
+    slow: float = 0.0
+    time_constant_s: float = 1.0
+    output: float = 1.0
+    free: tuple[Level, ...] = ("torque", "slow")
+
+    def __post_init__(self) -> None:
+        at_least_zero = {"torque": self.torque or 0.0, "slow": self.slow}
+        positive = {"time_constant_s": self.time_constant_s, "output": self.output}
+        for name, value in at_least_zero.items():
+            if not 0 <= value < math.inf:
+                raise ValueError(f"{name} = {value}: need a finite value, at least zero")
+        for name, value in positive.items():
+            if not 0 < value < math.inf:
+                raise ValueError(f"{name} = {value}: need a finite value greater than zero")
+        unknown = set(self.free) - {"torque", "slow", "time_constant"}
+        if unknown:
+            raise ValueError(f"free = {sorted(unknown)}: a noise level is torque, slow or time_constant")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A grey-box model with free parameters.
+
+    Args:
+        drive: its structure.
+        nominal: values of all parameters, as AxisModel takes them; those of the free ones are the start.
+        free: names of the drive's parameters to be estimated, "1/Ja" for the reciprocal of Ja.  Positive ones are
+            estimated as logarithms, and so stay positive.
+        predictor: "output-error" simulates; "innovations" corrects the state by K eps at each sample, which also is
+            what makes a record from a closed loop, however noisy, as good as any other.
+        speed_scale: of Coulomb friction, rad/s, as in Settings.
+        delay_s: skew, by which the torque acts later than its sample, at most one interval.
+        free_delay: it is estimated.
+        disturbance: noise from which K follows; None: white torque noise of unknown level.
+        K: filter gain (n,) in the drive's states, which then is held; no disturbance.
+        loss: "huber" for outliers.
+        bounds: of free parameters, by name; "delay" is one.
+        scales: sizes of free parameters whose start is zero.
+        motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
+            friction there follows the speed of the predictor), or "simulated": all on the predictor's state.
+        initial: state at the first sample: "free", or "rest": moving rigidly with the first output, as the monitor
+            starts.
+        varying: parameters that are not constant, theta(t) = theta + sum_j b_j s_j(t), each with the names of the
+            records' signals s_j; the b_j are estimated.
+
+    Raises:
+        KeyError, ValueError: what AxisModel refuses; settings that contradict one another.
+    """
+
+    drive: Drive
+    nominal: Mapping[str, float]
+    free: tuple[str, ...]
+    predictor: Predictor = "innovations"
+    speed_scale: float = 1.0
+    delay_s: float = 0.0
+    free_delay: bool = False
+    disturbance: Disturbance | None = None
+    K: tuple[float, ...] | None = None
+    loss: Loss = "squares"
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    motion: Motion = "measured"
+    initial: Initial = "free"
+    varying: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # One that starts at zero needs no size here: the data set it.
+        model = AxisModel(self.drive, self.nominal, (), {}, {})
+        object.__setattr__(self, "nominal", model.nominal)
+        self._check_free()
+        if self.predictor == "output-error" and (self.disturbance or self.K):
+            raise ValueError("an output-error predictor has no gain: leave out disturbance and K")
+        if self.disturbance and self.K:
+            raise ValueError("K is either given or follows from the disturbance: give one of them")
+        if self.K is not None and len(self.K) != len(self.drive.states):
+            raise ValueError(f"K has {len(self.K)} entries, the drive {len(self.drive.states)} states")
+        for what, value in {"speed_scale": self.speed_scale}.items():
+            if not 0 < value < math.inf:
+                raise ValueError(f"{what} = {value}: need a finite value greater than zero")
+        if not 0 <= self.delay_s < math.inf:
+            raise ValueError(f"delay_s = {self.delay_s}: need a finite value, at least zero")
+
+    def _check_free(self) -> None:
+        bases = [split_name(name)[0] for name in self.free]
+        for name, base in zip(self.free, bases, strict=True):
+            self.drive.parameter(name)
+            if bases.count(base) > 1:
+                raise ValueError(f"{base} is free twice")
+            if name != base and self.nominal[base] == 0:
+                raise ValueError(f"{name} does not exist: its nominal value is 0")
+        for name in self.varying:
+            if name not in self.free:
+                raise ValueError(f"{name} depends on signals and so must be free")
+        for name, (lower, upper) in self.bounds.items():
+            if not lower < upper:
+                raise ValueError(f"bounds of {name} = {lower}, {upper}: the first must be below the second")

@@ -1,0 +1,76 @@
+"""What a fit returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monitor_core.drive import Drive
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Estimates, how sure they are, and how well they predict.
+
+    ``drive`` is the problem's, with the state of the disturbance if there is one: K has one number for each of its
+    states, and ``values`` all of its parameters.
+
+    Attributes:
+        drive: what K and values belong to.
+        names: (p,) free parameters, then "delay" if free, then "fm per temperature" of varying ones.
+        theta: (p,) estimates, SI.
+        covariance: (p, p); infinite variance where a direction cannot be told, NaN beside it.
+        values: all parameters of the drive.
+        delay_s: skew between torque and output, estimated or as given.
+        K: (n,) filter gain in the drive's states; zeros for output error.
+        interval_s: that K belongs to.
+        lam0: innovation variance lambda_0, the output's unit squared.
+        noise: standard deviations "torque", "slow" (N m), "output", and "time_constant" (s), where K follows from
+            them.
+        cost: sum of squared prediction errors, or of their Huber losses.
+        fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
+        fit_simulation: the same, simulated from the estimated initial state without looking at the output again.
+        iterations: evaluations of the predictor and its gradient.
+        converged: the fit stopped because nothing moved any more.
+        words: what the user should know, in sentences.
+    """
+
+    drive: Drive
+    names: tuple[str, ...]
+    theta: Floats
+    covariance: Floats
+    values: Mapping[str, float]
+    delay_s: float
+    K: Floats
+    interval_s: float
+    lam0: float
+    noise: Mapping[str, float]
+    cost: float
+    fit: tuple[float, ...]
+    fit_simulation: tuple[float, ...]
+    iterations: int
+    converged: bool
+    words: tuple[str, ...] = field(default=())
+
+    @property
+    def sd(self) -> Floats:
+        """(p,) standard deviations of theta."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def correlation(self) -> Floats:
+        """(p, p) of the estimates; NaN where a parameter cannot be told."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.covariance / np.outer(self.sd, self.sd))
+
+    def model(self, monitored: tuple[str, ...] = ()) -> AxisModel:
+        """The axis with these values as nominal ones.
+
+        Raises:
+            KeyError, ValueError: what AxisModel refuses.
+        """
+        return AxisModel(self.drive, self.values, monitored)
