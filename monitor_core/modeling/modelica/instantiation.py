@@ -196,6 +196,11 @@ def _check_component(new: Instance) -> None:
         _wrong_sort(new)
     if new.cls.sort == "package":
         _wrong_sort(new)
+    if new.binding is not None and not new.base:
+        raise ModelError(
+            f"a value for all of {new.path} is not supported: give its parameters one by one, in brackets",
+            replace(new.binding.origin, component=new.path),
+        )
     if new.cls.partial and not new.base:
         raise ModelError(f"{new.cls.name} is partial: use a model that extends it", new.origin)
 

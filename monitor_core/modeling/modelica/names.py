@@ -93,7 +93,7 @@ class Names:
         """
         for extends in cls.extends:
             origin = Origin(str(cls), cls.file, extends.line)
-            yield extends, self.find(_scope_of_bases(cls), extends.base, origin)
+            yield extends, self.find(cls, extends.base, origin)
 
     def _within(self, cls: ClassDef | None, parts: tuple[str, ...]) -> ClassDef | None:
         for part in parts:
@@ -122,7 +122,7 @@ class Names:
         self._searching.add(cls)
         try:
             for extends in cls.extends:
-                base = self.search(_scope_of_bases(cls), extends.base.parts)
+                base = self.search(cls, extends.base.parts)
                 found = self._member(base, name) if base is not None else None
                 if found is not None:
                     return found
@@ -166,11 +166,6 @@ class Names:
         known = [c for c in descendants(self.root) if c.sort in ("model", "block", "class", "connector")]
         near = similar(name, {c.name for c in known})
         return [str(c) for last in near for c in known if c.name == last]
-
-
-def _scope_of_bases(cls: ClassDef) -> ClassDef:
-    """A base may be named by what is imported or defined inside; a short class names it from outside."""
-    return cls if cls.components or cls.classes or cls.imports else cls.parent or cls
 
 
 def outwards(scope: ClassDef) -> Iterator[ClassDef]:

@@ -22,9 +22,8 @@ def parse_tree(source: Source) -> Any:
     from pymoca.generated.ModelicaParser import ModelicaParser
     from pymoca.parser import antlr4  # pymoca's own dependency
 
-    lexer = ModelicaLexer(
-        antlr4.InputStream(source.text + "\n")
-    )  # the grammar wants it behind a last comment
+    # The grammar wants a new line behind a last comment; some editors begin a file with a byte order mark.
+    lexer = ModelicaLexer(antlr4.InputStream(source.text.removeprefix("\ufeff") + "\n"))
     tokens = antlr4.CommonTokenStream(lexer)
     parser = ModelicaParser(tokens)
     listener = _listener(source)

@@ -34,6 +34,23 @@ def test_ways_to_name_a_class(declarations: str) -> None:
     assert values(flat(drive(declarations))) == ONE
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff" + drive(),
+        drive().replace("\n", "\r\n"),
+        drive() + "// the end",
+        "/* a drive */ " + drive(),
+        "within;" + drive(),
+        drive().replace(
+            "end D;", 'annotation(Icon(graphics = {Text(textString = "%name;)")}), x = [1; 2]);\nend D;'
+        ),
+    ],
+)
+def test_what_editors_add(text: str) -> None:
+    assert flat(text).equations == flat(drive()).equations
+
+
 def test_classes_of_enclosing_packages_and_base_classes() -> None:
     text = f"""
 package Lib

@@ -22,6 +22,7 @@ def inverse(number: int) -> int:
     [
         ("Real w; equation w = der(flange.phi); J*der(w) = flange.tau;", 3 * S * S),
         ("equation J*der(der(flange.phi)) = flange.tau;", 3 * S * S),
+        ("equation J*der(der(flange.phi - 4) + 5) = flange.tau;", 3 * S * S),
         ("Modelica.Units.SI.AngularVelocity w = der(flange.phi); equation flange.tau = J*der(w);", 3 * S * S),
         ("equation flange.tau = c*flange.phi + d*der(flange.phi);", 11 + 2 * S),
         ("equation flange.tau - d*der(flange.phi) = flange.phi*c;", 11 + 2 * S),

@@ -23,6 +23,7 @@ end Actuator; """
         ("", "", "torque.tau", 1),
         (f"{U} u;", "connect(u, torque.tau);", "u", 1),
         (f"{U} u;", "connect(torque.tau, u);", "u", 1),
+        (f"{U} u;", "connect(torque.tau, u); connect(u, torque.tau);", "u", 1),
         (f"{U} u;", "torque.tau = 3*u;", "u", 3),
         ("input Real u;", "torque.tau = 3*u;", "u", 3),
         ("connector In = input Real; In u;", "connect(u, torque.tau);", "u", 1),

@@ -12,6 +12,7 @@ from monitor_core.modeling.laurent import Laurent
 from tests.core.modeling.modelica.texts import drive, flat, values
 
 P = Laurent.symbol
+PI = Laurent.number("3.141592653589793")
 
 
 def inertia(model: FlatModel, name: str = "motor") -> Laurent:
@@ -41,8 +42,15 @@ def inertia(model: FlatModel, name: str = "motor") -> Laurent:
         ("parameter Real r = 2;", "sqrt(16)*r", Laurent.number(4) * P("r")),
         ("parameter Real r = 2;", "max(1, 3)*abs(-1)*r", Laurent.number(3) * P("r")),
         ("parameter Real r = 2;", "4^0.5*r", Laurent.number(2) * P("r")),
-        ("parameter Real r = 2;", "r*Modelica.Constants.pi", P("r") * Laurent.number("3.141592653589793")),
+        ("parameter Real r = 2;", "r*Modelica.Constants.pi", P("r") * PI),
         ("parameter Real 'a b' = 2;", "'a b'", P("'a b'")),
+        ("import Modelica.Constants.pi; parameter Real r = 2;", "r*pi", P("r") * PI),
+        ("import p = Modelica.Constants.pi; parameter Real r = 2;", "r*p", P("r") * PI),
+        ("import Modelica.Constants.*; parameter Real r = 2;", "r*pi", P("r") * PI),
+        ("import C = Modelica.Constants; parameter Real r = 2;", "r*C.pi", P("r") * PI),
+        ("record R parameter Real J = 3; end R; R r(J = 4);", "2*r.J", P("r.J") * Laurent.number(2)),
+        ("package B constant Real t = 2; end B; package Q extends B; end Q; parameter Real r = 1;", "r*Q.t",
+         P("r") * Laurent.number(2)),
     ],
 )  # fmt: skip
 def test_bindings_are_substituted_exactly(declarations: str, J: str, expected: Laurent) -> None:

@@ -1,0 +1,111 @@
+"""Texts broken at random places: each is read, or told what is wrong with it; nothing else happens."""
+
+from __future__ import annotations
+
+import re
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from monitor_core.modeling.flat import FlatModel, ModelError
+from monitor_core.modeling.modelica import Source, read
+from tests.core.modeling.modelica.test_two_mass import TWO_MASS
+
+NESTED = """
+package Lib
+  constant Real two = 2;
+  type Mass = Real(unit = "kg.m2");
+  partial model Shaft extends Modelica.Mechanics.Rotational.Interfaces.PartialTwoFlanges; end Shaft;
+  model Arm
+    extends Shaft; import R = Modelica.Mechanics.Rotational.Components;
+    parameter Mass J = two/4; parameter Real k = 10; parameter Boolean loaded = not false;
+    R.Inertia mass(J = J); R.SpringDamper spring(c = 2*k^2/k, d = 0.1); R.Inertia load(J = J) if loaded;
+  equation
+    connect(flange_a, spring.flange_a); connect(spring.flange_b, mass.flange_a);
+    connect(mass.flange_b, flange_b); connect(mass.flange_b, load.flange_a);
+  end Arm;
+  model Drive
+    Arm first(J = 3, spring(c = 5)); Arm second(k = stiffness, loaded = false); parameter Real stiffness = 7;
+    Modelica.Mechanics.Rotational.Sources.Torque torque; Modelica.Mechanics.Rotational.Sensors.AngleSensor s;
+    Modelica.Blocks.Math.Gain gain(k = two); input Real u; Real twice = 2*der(s.phi);
+  equation
+    connect(torque.flange, first.flange_a); connect(first.flange_b, second.flange_a); gain.u = u;
+    connect(gain.y, torque.tau); connect(s.flange, first.flange_a);
+  end Drive;
+end Lib;
+"""
+TOKENS = [re.findall(r'"(?:\\"|[^"])*"|[\w.]+|\s+|.', text) for text in (TWO_MASS, NESTED)]
+ODD = [
+    *(
+        "",
+        ";",
+        "(",
+        ")",
+        "=",
+        "end",
+        "1",
+        "-1",
+        "0",
+        "flange_a",
+        "J",
+        "model",
+        "Real",
+        "extends",
+        "der",
+        "true",
+    ),
+    *(
+        "1e400",
+        "Arm",
+        "Drive",
+        "parameter",
+        "constant",
+        "equation",
+        "connect",
+        "[1]",
+        "{1}",
+        "if",
+        "u",
+        "torque",
+        ".",
+    ),
+]
+
+
+@st.composite
+def broken(draw: st.DrawFn) -> str:
+    """One to three tokens replaced by others."""
+    tokens = list(draw(st.sampled_from(TOKENS)))
+    words = [k for k, token in enumerate(tokens) if token.strip()]
+    others = st.one_of(st.sampled_from(ODD), st.sampled_from(words).map(lambda k: tokens[k]))
+    for k in draw(st.lists(st.sampled_from(words), min_size=1, max_size=3)):
+        tokens[k] = draw(others)
+    return "".join(tokens)
+
+
+@settings(deadline=None, max_examples=60)
+@given(text=broken())
+def test_read_or_told(text: str) -> None:
+    try:
+        model = read([Source("d.mo", text)])
+    except ModelError as told:
+        complete = bool(told.problem) and told.origin.file == "d.mo"
+    else:
+        complete = is_complete(model)
+    assert complete
+
+
+def is_complete(model: FlatModel) -> bool:
+    """Every name in the equations is declared."""
+    known = {v.name for v in model.variables} | {i.name for i in model.inputs}
+    parameters = {p.name for p in model.parameters}
+    return all(
+        {name for name, _ in equation.terms} <= known
+        and {name for c in equation.terms.values() for name in c.names} <= parameters
+        for equation in model.equations
+    )
+
+
+def test_unbroken() -> None:
+    for tokens in TOKENS:
+        assert read([Source("d.mo", "".join(tokens))]).sensors
