@@ -20,8 +20,8 @@ class Record:
     """A record of N samples, two at least.
 
     The torque is held: ``u[k]`` acts from ``t[k]`` to ``t[k+1]``, and ``y[k]`` was measured at ``t[k]``, before
-    ``u[k]`` could act.  The intervals are what they are: a model that is discretised with each interval of its own loses
-    nothing by jitter or lost samples, so nobody needs to resample.
+    ``u[k]`` could act.  The intervals are what they are: a model that is discretised with each interval of its own
+    loses nothing by jitter or lost samples, so nobody needs to resample.
 
     ``y`` is NaN exactly where it was not measured, so that nobody uses it there by mistake.
 
@@ -90,11 +90,9 @@ class Record:
 
     @property
     def jitter_s(self) -> float:
-        """How much intervals scatter around the typical one, s: 1.4826 times the median deviation.
-
-        Gaps and lost samples do not count: to the scatter of Gaussian intervals it equals their standard deviation.
-        """
-        return float(1.4826 * np.median(abs(self.intervals - self.interval_s)))
+        """Standard deviation, s, of the intervals shorter than 1.5 typical ones: gaps and lost samples are no jitter."""
+        intervals = self.intervals
+        return float(intervals[intervals < 1.5 * self.interval_s].std())
 
     @property
     def unit(self) -> str:

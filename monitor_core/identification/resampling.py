@@ -1,0 +1,160 @@
+"""A record on another, regular grid of times.
+
+Jitter of the sampling costs nothing as it is, since the model is discretised with each interval of its own; neither
+do lost samples.  Resampling does cost: the torque within the new intervals is forgotten but for its mean, and the
+errors of neighbouring samples become correlated.  It is for methods that need a regular grid (black box, frequency
+response), and for records sampled far faster than the axis moves.
+
+* The torque is held, so its mean over a new interval is exact: the integral of the torque is conserved, and so is the
+  momentum that it gives.
+* Output and signals pass a low-pass filter against aliasing: a Kaiser-windowed sinc, flat within 0.1 % up to 0.8 of
+  the new Nyquist frequency and down by 60 dB at it.  It is symmetric and centred on each new sample, hence without
+  phase: a delay would be read as inertia (half a millisecond as 3 %), and a recursive filter run both ways, the
+  alternative, has no end to what it spreads from a missing sample.
+* Samples that are not on a regular grid are first put on one by a cubic spline.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import firwin, kaiserord, oaconvolve
+
+from monitor_core.identification.record import Bools, Record
+from monitor_core.kernel.tables import Floats
+
+PASS = 0.8
+"""Of the new Nyquist frequency: flat up to here."""
+_RIPPLE_DB = 60.0
+_REGULAR = 1e-3
+"""A grid is regular when no time is further from it than this part of an interval."""
+
+
+class Resampled(NamedTuple):
+    """The new record and what it costs, in words for the user."""
+
+    record: Record
+    words: tuple[str, ...]
+
+
+def decimate(record: Record, factor: int) -> Resampled:
+    """Every ``factor``-th sample of a regular record, filtered.
+
+    Raises:
+        ValueError: a factor below 1; the samples are not on a regular grid; the record is too short.
+    """
+    if factor < 1:
+        raise ValueError(f"decimation by {factor}: the factor must be 1 or more")
+    if not is_regular(record):
+        raise ValueError(
+            f"the samples are not on a regular grid ({1e3 * record.interval_s:g} ms apart, "
+            f"+- {1e3 * record.jitter_s:.2g} ms): they can be resampled, not decimated"
+        )
+    return Resampled(record, ()) if factor == 1 else resample(record, factor * _grid(record))
+
+
+def resample(record: Record, interval_s: float) -> Resampled:
+    """The record on the grid t[0], t[0] + interval_s, .., without aliasing and without delay.
+
+    A new sample is valid where everything within one new interval around it was measured, and the filter does not
+    reach over the ends of the record.
+
+    Args:
+        record: regular or not, with or without missing samples.
+        interval_s: of the new grid; not shorter than that of the record.
+
+    Raises:
+        ValueError: a shorter interval; a record too short for two new samples.
+    """
+    old = _grid(record)
+    if not interval_s > old * (1 - _REGULAR):
+        raise ValueError(
+            f"an interval of {1e3 * interval_s:g} ms is shorter than that of the record, {1e3 * old:g} ms: "
+            "nothing is known in between"
+        )
+    count = int(np.floor(record.duration_s / interval_s * (1 + 1e-12) + 1e-9)) + 1
+    if count < 2:
+        raise ValueError(f"a record of {record.duration_s:g} s has no two samples {interval_s:g} s apart")
+    t = record.t[0] + interval_s * np.arange(count)
+    parts = max(1, int(np.ceil(interval_s / old * (1 - _REGULAR))))
+    y, valid = _filtered(record, record.y, t, parts)
+    signals = {name: _filtered(record, values, t, parts) for name, values in record.signals.items()}
+    named = {name: np.where(fine, values, np.nan) for name, (values, fine) in signals.items()}
+    new = Record(t, mean_torque(record, t), y, record.quantity, record.name, valid, named)
+    return Resampled(new, _words(record, interval_s))
+
+
+def mean_torque(record: Record, t: Floats) -> Floats:
+    """The mean of the held torque from each time to the next (M,), N m; the last one is the torque held there.
+
+    Times are within the record.
+    """
+    impulse = np.concatenate(([0.0], np.cumsum(record.u[:-1] * record.intervals)))
+    means = np.diff(np.interp(t, record.t, impulse)) / np.diff(t)
+    return np.append(means, record.u[np.searchsorted(record.t, t[-1] + 1e-12, side="right") - 1])
+
+
+def is_regular(record: Record) -> bool:
+    """Whether all times are on one grid; some samples of it may be missing."""
+    h = _grid(record)
+    steps = (record.t - record.t[0]) / h
+    return bool((abs(steps - np.rint(steps)) < _REGULAR).all())
+
+
+def _grid(record: Record) -> float:
+    """The interval of the record, s, to more digits than a median has that is rounded to microseconds."""
+    h = record.interval_s
+    steps = np.rint((record.t - record.t[0]) / h)
+    better = record.duration_s / steps[-1]
+    on_it = abs(record.t - record.t[0] - better * steps).max() < _REGULAR * h
+    return float(better) if on_it else h
+
+
+def _filtered(record: Record, values: Floats, t: Floats, parts: int) -> tuple[Floats, Bools]:
+    """Values (M,) at the times t, and where they can be relied on; each new interval is ``parts`` of a finer grid."""
+    known = np.isfinite(values)
+    interval = float(t[1] - t[0])
+    if np.count_nonzero(known) < 2:
+        return np.full(t.size, np.nan), np.zeros(t.size, np.bool_)
+    fine = t[0] + interval / parts * np.arange((t.size - 1) * parts + 1)
+    smooth = CubicSpline(record.t[known], values[known], bc_type="natural")(fine)
+    reach = 0
+    if parts > 1:
+        taps = _taps(parts)
+        reach = len(taps) // 2
+        # Beyond the ends the signal goes on turned about its last value; what that touches is not valid.
+        smooth = oaconvolve(np.pad(smooth, reach, mode="reflect", reflect_type="odd"), taps, mode="valid")
+    valid = _covered(record.t[known], t, max(interval, 1.5 * _grid(record)), interval if parts > 1 else 0.0)
+    inside = np.arange(fine.size)[::parts]
+    valid &= (inside >= reach) & (inside < fine.size - reach)
+    return smooth[::parts], valid
+
+
+def _taps(parts: int) -> Floats:
+    """A low-pass filter whose taps are symmetric and sum to 1; its half length is a number of new intervals."""
+    count, beta = kaiserord(_RIPPLE_DB, (1 - PASS) / parts)
+    taps: Floats = firwin(2 * (count // 2) + 1, (1 + PASS) / 2 / parts, window=("kaiser", beta))
+    return taps
+
+
+def _covered(known: Floats, t: Floats, most: float, around: float) -> Bools:
+    """Where no two successive known samples around t (M,) are too far apart."""
+    valid = (t >= known[0] - 1e-9) & (t <= known[-1] + 1e-9)
+    for k in np.flatnonzero(np.diff(known) > most * (1 + _REGULAR)):
+        valid &= (t <= known[k] - around + 1e-9) | (t >= known[k + 1] + around - 1e-9)
+    return np.asarray(valid, np.bool_)
+
+
+def _words(record: Record, interval_s: float) -> tuple[str, ...]:
+    words = [
+        f"resampled from {1e3 * record.interval_s:.4g} to {1e3 * interval_s:.4g} ms: of the torque only its means over "
+        f"these intervals remain, and output above {PASS / 2 / interval_s:.3g} Hz is filtered out"
+    ]
+    if not is_regular(record):
+        words.append(
+            f"the record's intervals scatter by {1e3 * record.jitter_s:.2g} ms: used as they are they cost nothing "
+            "in a grey-box fit, resampled they do"
+        )
+    return tuple(words)
