@@ -64,9 +64,8 @@ class Flattening:
         if any((CONSTANT, 0) in e.terms for e in self.own) and all(i.name != CONSTANT for i in inputs):
             inputs.append(FlatInput(CONSTANT, ONE))
         units = own_units(self.own, _declared_units(instances, library))
-        used = {name for equation in equations for name, _ in equation.terms}
-        idle = {i.path for i in instances if is_given(i)} - used
-        variables = tuple(v for v in _variables(instances, library, inputs, units) if v.name not in idle)
+        given = {i.path for i in instances if is_given(i)}
+        variables = tuple(v for v in _variables(instances, library, inputs, units) if v.name not in given)
         _check(variables, inputs, equations, self.model)
         kinds = {part.name: part.kind for part in self.parts}
         return FlatModel(

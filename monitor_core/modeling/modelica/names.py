@@ -151,14 +151,15 @@ class Names:
     def _unknown(self, scope: ClassDef, name: Name, origin: Origin) -> NoReturn:
         lost = next((c for s in outwards(scope) for c in s.imports if c.alias == name.parts[0]), None)
         package = self.search(scope, name.parts[:-1]) if len(name.parts) > 1 else None
+        of_library = not package.file if package is not None else name.parts[0] == "Modelica"
+        problem = f"class {name} is not {'supported' if of_library else 'known'}"
         if package is not None and package.classes:
             near = did_you_mean(similar(name.parts[-1], package.classes))
-            problem = f"class {name} is not known{near}{listed(package.classes, '; there is')}"
+            problem += near + listed(package.classes, "; there is")
         elif lost is not None:
-            path = ".".join(lost.path)
-            problem = f"class {name} is not known: its import (line {lost.line}) of {path} finds nothing"
+            problem += f": its import (line {lost.line}) of {'.'.join(lost.path)} finds nothing"
         else:
-            problem = f"class {name} is not known{did_you_mean(self._like(name.parts[-1]))}"
+            problem += did_you_mean(self._like(name.parts[-1]))
         raise ModelError(problem, origin)
 
     def _like(self, name: str) -> list[str]:

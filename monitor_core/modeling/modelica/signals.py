@@ -71,7 +71,7 @@ def _drives(signal: Instance) -> bool:
 
 
 def is_given(signal: Instance) -> bool:
-    """It comes from outside: where nothing uses it, it can be left out."""
+    """It comes from outside: it is the input, or nothing uses it."""
     return _is_model_input(signal) or _is_source(signal)
 
 

@@ -50,14 +50,14 @@ SYNTAX = {
 
 CLASSES = {
     "misspelt": Mistake(drive(f"{COMPONENTS}.Inertai arm;"), 5, "arm",
-                        f"{COMPONENTS}.Inertai is not known: did you mean Inertia?; there is Inertia, Spring"),
+                        f"{COMPONENTS}.Inertai is not supported: did you mean Inertia?; there is Inertia, Spring"),
     "without its package": Mistake(drive("Inertia arm;"), 5, "arm", f"did you mean {COMPONENTS}.Inertia?"),
     "not supported": Mistake(drive(f"{COMPONENTS}.LossyGear arm;"),
-                             5, "arm", "LossyGear is not known; there is Inertia"),
+                             5, "arm", "LossyGear is not supported; there is Inertia"),
     "other domain": Mistake(drive("Modelica.Electrical.Analog.Basic.Resistor r;"),
-                            5, "r", "Basic.Resistor is not known"),
+                            5, "r", "Basic.Resistor is not supported"),
     "type": Mistake(drive("parameter Modelica.Units.SI.MolarMass m;"),
-                    5, "m", "MolarMass is not known; there is Angle"),
+                    5, "m", "MolarMass is not supported; there is Angle"),
     "old type": Mistake(drive("parameter Modelica.SIunits.Torq m;"), 5, "m", "did you mean Torque?"),
     "base": Mistake("model D\n extends Foo;\nend D;", 2, "D", "class Foo is not known"),
     "import": Mistake(drive("import X.Arm; Arm arm;"), 5, "arm", "its import (line 5) of X.Arm finds nothing"),

@@ -41,6 +41,7 @@ def inertia(model: FlatModel, name: str = "motor") -> Laurent:
         ("parameter Real r = 2;", "r*(r + 1)/(r + 1)", P("r")),
         ("parameter Real r = 2;", "sqrt(16)*r", Laurent.number(4) * P("r")),
         ("parameter Real r = 2;", "max(1, 3)*abs(-1)*r", Laurent.number(3) * P("r")),
+        ("parameter Real r = 2;", "3 .* r", P("r") * Laurent.number(3)),
         ("parameter Real r = 2;", "4^0.5*r", Laurent.number(2) * P("r")),
         ("parameter Real r = 2;", "r*Modelica.Constants.pi", P("r") * PI),
         ("parameter Real 'a b' = 2;", "'a b'", P("'a b'")),
