@@ -1,0 +1,115 @@
+"""Least squares over many rows: the triangular factor of all rows, from the Gram matrix or, if need be, by QR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+
+from monitor_core.identification.gram import Lags, gram, regressors, rows
+from monitor_core.identification.regular import Regular
+from monitor_core.kernel.tables import Floats, Ints
+
+_WORST = 1e-10
+"""Reciprocal condition of the Gram matrix below which its square root has too few digits."""
+_HIDDEN = 1e-12
+"""Of the largest singular value: a direction in which the columns, scaled to length one, do not extend."""
+_AT_ONCE = 4096
+"""Rows of the tall matrix in memory."""
+
+ONES = 2
+"""Signal 2 is the constant 1; 0 and 1 are y and u."""
+
+
+class Factor(NamedTuple):
+    """R (c, c), upper triangular, with R' R the Gram matrix of all rows; how many there were."""
+
+    R: Floats
+    rows: int
+    by_gram: bool
+
+
+class Solution(NamedTuple):
+    """theta (p,) of least norm, root (p, r) with root root' = (Phi' Phi)^+, and the rank r."""
+
+    theta: Floats
+    root: Floats
+
+    @property
+    def rank(self) -> int:
+        """Directions of theta that the rows tell."""
+        return int(self.root.shape[1])
+
+
+def factor(records: Sequence[Regular], blocks: Sequence[Lags], order: Ints) -> Factor:
+    """The triangular factor of the rows of all records in which everything is known.
+
+    Args:
+        records: on a regular grid.
+        blocks: columns of y (0), u (1) and ones (2) with their lags.
+        order: (c,) the columns are taken in this order.
+    """
+    c = sum(block.width for block in blocks)
+    G, N = np.zeros((c, c)), 0
+    for z, a, b in _parts(records, blocks):
+        G += gram(z, blocks, a, b)
+        N += b - a
+    R = _root(G[np.ix_(order, order)])
+    if R is not None:
+        return Factor(R, N, True)
+    return Factor(_by_qr(records, blocks, order), N, False)
+
+
+def solve(R: Floats, p: int) -> Solution:
+    """Least squares of the last column of R on the first p."""
+    scale = np.linalg.norm(R[:p, :p], axis=0)
+    scale[scale == 0] = 1.0
+    T = R[:p, :p] / scale
+    if _reciprocal_condition(T) > np.sqrt(_WORST):
+        inverse = sla.solve_triangular(T, np.eye(p))
+        return Solution(sla.solve_triangular(T, R[:p, -1]) / scale, inverse / scale[:, None])
+    U, s, Vt = np.linalg.svd(T)
+    seen = s > _HIDDEN * s.max(initial=0.0)
+    root = (Vt[seen].T / s[seen]) / scale[:, None]
+    return Solution(root @ (U[:, seen].T @ R[:p, -1]), root)
+
+
+def _parts(records: Sequence[Regular], blocks: Sequence[Lags]) -> Iterator[tuple[Floats, int, int]]:
+    """The signals (3, N) of each record with each range of rows in it."""
+    for record in records:
+        z = np.array([record.y, record.u, np.ones_like(record.y)])
+        known = [record.y_known, record.u_known, np.ones_like(record.y_known)]
+        for a, b in rows(known, blocks):
+            yield z, a, b
+
+
+def _root(G: Floats) -> Floats | None:
+    """R with R' R = G, or None where that would lose digits."""
+    d = np.sqrt(np.diag(G))
+    if not (d > 0).all():
+        return None
+    scaled = G / np.outer(d, d)
+    try:
+        R = sla.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        return None
+    rcond, _ = sla.lapack.dpocon(R, np.abs(scaled).sum(axis=0).max())
+    return R * d if rcond > _WORST else None
+
+
+def _by_qr(records: Sequence[Regular], blocks: Sequence[Lags], order: Ints) -> Floats:
+    R = np.zeros((order.size, order.size))
+    for z, a, b in _parts(records, blocks):
+        for k in range(a, b, _AT_ONCE):
+            part = regressors(z, blocks, k, min(k + _AT_ONCE, b))[:, order]
+            R = np.asarray(np.linalg.qr(np.vstack([R, part]), mode="r"))
+    return R
+
+
+def _reciprocal_condition(T: Floats) -> float:
+    if not np.diag(T).all():
+        return 0.0
+    trcon: Callable[[Floats], tuple[float, int]] = sla.lapack.dtrcon
+    return float(trcon(T)[0])

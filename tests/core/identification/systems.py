@@ -1,0 +1,90 @@
+"""Axes whose response is known: the bench of the peers' comparison, and small random systems."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import lfilter
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.identification.frequency import Complexes, on_circle
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
+
+INTERVAL_S = 0.005
+
+
+@dataclass(frozen=True)
+class Discrete:
+    """x(t+1) = A x + B u, y = C x."""
+
+    A: Floats
+    B: Floats
+    C: Floats
+    interval_s: float = INTERVAL_S
+
+    def response(self, frequency_hz: ArrayLike) -> Complexes:
+        _, z = on_circle(frequency_hz, self.interval_s)
+        eye = np.eye(len(self.A))
+        return np.array([(self.C @ np.linalg.solve(w * eye - self.A, self.B))[0, 0] for w in z])
+
+    def simulate(self, u: Floats) -> Floats:
+        x, out = np.zeros(len(self.A)), np.empty(len(u))
+        for k, value in enumerate(u.tolist()):
+            out[k] = self.C[0] @ x
+            x = self.A @ x + self.B[:, 0] * value
+        return out
+
+
+def bench_continuous() -> tuple[Floats, Floats, Floats]:
+    """A, B, C of a stiff three-mass drive with the motor speed as output: 12.95 and 21.9 Hz, slowest 1 s."""
+    Jm, Jg, Ja, k1, k2, d1, d2, fm = 0.004, 0.01, 0.006, 50.0, 30.0, 0.08, 0.04, 0.02
+    A = [
+        [0, 0, 1, -1, 0],
+        [0, 0, 0, 1, -1],
+        [-k1 / Jm, 0, -(fm + d1) / Jm, d1 / Jm, 0],
+        [k1 / Jg, -k2 / Jg, d1 / Jg, -(d1 + d2) / Jg, d2 / Jg],
+        [0, k2 / Ja, 0, d2 / Ja, -d2 / Ja],
+    ]
+    return np.array(A), np.array([[0.0, 0, 1 / Jm, 0, 0]]).T, np.array([[0, 0, 1.0, 0, 0]])
+
+
+def bench_drive(interval_s: float = INTERVAL_S) -> Discrete:
+    """The same, held."""
+    A, B, C = bench_continuous()
+    return Discrete(*zero_order_hold(A, B, interval_s), C, interval_s)
+
+
+def schroeder(N: int, interval_s: float = INTERVAL_S) -> Floats:
+    """60 sines from 0.5 to 40 Hz with Schroeder's phases, rms 1."""
+    k = np.arange(60)
+    f, phase = np.linspace(0.5, 40, 60), -np.pi * k * (k - 1) / 60
+    u = np.cos(2 * np.pi * np.outer(np.arange(N) * interval_s, f) + phase).sum(axis=1)
+    return np.asarray(u / u.std())
+
+
+def bench_record(rng: np.random.Generator, N: int = 8000, noise_db: float = -30.0) -> Record:
+    """Multisine and white noise as torque, white noise on the speed."""
+    u = schroeder(N) + 0.3 * rng.normal(size=N)
+    y = bench_drive().simulate(u)
+    y += rng.normal(size=N) * y.std() * 10 ** (noise_db / 20)
+    return Record(times(N), u, y, "speed", "bench")
+
+
+def arx_record(rng: np.random.Generator, a: Floats, b: Floats, N: int, sd: float, delay: int = 1) -> Record:
+    """White torque through an ARX system, started long before the record."""
+    u, e = rng.normal(size=(2, N + 500))
+    A = np.concatenate([[1.0], a])
+    y = lfilter(np.concatenate([np.zeros(delay), b]), A, u) + sd * lfilter([1.0], A, e)
+    return Record(times(N), u[500:], y[500:], "speed")
+
+
+def times(N: int) -> Floats:
+    return np.arange(N, dtype=np.float64) * INTERVAL_S
+
+
+def decibels(G: Complexes, truth: Complexes) -> Floats:
+    """|G| above the truth, dB."""
+    return np.asarray(20 * np.log10(np.abs(G) / np.abs(truth)))

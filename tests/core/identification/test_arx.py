@@ -1,0 +1,239 @@
+"""ARX models against numpy's least squares on the tall matrix, known systems, and their own standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import freqz
+
+from monitor_core.identification.arx import Arx, fit_arx
+from monitor_core.identification.gram import Lags, gram, regressors
+from monitor_core.identification.parts import split
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
+from tests.core.identification.systems import INTERVAL_S, arx_record, bench_drive, bench_record, decibels
+
+law = settings(deadline=None, max_examples=25)
+seeds = st.integers(0, 2**32 - 1)
+FREQUENCIES = np.linspace(1.0, 60.0, 40)
+A2, B2 = np.array([-1.5, 0.8]), np.array([0.6, -0.3])
+
+
+def tall(records: Sequence[Record], na: int, nb: int, delay: int) -> tuple[Floats, Floats]:
+    """Regressors and right-hand side, row by row, as the formula says; rows that need a NaN are left out."""
+    Phi, right = [], []
+    for record in records:
+        for t in range(max(na, nb + delay - 1), len(record)):
+            row = [-record.y[t - i] for i in range(1, na + 1)]
+            row += [record.u[t - delay - i] for i in range(nb)] + [1.0]
+            if np.isfinite([*row, record.y[t]]).all():
+                Phi.append(row)
+                right.append(record.y[t])
+    return np.array(Phi), np.array(right)
+
+
+def parameters(model: Arx) -> Floats:
+    return np.concatenate([model.a, model.b, [model.offset]])
+
+
+@law
+@given(seeds, st.integers(1, 9), st.integers(1, 9), st.integers(0, 3))
+def test_equals_least_squares(seed: int, na: int, nb: int, delay: int) -> None:
+    rng = np.random.default_rng(seed)
+    records = [bench_record(rng, 400), bench_record(rng, 150)]
+    model = fit_arx(records, (na, nb), delay=delay)
+    Phi, right = tall(records, na, nb, delay)
+    theta, rss, *_ = np.linalg.lstsq(Phi, right)
+    assert model.rows == len(Phi)
+    assert parameters(model) == pytest.approx(theta, rel=1e-8, abs=1e-8 * abs(theta).max())
+    assert model.lam0 == pytest.approx(rss[0] / (len(Phi) - Phi.shape[1]), rel=1e-8)
+    covariance = model.lam0 * np.linalg.inv(Phi.T @ Phi)[:-1, :-1]
+    assert model.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-7 * abs(covariance).max())
+
+
+@law
+@given(seeds, st.lists(st.integers(0, 299), max_size=6), st.integers(1, 5))
+def test_missing_samples_leave_their_rows_out(seed: int, lost: list[int], order: int) -> None:
+    record = bench_record(np.random.default_rng(seed), 300).without(np.array(lost, dtype=np.int64))
+    Phi, right = tall([record], order, order, 1)
+    model = fit_arx([record], order)
+    assert model.rows == len(Phi)
+    assert parameters(model) == pytest.approx(np.linalg.lstsq(Phi, right)[0], rel=1e-7, abs=1e-7)
+
+
+def test_a_lost_sample_is_a_place_where_nothing_is_known(seed: int) -> None:
+    record = arx_record(np.random.default_rng(seed), A2, B2, 2000, 0.0)
+    keep = np.ones(2000, np.bool_)
+    keep[100::40] = False
+    model = fit_arx([record.select(keep)], 2)
+    assert parameters(model) == pytest.approx([*A2, *B2, 0.0], abs=1e-9)
+    assert model.rows == 2000 - 2 - 3 * 48
+
+
+@law
+@given(seeds, st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
+def test_units_scale_the_gain_only(seed: int, of_u: float, of_y: float) -> None:
+    record = bench_record(np.random.default_rng(seed), 500)
+    scaled = Record(record.t, record.u * of_u, record.y * of_y, "speed")
+    one, other = (fit_arx([r], 6).response(FREQUENCIES) for r in (record, scaled))
+    assert pytest.approx(one.G * of_y / of_u, rel=1e-6) == other.G
+    assert other.sd_db == pytest.approx(one.sd_db, rel=1e-5)
+
+
+def test_records_joined_tell_as_much_as_their_rows(seed: int) -> None:
+    record = bench_record(np.random.default_rng(seed), 2000)
+    parts = split(record, (1, 1))
+    whole, joined = fit_arx([record], 8), fit_arx(parts, 8)
+    assert joined.rows == whole.rows - 8
+    assert pytest.approx(whole.response(FREQUENCIES).G, rel=0.05) == joined.response(FREQUENCIES).G
+
+
+@law
+@given(seeds, st.sampled_from([1e-3, 1e3, 1e6]))
+def test_gram_slides_exactly(seed: int, size: float) -> None:
+    rng = np.random.default_rng(seed)
+    z = rng.normal(size=(3, 300)) * np.array([[1.0], [size], [1.0]])
+    blocks = [Lags(0, 0, 12), Lags(1, 2, 9), Lags(2, 0, 0), Lags(0, 5, 6)]
+    Phi = regressors(z, blocks, 20, 280)
+    lengths = np.linalg.norm(Phi, axis=0)
+    assert gram(z, blocks, 20, 280) / np.outer(lengths, lengths) == pytest.approx(
+        Phi.T @ Phi / np.outer(lengths, lengths), abs=1e-13
+    )
+
+
+def test_ill_conditioned_rows_are_solved_by_qr(seed: int) -> None:
+    """Hardly any noise: the Gram matrix has no digits left for the weak directions, the tall matrix has."""
+    record = bench_record(np.random.default_rng(seed), 3000, noise_db=-170.0)
+    model = fit_arx([record], 7)
+    assert np.linalg.cond(tall([record], 7, 7, 1)[0]) > 1e6
+    assert abs(decibels(model.response(FREQUENCIES).G, bench_drive().response(FREQUENCIES))).max() < 1e-3
+
+
+def test_without_noise_the_rank_is_said(seed: int) -> None:
+    record = arx_record(np.random.default_rng(seed), A2, B2, 1000, 0.0)
+    model = fit_arx([record], 6)
+    assert model.root.shape[1] == 2 + 6 + 1
+    assert "9 of 13 parameters" in model.words[0]
+    truth = freqz([0, *B2], [1, *A2], 2 * np.pi * FREQUENCIES * INTERVAL_S)[1]
+    assert pytest.approx(truth, rel=1e-6) == model.response(FREQUENCIES).G
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+def test_delay_and_offset_are_those_of_the_system(seed: int, delay: int) -> None:
+    record = arx_record(np.random.default_rng(seed), A2, B2, 800, 0.0, delay)
+    shifted = Record(record.t, record.u + 2.0, record.y, "speed")
+    model = fit_arx([shifted], 2, delay=delay)
+    assert parameters(model) == pytest.approx([*A2, *B2, -2.0 * B2.sum()], abs=1e-9)
+    truth = freqz([*[0] * delay, *B2], [1, *A2], 2 * np.pi * FREQUENCIES * INTERVAL_S)[1]
+    assert pytest.approx(truth, rel=1e-9) == model.response(FREQUENCIES).G
+
+
+def test_the_right_order_is_chosen(seed: int) -> None:
+    """BIC finds it; AIC does not take less, and takes too much in about a sixth of the cases by its own law."""
+    rng = np.random.default_rng(seed)
+    records = [arx_record(rng, A2, B2, 1500, 0.5) for _ in range(20)]
+    by_bic = [fit_arx([r], "bic", largest=15).a.size for r in records]
+    by_aic = [fit_arx([r], "aic", largest=15).a.size for r in records]
+    assert by_bic.count(2) >= 18
+    assert min(by_aic) >= 2
+    assert by_aic.count(2) >= 8
+
+
+def test_chosen_order_is_the_model_of_that_order(seed: int) -> None:
+    record = bench_record(np.random.default_rng(seed), 3000)
+    chosen = fit_arx([record], "bic", largest=40)
+    assert parameters(chosen) == pytest.approx(parameters(fit_arx([record], chosen.a.size)), rel=1e-9)
+
+
+def test_criteria_equal_their_definition(seed: int) -> None:
+    """All orders on the rows of the highest: the residuals of each from the tall matrix."""
+    record = bench_record(np.random.default_rng(seed), 900)
+    Phi, right = tall([record], 12, 12, 1)
+    N, cost = len(Phi), []
+    for n in range(1, 13):
+        part = np.hstack([Phi[:, :n], Phi[:, 12 : 12 + n], Phi[:, -1:]])
+        rss = np.linalg.lstsq(part, right)[1][0]
+        cost.append(N * np.log(rss / N) + np.array([2.0, np.log(N)]) * part.shape[1])
+    best = np.argmin(cost, axis=0) + 1
+    assert [fit_arx([record], c, largest=12).a.size for c in ("aic", "bic")] == best.tolist()
+
+
+def test_standard_deviations_cover(seed: int) -> None:
+    """120 records: the estimates scatter as the response says; 1.28 sd hold 80 %."""
+    rng = np.random.default_rng(seed)
+    truth = freqz([0, *B2], [1, *A2], 2 * np.pi * FREQUENCIES * INTERVAL_S)[1]
+    responses = [fit_arx([arx_record(rng, A2, B2, 400, 0.5)], 3).response(FREQUENCIES) for _ in range(120)]
+    w = np.array([np.log(r.G / truth) for r in responses])
+    sd_gain = np.array([r.sd_db for r in responses]) * np.log(10) / 20
+    sd_phase = np.array([r.sd_phase for r in responses])
+    # Neighbouring frequencies move together: as if there were about six of them, 720 trials, sd 1.5 %.
+    assert np.mean(abs(w.real) < 1.2816 * sd_gain) == pytest.approx(0.80, abs=0.06)
+    assert np.mean(abs(w.imag) < 1.2816 * sd_phase) == pytest.approx(0.80, abs=0.06)
+
+
+def test_the_bench_drive_is_found(seed: int) -> None:
+    """The figures of a day: 0.14 dB at order 20 and a record of 8000 samples."""
+    f = np.linspace(0.5, 40, 200)
+    response = fit_arx([bench_record(np.random.default_rng(seed))], 30).response(f)
+    error = decibels(response.G, bench_drive().response(f))
+    assert abs(error).max() < 1.0
+    assert np.sqrt(np.mean((error / response.sd_db) ** 2)) < 2.0
+
+
+def test_unstable_poles_are_said_and_reflected() -> None:
+    A = np.poly([1.05, 0.9 * np.exp(0.7j), 0.9 * np.exp(-0.7j), 1.02 * np.exp(1j), 1.02 * np.exp(-1j)]).real
+    model = Arx(INTERVAL_S, A[1:].astype(np.float64), np.array([1.0, 0.4]), 1, 0.3, np.eye(7), 0.01, 1000)
+    stable = model.stabilised()
+    assert not model.stable
+    assert stable.stable
+    assert "3 unstable poles" in stable.words[0]
+    expected = [1 / 1.05, 1 / 1.02, 1 / 1.02, 0.9, 0.9]
+    assert np.sort(abs(stable.poles)) == pytest.approx(np.sort(expected), rel=1e-9)
+    assert abs(stable.response(FREQUENCIES).G) == pytest.approx(abs(model.response(FREQUENCIES).G), rel=1e-9)
+    assert stable.stabilised() is stable
+
+
+def test_high_order_stays_exact(seed: int) -> None:
+    """600 parameters: the normal equations hold to rounding."""
+    record = bench_record(np.random.default_rng(seed), 4000)
+    model = fit_arx([record], 300)
+    y, u = record.y, record.u
+    z = np.array([y, u, np.ones_like(y)])
+    Phi = regressors(z, [Lags(0, 1, 300), Lags(1, 1, 300), Lags(2, 0, 0)], 300, 4000)
+    residual = y[300:] - Phi @ np.concatenate([-model.a, model.b, [model.offset]])
+    cosines = Phi.T @ residual / np.linalg.norm(Phi, axis=0) / np.linalg.norm(residual)
+    assert abs(cosines).max() < 1e-8
+    assert model.predict(u, y)[300:] == pytest.approx(y[300:] - residual, abs=1e-9)
+
+
+def test_simulation_is_that_of_the_system(seed: int) -> None:
+    model = Arx(INTERVAL_S, A2, B2, 1, 0.0, np.eye(4), 1.0, 100)
+    u = np.random.default_rng(seed).normal(size=50)
+    y = np.zeros(50)
+    for t in range(50):
+        past = [y[t - i] if t >= i else 0.0 for i in (1, 2)]
+        held = [u[t - i] if t >= i else 0.0 for i in (1, 2)]
+        y[t] = -A2 @ past + B2 @ held
+    assert model.simulate(u) == pytest.approx(y, abs=1e-12)
+
+
+def test_mistakes_are_told(seed: int) -> None:
+    record = bench_record(np.random.default_rng(seed), 100)
+    with pytest.raises(ValueError, match=r"35 rows .* for 61 parameters"):
+        fit_arx([record.without(slice(40, 45))], 30)
+    with pytest.raises(ValueError, match="need na >= 0"):
+        fit_arx([record], (3, 0))
+    with pytest.raises(ValueError, match="no record"):
+        fit_arx([])
+    jittered = Record(record.t + 1e-3 * np.sin(np.arange(100)), record.u, record.y, "speed", "a.csv")
+    with pytest.raises(ValueError, match=r"a\.csv: \d+ of 99 intervals are not"):
+        fit_arx([jittered], 3)
+    slower = Record(record.t * 2, record.u, record.y, "speed", "b.csv")
+    with pytest.raises(ValueError, match="one interval, resample"):
+        fit_arx([record, slower], 3)
+    with pytest.raises(ValueError, match="tell only of 0 to 100 Hz"):
+        fit_arx([record], 3).response([150.0])
