@@ -5,14 +5,18 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from service.commands.exits import MISTAKE, explained
 from service.commands.optional_value import OptionalValueCommand
 from service.commands.which_drive import FoundDrive, Quantity, found_drive
+from service.commands.which_experiment import experiment_of
 from service.modeling import LIBRARY, SUFFIX
+
+if TYPE_CHECKING:
+    from monitor_core.modeling.local import Experiment
 
 
 class Command(OptionalValueCommand):
@@ -66,6 +70,16 @@ Matlab = Annotated[
     Path | None, typer.Option("--matlab", metavar="FILE.m", help="Also write a function for MATLAB's idgrey.")
 ]
 
+Record = Annotated[
+    Path | None,
+    typer.Option(
+        "--record",
+        metavar="RECORD",
+        help="What the torque of this record tells of the parameters, instead of a multisine; with --config.",
+    ),
+]
+Wanted = tuple["Experiment | None", float]
+
 
 def model(
     drive: DriveArgument = None,
@@ -77,21 +91,23 @@ def model(
     json: Json = None,
     svg: Svg = None,
     matlab: Matlab = None,
+    record: Record = None,
 ) -> None:
     """From a drawing of a drive to x' = A x + B u, y = C x with the fewest states, in symbols.
 
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
-    tell apart. What goes to standard output replaces the text.
+    tell apart, at all and from a record. What goes to standard output replaces the text.
     """
     files = _Files(STDOUT if latex else None, json, svg, matlab)
     files.check()
     with explained():
         found = found_drive(drive, name, config, axis, output)
-        texts = list(files.texts(found))
+        experiment = experiment_of(record, config, axis)
+        texts = list(files.texts(found, experiment))
     for path, text in texts:
         _write(path, text)
     if STDOUT not in (path for path, _ in texts):
-        _print(found)
+        _print(found, experiment)
 
 
 class _Files(NamedTuple):
@@ -120,7 +136,7 @@ class _Files(NamedTuple):
         if self.matlab is not None:
             _function_name(self.matlab)
 
-    def texts(self, drive: FoundDrive) -> Iterator[tuple[Path, str]]:
+    def texts(self, drive: FoundDrive, experiment: Wanted) -> Iterator[tuple[Path, str]]:
         """What goes where."""
         from monitor_core.modeling.numbers import nominal_of
 
@@ -129,7 +145,7 @@ class _Files(NamedTuple):
             from service.reports.model_facts import facts_of
             from service.reports.model_json import as_json
 
-            yield self.json, as_json(facts_of(space, drive.values))
+            yield self.json, as_json(facts_of(space, drive.values, *experiment))
         if self.latex is not None:
             from service.reports.model_latex import as_latex
 
@@ -161,14 +177,14 @@ def _function_name(path: Path) -> str:
     return name
 
 
-def _print(drive: FoundDrive) -> None:
+def _print(drive: FoundDrive, experiment: Wanted) -> None:
     from rich.console import Console
 
     from service.reports.model_facts import facts_of
     from service.reports.model_text import print_text
 
     with explained():
-        print_text(facts_of(drive.space, drive.values), Console(highlight=False))
+        print_text(facts_of(drive.space, drive.values, *experiment), Console(highlight=False))
 
 
 def _write(path: Path, text: str) -> None:

@@ -67,12 +67,22 @@ def found_drive(
 
 
 def _of_axis(config: Path, axis: str | None, measured: Output | None) -> FoundDrive:
-    from service.commands.configuration import configuration
     from service.config import given_values
 
-    found = _axis(configuration(config).axes, axis)
+    found = axis_of(config, axis)
     modelled = model_of_axis(found.config, measured)
     return FoundDrive(modelled.space, given_values(found.config))
+
+
+def axis_of(config: Path, wanted: str | None) -> NamedAxis:
+    """The one axis of a configuration that is wanted: by its name, or the only one.
+
+    Raises:
+        typer.BadParameter: there is none, or several.
+    """
+    from service.commands.configuration import configuration
+
+    return _axis(configuration(config).axes, wanted)
 
 
 def _axis(axes: tuple[NamedAxis, ...], wanted: str | None) -> NamedAxis:

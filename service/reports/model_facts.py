@@ -6,13 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.statespace import StateSpace
 
 if TYPE_CHECKING:
+    from monitor_core.modeling.local import Experiment, Local
     from monitor_core.modeling.resonances import Resonances
 
 _MOST_STATES = 100
 """Beyond that it takes minutes to find what can be identified."""
+_MOST_LOCAL = 40
+"""Beyond that it takes long to find what a record tells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +25,8 @@ class Facts:
 
     ``missing``: parameters without a nominal value; with any of them there is no ``motion``.
     ``motion``: poles [1/s], resonances and anti-resonances from the torque to the first output.
-    ``identifiability``: sentences.
+    ``identifiability``: sentences.  ``local``: what a record tells of the parameters, if one torque and one sensor
+    and all nominal values are there.
     """
 
     space: StateSpace
@@ -29,17 +34,42 @@ class Facts:
     missing: tuple[str, ...]
     motion: Resonances | None
     identifiability: tuple[str, ...]
+    local: Local | None = None
 
 
-def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Facts:
-    """All of it.  ``values``: nominal values that go before the drawing's own."""
+def facts_of(
+    space: StateSpace,
+    values: Mapping[str, float] | None = None,
+    experiment: Experiment | None = None,
+    speed_scale: float = 1.0,
+) -> Facts:
+    """All of it.
+
+    Args:
+        space: the drive.
+        values: nominal values that go before the drawing's own.
+        experiment: what torque the parameters are to be told from; by default a multisine.
+        speed_scale: of Coulomb friction [rad/s].
+    """
     from monitor_core.modeling.numbers import nominal_of
     from monitor_core.modeling.resonances import resonances_of
 
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)
-    return Facts(space, nominal, missing, motion, _identifiability(space))
+    found = None if missing else _local(space, values, experiment, speed_scale)
+    return Facts(space, nominal, missing, motion, _identifiability(space), found)
+
+
+def _local(
+    space: StateSpace, values: Mapping[str, float] | None, experiment: Experiment | None, speed_scale: float
+) -> Local | None:
+    from monitor_core.modeling.local import local, usual_experiment
+
+    torques = sum(u.kind == TORQUE for u in space.inputs)
+    if len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:
+        return None
+    return local(space, values, experiment or usual_experiment(), speed_scale)
 
 
 def _identifiability(space: StateSpace) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from monitor_core.modeling.resonances import Mode
 from monitor_core.modeling.statespace import Entries
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import Facts
+from service.reports.model_local import as_dict
 from service.reports.model_words import INPUT_KINDS, OUTPUT_UNITS
 
 Json = dict[str, Any]
@@ -36,6 +37,7 @@ def as_json(facts: Facts) -> str:
         "flat_states": report.flat_states,
         "remaining_equations": report.remaining_equations,
         "identifiability": list(facts.identifiability),
+        "local": as_dict(facts.local) if facts.local else None,
         "notes": list(space.notes),
     }
     return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -9,14 +9,17 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from monitor_core.modeling.local import Local
 from monitor_core.modeling.resonances import Resonances, modes
 from monitor_core.modeling.statespace import StateSpace
 from service.reports.model_facts import Facts
+from service.reports.model_local import deviation_cells, experiment_words, local_words
 from service.reports.model_matrices import matrix_lines
 from service.reports.model_words import input_words, output_words
 
 _PAPER = "three-mass"
 _INDENT = 2
+_SIDE_BY_SIDE = 4
 
 
 def print_text(facts: Facts, console: Console) -> None:
@@ -44,6 +47,7 @@ def _print(facts: Facts, console: Console) -> None:
         ("Poles at nominal", _poles(facts, "+-" if ascii_only else "±")),
         ("Resonances at nominal", _resonances(facts.motion) if facts.motion else None),
         ("Identifiability", _sentences(facts.identifiability)),
+        ("What a record tells", _told(facts.local) if facts.local else None),
         ("Notes", _sentences(space.notes)),
     ]
     for title, content in sections:
@@ -124,6 +128,15 @@ def _resonances(motion: Resonances) -> RenderableType:
     for kind, mode in sorted(found, key=lambda pair: pair[1].frequency_hz):
         table.add_row(kind, f"{mode.frequency_hz:.4g}", f"{mode.damping + 0.0:.3g}")
     return table if found else Text("none")
+
+
+def _told(local: Local) -> RenderableType:
+    """The standard deviation of each parameter, side by side to save lines, and what is not told, in words."""
+    table = _grid()
+    cells = list(deviation_cells(local))
+    for start in range(0, len(cells), _SIDE_BY_SIDE):
+        table.add_row(*(Text(cell) for cell in cells[start : start + _SIDE_BY_SIDE]))
+    return Group(Text(experiment_words(local)), table, _sentences(local_words(local)) or Text(""))
 
 
 def _lines(lines: Iterable[str]) -> RenderableType | None:
