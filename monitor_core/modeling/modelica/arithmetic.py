@@ -33,8 +33,10 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
             return constant(_power(factors[0], factors[1]))
     except ZeroDivisionError:
         raise ModelError("a division by zero", origin) from None
+    except ValueError as error:
+        raise ModelError(str(error), origin) from None
     except OverflowError:
-        raise ModelError("this power is no number that can be calculated with", origin) from None
+        raise ModelError("this power cannot be calculated with", origin) from None
     except NotLaurentError as error:
         raise ModelError(
             f"{error} cannot be divided by, being no single product: give the whole a name of its own",
@@ -74,19 +76,26 @@ def _divided(value: Linear, divisor: Laurent) -> Linear:
 
 
 def _power(base: Laurent, exponent: Laurent) -> Laurent:
+    """The power; ValueError with what is wrong, OverflowError where it would be no number, or a very long sum."""
     if not exponent.is_number:
-        raise NotLaurentError(str(exponent))
+        raise ValueError(f"the exponent {exponent} is not a number")
     number = Fraction(exponent.value({}))
-    if number.denominator == 1 and abs(number) <= _HIGHEST:
-        if not base and number < 0:
-            raise ZeroDivisionError
-        return base ** int(number)
-    if not base.is_number:
-        raise NotLaurentError(f"{base}^{exponent}")
-    value = float(base.value({})) ** float(number)
-    if isinstance(value, complex):
+    if not base and number < 0:
+        raise ZeroDivisionError
+    if base.is_number:
+        value = float(base.value({})) ** float(number)
+        if isinstance(value, complex):
+            raise OverflowError
+        return base ** int(number) if _is_small(number) else Laurent.number(value)
+    if number.denominator > 1:
+        raise ValueError(f"({base})^({exponent}) is not a whole power: give it a name of its own")
+    if not _is_small(number) or len(base.terms) ** abs(number) > _MOST_TERMS:
         raise OverflowError
-    return Laurent.number(value)
+    return base ** int(number)
 
 
-_HIGHEST = 12
+def _is_small(exponent: Fraction) -> bool:
+    return exponent.denominator == 1 and abs(exponent) <= _HIGHEST
+
+
+_HIGHEST, _MOST_TERMS = 12, 1000

@@ -65,6 +65,34 @@ def test_variables_of_library_components_can_be_used() -> None:
         flat(drive("", equations))
 
 
+@pytest.mark.parametrize(
+    ("declaration", "units"),
+    [
+        ("Real x = der(motor.phi);", {"x": "rad/s"}),
+        ("Real x = der(y)/2; Real y = der(motor.phi);", {"x": "rad/s^2", "y": "rad/s"}),
+        ("Real x = c*y; Real y = motor.phi - 1; parameter Modelica.Units.SI.RotationalSpringConstant c = 1;",
+         {"x": "N m", "y": "rad"}),
+        ('Real x(unit = "1/s") = der(motor.phi);', {"x": "rad/s"}),
+        ('Real x(unit = "1") = motor.w;', {"x": ""}),  # said wrongly, and not minded
+        ('Real x(unit = "m") = r*motor.phi; parameter Real r = 1;', {"x": ""}),
+        ("Real x = torque.tau + 2*motor.phi;", {"x": ""}),  # 2 may have a unit
+    ],
+)  # fmt: skip
+def test_units_of_variables_are_found(declaration: str, units: dict[str, str]) -> None:
+    found = {v.name: v.unit for v in flat(drive(declaration)).variables}
+    assert {name: found[name] for name in units} == units
+
+
+def test_units_of_parameters_are_found() -> None:
+    text = drive(
+        'Real x = c*motor.phi + d*motor.w; Real y(unit = "N.m") = x; parameter Real c = 1; parameter Real d = 2;'
+    )
+    assert {p.name: p.unit for p in flat(text).parameters if p.name in "cd"} == {
+        "c": "N m/rad",
+        "d": "N m s/rad",
+    }
+
+
 def test_constant_terms() -> None:
     load = f"""model Load parameter Real tau0 = 1; {INTERFACES}.Flange_a flange;
       equation flange.tau = 2 - tau0; end Load; """

@@ -115,6 +115,15 @@ def test_the_comment_is_the_meaning() -> None:
     assert only.meaning == "of the rotor"
 
 
+def test_the_meaning_is_where_the_parameter_stands_alone() -> None:
+    arm = "Modelica.Mechanics.Rotational.Components.Inertia arm(J = Jx)"
+    model = flat(drive(f"parameter Real Jx = 2; parameter Real r = 1; {arm};", motor="J = Jx/r^2"))
+    assert {p.name: p.meaning for p in model.parameters} == {
+        "Jx": "inertia of the arm",
+        "r": "in the inertia of the motor: Jx/r^2",
+    }
+
+
 def test_parameters_in_the_order_of_declaration() -> None:
     model = flat(drive("parameter Real b = 1; parameter Real a = 2;", motor="J = a*b"))
     assert [p.name for p in model.parameters] == ["b", "a"]
