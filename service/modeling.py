@@ -128,7 +128,7 @@ def _of_python(name: str, output: Output) -> Modelled:
         "three-mass": library.three_mass,
         "five-mass": library.five_mass,
     }
-    return _once(name, output, drawings[name]().flat, None)
+    return _once(name, output, lambda: drawings[name]().flat(), None)
 
 
 def model_of_drawing(components: Mapping[str, Mapping[str, Any]], output: Output | None = None) -> Modelled:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from monitor_core.drive import Output
 from monitor_core.library import REFERENCE_VALUES
-from monitor_core.modeling import library
+from monitor_core.modeling import library, modelica
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel, ModelError
 from monitor_core.modeling.numbers import drive_of
@@ -28,7 +29,7 @@ from service.modeling import (
 from service.shipping import shipped
 from tests.service.monitoring.robots import demo
 
-MODEL = modeling._model
+MODEL, READ = modeling._model, modelica.read
 DRAWINGS = {"two-mass": library.two_mass, "three-mass": library.three_mass, "five-mass": library.five_mass}
 
 BELT = """\
@@ -112,7 +113,14 @@ def test_axes_with_one_drive_read_it_once(tmp_path: Path, monkeypatch: pytest.Mo
     assert calls == ["angle", "speed", "angle"]
 
 
-def test_a_mistake_is_told_each_time(tmp_path: Path) -> None:
+def test_a_mistake_is_found_once_and_told_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+
+    def counted(sources: Sequence[modelica.Source], model: str | None) -> FlatModel:
+        calls.append(sources[0].name)
+        return READ(sources, model)
+
+    monkeypatch.setattr(modelica, "read", counted)
     (tmp_path / "belt.mo").write_text(BELT.replace("Ja)", "Jx)"), encoding="utf-8")
     told = []
     for _ in range(2):
@@ -120,6 +128,7 @@ def test_a_mistake_is_told_each_time(tmp_path: Path) -> None:
             state_space_of_file(tmp_path / "belt.mo")
         told.append(str(caught.value))
     assert told[0] == told[1]
+    assert calls == [str(tmp_path / "belt.mo")]
 
 
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
@@ -148,6 +157,7 @@ def test_a_model_that_the_file_does_not_have() -> None:
 def test_a_drive_of_the_library_needs_no_parser_and_no_algebra() -> None:
     code = """
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from service.config import load
 from service.monitoring.banks import Monitors
