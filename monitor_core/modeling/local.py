@@ -58,17 +58,31 @@ def local(
 
     Raises:
         ModelError: the drive has more than one torque or sensor.
-        KeyError, ValueError: a nominal value is missing or makes no sense.
+        KeyError, ValueError: a nominal value is missing or makes no sense; the drive cannot be simulated.
     """
     nominal = nominal_of(ss, values)
     held = structural(ss).suggestion
     names = [p.name for p in ss.parameters if p.name not in held]
     free = [name for name in names if nominal[name] != 0]
     drive = drive_of(ss)
-    S = sensitivities(drive, nominal, free, experiment.torque, experiment.interval_s, speed_scale=speed_scale)
-    noise = experiment.noise or NOISE_SHARE * _output_rms(ss, nominal, experiment, speed_scale)
+    given = (experiment.torque, experiment.interval_s)
+    with np.errstate(over="ignore", invalid="ignore"):  # looked for below
+        S = sensitivities(drive, nominal, free, *given, speed_scale=speed_scale)
+        rms = _output_rms(ss, nominal, experiment, speed_scale)
+    _check_motion(drive.output, rms, S)
+    noise = experiment.noise or NOISE_SHARE * rms
     left_out = tuple(name for name in names if name not in free)
     return Local(experiment, noise, Accuracy(tuple(free), S, noise), held, left_out, drive.output)
+
+
+def _check_motion(quantity: str, rms: float, S: Floats) -> None:
+    if not (np.isfinite(rms) and np.isfinite(S).all()):
+        raise ValueError(
+            f"simulated with these values, the {quantity} leaves the range of numbers "
+            "(an unstable drive, or a value with a wrong power of ten?)"
+        )
+    if rms == 0:
+        raise ValueError(f"with these values the torque does not change the {quantity}")
 
 
 def _output_rms(

@@ -26,7 +26,7 @@ class Facts:
     ``missing``: parameters without a nominal value; with any of them there is no ``motion``.
     ``motion``: poles [1/s], resonances and anti-resonances from the torque to the first output.
     ``identifiability``: sentences.  ``local``: what a record tells of the parameters, if one torque and one sensor
-    and all nominal values are there.
+    and all nominal values are there; ``untold``: why the record could not be simulated.
     """
 
     space: StateSpace
@@ -35,6 +35,7 @@ class Facts:
     motion: Resonances | None
     identifiability: tuple[str, ...]
     local: Local | None = None
+    untold: str = ""
 
 
 def facts_of(
@@ -57,19 +58,22 @@ def facts_of(
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)
-    found = None if missing else _local(space, values, experiment, speed_scale)
-    return Facts(space, nominal, missing, motion, _identifiability(space), found)
+    found, untold = (None, "") if missing else _local(space, values, experiment, speed_scale)
+    return Facts(space, nominal, missing, motion, _identifiability(space), found, untold)
 
 
 def _local(
     space: StateSpace, values: Mapping[str, float] | None, experiment: Experiment | None, speed_scale: float
-) -> Local | None:
+) -> tuple[Local | None, str]:
     from monitor_core.modeling.local import local, usual_experiment
 
     torques = sum(u.kind == TORQUE for u in space.inputs)
     if len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:
-        return None
-    return local(space, values, experiment or usual_experiment(), speed_scale)
+        return None, ""
+    try:
+        return local(space, values, experiment or usual_experiment(), speed_scale), ""
+    except ValueError as error:
+        return None, f"not known: {error}"
 
 
 def _identifiability(space: StateSpace) -> tuple[str, ...]:

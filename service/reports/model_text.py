@@ -47,7 +47,7 @@ def _print(facts: Facts, console: Console) -> None:
         ("Poles at nominal", _poles(facts, "+-" if ascii_only else "±")),
         ("Resonances at nominal", _resonances(facts.motion) if facts.motion else None),
         ("Identifiability", _sentences(facts.identifiability)),
-        ("What a record tells", _told(facts.local) if facts.local else None),
+        ("What a record tells", _told(facts.local) if facts.local else _lines(filter(None, [facts.untold]))),
         ("Notes", _sentences(space.notes)),
     ]
     for title, content in sections:
