@@ -1,0 +1,134 @@
+"""Sums of sines on the lines of a DFT grid: periodic, without leakage, with any spectrum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.kernel.tables import Floats
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+Lines = Literal["all", "odd"]
+"""Odd lines alone make the second half of a period minus the first: what friction adds then has no mean."""
+
+
+def lines_in(
+    N: int, interval_s: float, band_hz: tuple[float, float], which: Lines = "all"
+) -> NDArray[np.intp]:
+    """The lines k (L,), of frequency k / (N interval_s), inside the band, its ends included.
+
+    The constant and the Nyquist frequency are left out.
+
+    Raises:
+        ValueError: there is none.
+    """
+    low, high = band_hz
+    lines = np.arange(1, (N + 1) // 2, 1 if which == "all" else 2)
+    frequency = lines / (N * interval_s)
+    # Whatever the last bit of the quotient.
+    inside = lines[(frequency >= low * (1 - 1e-9)) & (frequency <= high * (1 + 1e-9))]
+    if inside.size == 0:
+        raise ValueError(f"{N} samples {interval_s} s apart have no line between {low} and {high} Hz")
+    return inside
+
+
+def multisine(
+    rng: np.random.Generator, N: int, interval_s: float, band_hz: tuple[float, float], rms: float
+) -> Floats:
+    """Random-phase multisine (N,): a sine of equal size at every line of the DFT grid inside the band.
+
+    The lines are k / (N interval_s), so the signal is periodic with N samples and leaks into no other line;
+    the constant and the Nyquist frequency are left out.  The phases are uniform; the rms value is exact.
+
+    Raises:
+        ValueError: no line of the grid lies inside the band.
+    """
+    inside = lines_in(N, interval_s, band_hz)
+    spectrum = np.zeros(N // 2 + 1, dtype=complex)
+    spectrum[inside] = np.exp(2j * np.pi * rng.random(inside.size))
+    # A line of size 1 is a sine of amplitude 2 / N.
+    return np.asarray(np.fft.irfft(spectrum, N) * (rms * N / np.sqrt(2 * inside.size)))
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """One period of  x[n] = sum_k a_k cos(2 pi k n / N + phase_k),  n = 0 .. N-1, held or sampled interval_s apart.
+
+    Args:
+        N: samples in a period.
+        interval_s: between two of them.
+        lines: k (L,), between the constant and the Nyquist frequency.
+        amplitudes: a_k (L,), not negative.
+        phases: (L,), rad.
+
+    Raises:
+        ValueError: lengths that differ, no line, a line outside the grid or twice, a negative amplitude.
+    """
+
+    N: int
+    interval_s: float
+    lines: NDArray[np.intp]
+    amplitudes: Floats
+    phases: Floats
+
+    def __post_init__(self) -> None:
+        lines = self.lines
+        if not lines.shape == self.amplitudes.shape == self.phases.shape or lines.ndim != 1 or not lines.size:
+            raise ValueError("a multisine needs lines, and one amplitude and one phase for each")
+        if lines.min() < 1 or 2 * lines.max() >= self.N or len(np.unique(lines)) < len(lines):
+            raise ValueError(f"lines must be different and between 1 and {(self.N - 1) // 2}")
+        if not (np.isfinite(self.amplitudes).all() and (self.amplitudes >= 0).all()):
+            raise ValueError("amplitudes must be finite and at least zero")
+
+    @classmethod
+    def random(
+        cls,
+        rng: np.random.Generator,
+        N: int,
+        interval_s: float,
+        lines: NDArray[np.intp],
+        powers: Floats | None = None,
+    ) -> Multisine:
+        """With uniform phases, rms value 1; ``powers`` (L,) of the lines up to a factor, default equal."""
+        shares = np.ones(len(lines)) if powers is None else np.asarray(powers, dtype=float)
+        amplitudes = np.sqrt(2 * shares / shares.sum())
+        return cls(N, interval_s, lines, amplitudes, 2 * np.pi * rng.random(len(lines)))
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """Of each line (L,)."""
+        return np.asarray(self.lines / (self.N * self.interval_s))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square."""
+        return float(np.sqrt(np.sum(self.amplitudes**2) / 2))
+
+    def samples(self) -> Floats:
+        """One period (N,)."""
+        spectrum = np.zeros(self.N // 2 + 1, dtype=complex)
+        spectrum[self.lines] = self.amplitudes * np.exp(1j * self.phases)
+        return np.asarray(np.fft.irfft(spectrum, self.N) * (self.N / 2))
+
+    def times(self, factor: float) -> Multisine:
+        """The same, so many times as large."""
+        return replace(self, amplitudes=self.amplitudes * factor)
+
+    def through(self, response: Complex) -> Multisine:
+        """What it becomes, in the steady state, behind a linear system with that frequency response (L,)."""
+        return replace(
+            self, amplitudes=self.amplitudes * np.abs(response), phases=self.phases + np.angle(response)
+        )
+
+    def with_schroeder_phases(self) -> Multisine:
+        """Schroeder's phases, for which the frequency sweeps through the spectrum once in a period.
+
+        M. R. Schroeder, IEEE Trans. Information Theory 16 (1970): phase_k = -2 pi sum_{j<k} (k - j) p_j, p_j the share
+        of line j of the power.
+        """
+        shares = self.amplitudes**2 / np.sum(self.amplitudes**2)
+        before = np.concatenate([[0.0], np.cumsum(shares)[:-1]])
+        return replace(self, phases=-2 * np.pi * np.cumsum(before))

@@ -1,0 +1,128 @@
+"""Multisines: exact power, period and band; peaks lowered without touching the spectrum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor_core.excitation import Lines, Multisine, lines_in, multisine
+from monitor_core.excitation.crest import crest_factor, flattened
+from monitor_core.excitation.multisine import Complex
+
+WHICH: st.SearchStrategy[Lines] = st.sampled_from(["all", "odd"])
+
+
+@st.composite
+def multisines(draw: st.DrawFn) -> Multisine:
+    N = draw(st.integers(16, 500))
+    which: Lines = draw(WHICH)
+    lines = lines_in(N, 0.01, (0.0, draw(st.floats(15.0, 49.0))), which)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    return Multisine.random(rng, N, 0.01, lines, rng.random(len(lines)) + 0.01).times(
+        draw(st.floats(0.1, 10.0))
+    )
+
+
+@given(multisines())
+def test_power_and_lines_are_exact(m: Multisine) -> None:
+    x = m.samples()
+    assert np.sqrt(np.mean(x**2)) == pytest.approx(m.rms, rel=1e-12)
+    spectrum = np.abs(np.fft.rfft(x)) * 2 / m.N
+    assert spectrum[m.lines] == pytest.approx(m.amplitudes, rel=1e-9, abs=1e-12)
+    others = np.delete(spectrum, m.lines)
+    assert others == pytest.approx(0.0, abs=1e-12 * m.rms * m.N)
+
+
+@given(multisines())
+def test_it_is_the_sum_of_cosines_that_it_says(m: Multisine) -> None:
+    n = np.arange(m.N)[:, np.newaxis]
+    written = (m.amplitudes * np.cos(2 * np.pi * m.lines * n / m.N + m.phases)).sum(axis=1)
+    assert m.samples() == pytest.approx(written, abs=1e-9 * m.rms * m.N)
+
+
+@given(st.integers(4, 400).map(lambda half: 2 * half), st.integers(0, 2**32))
+def test_odd_lines_make_the_second_half_the_negative_of_the_first(N: int, seed: int) -> None:
+    lines = lines_in(N, 0.01, (0.0, 40.0), "odd")
+    x = Multisine.random(np.random.default_rng(seed), N, 0.01, lines).samples()
+    assert x[: N // 2] == pytest.approx(-x[N // 2 :], abs=1e-9)
+
+
+@given(multisines(), st.integers(0, 2**32))
+def test_behind_a_system_every_line_is_scaled_and_turned(m: Multisine, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal(len(m.lines)) + 1j * rng.standard_normal(len(m.lines))
+    before, after = (np.fft.rfft(s.samples())[m.lines] for s in (m, m.through(G)))
+    assert after == pytest.approx(G * before, rel=1e-9, abs=1e-9)
+
+
+def test_the_ends_of_the_band_belong_to_it() -> None:
+    assert lines_in(2000, 0.005, (0.3, 30.0)).tolist() == list(range(3, 301))
+    assert lines_in(2000, 0.005, (0.3, 30.0), "odd").tolist() == list(range(3, 301, 2))
+    with pytest.raises(ValueError, match=r"no line between 0\.41 and 0\.49 Hz"):
+        lines_in(2000, 0.005, (0.41, 0.49))
+
+
+def test_the_short_form_has_the_lines_and_the_rms_value_asked_for(seed: int) -> None:
+    x = multisine(np.random.default_rng(seed), 2000, 0.005, (0.0, 30.0), 1.23)
+    assert np.sqrt(np.mean(x**2)) == pytest.approx(1.23, rel=1e-12)
+    spectrum = np.abs(np.fft.rfft(x))
+    assert spectrum[1:301] == pytest.approx(spectrum[1], rel=1e-9)
+    assert np.delete(spectrum, np.arange(1, 301)) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("which", ["all", "odd"])
+def test_peaks_become_lower_than_schroeders_and_the_spectrum_stays(which: Lines, seed: int) -> None:
+    lines = lines_in(2000, 0.005, (0.0, 30.0), which)
+    m = Multisine.random(np.random.default_rng(seed), 2000, 0.005, lines)
+    flat = flattened(m)
+    assert flat.amplitudes is m.amplitudes
+    assert crest_factor(flat.samples()) < 1.45
+    assert crest_factor(m.samples()) > 2.0
+    assert 1.55 < crest_factor(m.with_schroeder_phases().samples()) < 1.85
+
+
+def test_schroeders_phases_suit_any_spectrum(seed: int) -> None:
+    lines = lines_in(4000, 0.005, (0.0, 30.0))
+    m = Multisine.random(np.random.default_rng(seed), 4000, 0.005, lines, 1 / np.arange(10, 10 + len(lines)))
+    assert crest_factor(m.with_schroeder_phases().samples()) < 2.2 < crest_factor(m.samples())
+
+
+def test_the_largest_of_several_signals_counts(seed: int) -> None:
+    """Each over its limit: the second is an integral of the first, and has room or not."""
+    lines = lines_in(1000, 0.01, (0.0, 20.0))
+    m = Multisine.random(np.random.default_rng(seed), 1000, 0.01, lines)
+    integral: Complex = 1 / (2j * np.pi * m.frequency_hz)
+
+    def peak_of_integral(share: float) -> float:
+        flat = flattened(m, [np.ones(len(lines), complex), share * integral])
+        return crest_factor(flat.through(integral).samples())
+
+    tight, loose = peak_of_integral(1e3), peak_of_integral(1e-3)
+    assert tight < 0.9 * loose
+
+
+def test_a_sine_stays_a_sine() -> None:
+    m = Multisine(100, 0.01, np.array([3]), np.array([2.0]), np.array([0.3]))
+    assert flattened(m).amplitudes is m.amplitudes
+    assert crest_factor(m.samples()) == pytest.approx(np.sqrt(2), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("lines", "amplitudes", "phases", "message"),
+    [
+        ([], [], [], "needs lines"),
+        ([1, 2], [1.0], [0.0, 0.0], "one amplitude and one phase"),
+        ([0], [1.0], [0.0], "between 1 and 4"),
+        ([5], [1.0], [0.0], "between 1 and 4"),
+        ([2, 2], [1.0, 1.0], [0.0, 0.0], "different"),
+        ([2], [-1.0], [0.0], "at least zero"),
+        ([2], [np.nan], [0.0], "finite"),
+    ],
+)
+def test_what_is_no_multisine_is_refused(
+    lines: list[int], amplitudes: list[float], phases: list[float], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        Multisine(10, 0.01, np.array(lines, int), np.array(amplitudes), np.array(phases))
