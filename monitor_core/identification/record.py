@@ -90,7 +90,7 @@ class Record:
 
     @property
     def jitter_s(self) -> float:
-        """Standard deviation, s, of the intervals shorter than 1.5 typical ones: gaps and lost samples are no jitter."""
+        """Standard deviation, s, of the intervals below 1.5 typical ones: gaps and lost samples are no jitter."""
         intervals = self.intervals
         return float(intervals[intervals < 1.5 * self.interval_s].std())
 

@@ -1,0 +1,138 @@
+"""Whether torque and motion go together: signs, and units by the inertia that they show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.identification.record import Record
+from monitor_core.identification.rigid import Rigid, rigid_fit
+from monitor_core.identification.speed import mean_speed
+from monitor_core.identification.suspicion.finding import Finding, Known
+from monitor_core.kernel.tables import Floats
+
+_BACK = 3.0
+"""The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
+cannot fall by more than the energy stored before; with the sign reversed it cannot rise by more."""
+_EXPLAINS = 0.5
+"""Part of the torque's variance that one rigid mass explains; below that its inertia is not to be compared."""
+_SURE = 4.0
+"""Standard deviations."""
+_AS_NOMINAL = 5.0
+"""An inertia that far from the nominal one is no wrong guess any more: a guess is wrong by 3."""
+_NEAR = 3.0
+"""To a suspected factor: as far as a guess may be wrong."""
+_SAME = 0.2
+"""Speeds that differ less from those of the angle are a matter of filters."""
+
+
+class Slip(NamedTuple):
+    """By how much the inertia comes out too large, and by what mistake."""
+
+    factor: float
+    mistake: str
+
+
+_SLIPS = (
+    Slip(1000.0, "a torque in N mm or mN m"),
+    Slip(1 / 1000, "a motion in mrad, or a torque in kN m"),
+    Slip(1 / 57.3, "a motion in degrees"),
+    Slip(57.3, "a motion divided by 57.3 twice"),
+    Slip(1 / 9.55, "a speed in revolutions per minute"),
+    Slip(6.28, "an angle in revolutions"),
+)
+
+
+def motion(record: Record, known: Known) -> Iterator[Finding]:
+    """Wrong sign of the torque, wrong units, a speed that is not that of the angle."""
+    rigid = rigid_fit(record, known.speed_scale) if np.count_nonzero(record.measured) > 1 else None
+    sign = list(_wrong_sign(record, rigid))
+    yield from sign
+    if not sign and rigid is not None:
+        yield from _units(rigid, known.inertia)
+    if record.quantity == "angle" and known.speed is not None and known.speed in record.signals:
+        yield from _inconsistent(record, known.speed)
+
+
+def work(record: Record) -> Floats:
+    """What the torque has done to the axis by each sample (N,), J.
+
+    With the angle it is exact, since the torque is held.  Of the speed the one at the end of the interval is taken:
+    its noise cannot yet have acted on the torque through a controller.
+    """
+    y = np.interp(record.t, record.t[record.measured], record.y[record.measured])
+    turned = np.diff(y) if record.quantity == "angle" else y[1:] * record.intervals
+    return np.concatenate(([0.0], np.cumsum(record.u[:-1] * turned)))
+
+
+def _wrong_sign(record: Record, rigid: Rigid | None) -> Iterator[Finding]:
+    if np.count_nonzero(record.measured) < 2:
+        return
+    done = work(record)
+    falls = float((np.maximum.accumulate(done) - done).max())
+    rises = float((done - np.minimum.accumulate(done)).max())
+    if falls <= _BACK * rises:
+        return
+    negative = rigid is not None and rigid.inertia < -_SURE * rigid.sd and rigid.explained > _EXPLAINS
+    shown = f", and as one mass it has an inertia of {rigid.inertia:.3g} kg m^2" if rigid and negative else ""
+    yield Finding(
+        "wrong-sign",
+        "refuse" if negative else "warn",
+        f"the axis gives the motor {falls:.3g} J of work and takes {rises:.3g} J from it{shown}: torque or motion has "
+        "the wrong sign",
+        rigid.inertia if rigid and negative else -falls,
+    )
+
+
+def _units(rigid: Rigid, nominal: float | None) -> Iterator[Finding]:
+    sure = rigid.inertia > _SURE * rigid.sd and rigid.explained > _EXPLAINS
+    if nominal is None or not sure:
+        return
+    factor = rigid.inertia / nominal
+    if 1 / _AS_NOMINAL < factor < _AS_NOMINAL:
+        return
+    slip = min(_SLIPS, key=lambda s: abs(np.log(factor / s.factor)))
+    near = 1 / _NEAR < factor / slip.factor < _NEAR
+    reason = (
+        f"{slip.mistake} would make it {slip.factor:.3g} times" if near else "are units and gear ratio right?"
+    )
+    yield Finding(
+        "units",
+        "warn",
+        f"as one mass the drive shows an inertia of {rigid.inertia:.3g} kg m^2, {factor:.3g} times the nominal "
+        f"{nominal:.3g}: {reason}",
+        factor,
+    )
+
+
+def _inconsistent(record: Record, name: str) -> Iterator[Finding]:
+    found = mean_speed(record)
+    speed = np.interp(found.t_mid, record.t, record.signals[name])
+    fine = np.isfinite(speed)
+    a, b = found.speed[fine] - found.speed[fine].mean(), speed[fine] - speed[fine].mean()
+    if not (a @ a > 0 and b @ b > 0):
+        return
+    alike = float(a @ b / np.sqrt((a @ a) * (b @ b)))
+    factor = float(np.sqrt((b @ b) / (a @ a)) * np.sign(alike))
+    if abs(alike) > 1 - _SAME and abs(factor - 1) < _SAME:
+        return
+    yield Finding(
+        "inconsistent",
+        "warn",
+        f"the signal {name} is {factor:.3g} times the speed by which the angle changes (correlation {alike:.2f})"
+        f"{_guess(factor)}",
+        factor,
+    )
+
+
+def _guess(factor: float) -> str:
+    if factor < 0:
+        return ": one of them has the wrong sign"
+    for known, unit in ((57.3, "degrees"), (9.55, "revolutions per minute"), (1000.0, "thousandths")):
+        if abs(np.log(factor / known)) < _SAME:
+            return f": {unit}?"
+        if abs(np.log(factor * known)) < _SAME:
+            return f": is the angle in {unit}?"
+    return ""

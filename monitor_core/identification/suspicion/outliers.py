@@ -1,0 +1,88 @@
+"""Samples that cannot be what the axis did, and samples that are missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from monitor_core.identification.record import Bools, Record
+from monitor_core.identification.suspicion.finding import Finding
+from monitor_core.kernel.tables import Floats
+
+LIMITS: Mapping[str, float] = {"torque": 1e6, "speed": 1e5, "angle": 1e8}
+"""N m, rad/s and rad, above which no motor has ever been: a number like that comes from a broken file.  A million
+newton metres is a ship's propeller; 1e5 rad/s is a million revolutions per minute, and 1e8 rad a day of them."""
+_HALF = 2
+"""Samples on either side of the running median: a peak of one or two samples stands out, a step does not."""
+_STANDS_OUT = 10.0
+"""Times what 90 % of the samples stay below: for Gaussian noise that is 16 standard deviations."""
+_VISIBLE = 0.2
+"""As part of the range in which 90 % of the values lie: less than that does little harm."""
+_REFUSE = 0.01
+"""Part of all samples: where there are so many, those that do not stand out will not be right either."""
+
+
+def strange(record: Record) -> Iterator[Finding]:
+    """Absurd numbers, outliers, missing samples."""
+    yield from _absurd(record)
+    yield from _outliers(record)
+    missing = 1 - float(np.mean(record.measured))
+    if missing > 0:
+        yield Finding(
+            "missing",
+            "refuse" if missing > 0.5 else "warn",
+            f"the {record.quantity} is missing or not finite at {np.count_nonzero(~record.measured)} of {len(record)} "
+            f"samples, {100 * missing:.2g} %",
+            missing,
+        )
+
+
+def outliers(values: Floats) -> Bools:
+    """Which of the values (N,) stand out from their neighbours; those that are not finite do not."""
+    out = np.zeros(values.shape, np.bool_)
+    known = np.flatnonzero(np.isfinite(values))
+    if known.size < 2 * _HALF + 1:
+        return out
+    v = values[known]
+    around = np.median(sliding_window_view(np.pad(v, _HALF, mode="edge"), 2 * _HALF + 1), axis=1)
+    distance = abs(v - around)
+    low, high = np.quantile(v, (0.05, 0.95))
+    out[known] = distance > max(_STANDS_OUT * np.quantile(distance, 0.9), _VISIBLE * (high - low))
+    return out
+
+
+def _absurd(record: Record) -> Iterator[Finding]:
+    for what, unit, values in _quantities(record):
+        beyond = abs(np.nan_to_num(values)) > LIMITS[what]
+        if beyond.any():
+            largest = float(np.nanmax(abs(values)))
+            yield Finding(
+                "absurd",
+                "refuse",
+                f"the {what} is beyond {LIMITS[what]:g} {unit} at {np.count_nonzero(beyond)} samples, up to "
+                f"{largest:.3g} {unit}: no motor does that",
+                largest,
+            )
+
+
+def _outliers(record: Record) -> Iterator[Finding]:
+    for what, unit, values in _quantities(record):
+        where = np.flatnonzero(outliers(values))
+        if where.size:
+            k = int(where[np.argmax(abs(values[where]))])
+            share = where.size / len(record)
+            yield Finding(
+                "outliers",
+                "refuse" if share > _REFUSE else "warn",
+                f"{where.size} values of the {what} stand out from their neighbours, the first at "
+                f"{record.t[where[0]] - record.t[0]:.3f} s, the last at {record.t[where[-1]] - record.t[0]:.3f} s, the "
+                f"largest is {values[k]:.4g} {unit}",
+                where.size,
+            )
+
+
+def _quantities(record: Record) -> Iterator[tuple[str, str, Floats]]:
+    yield "torque", "N m", record.u
+    yield record.quantity, record.unit, record.y
