@@ -32,7 +32,7 @@ def dbc_files(config: Config) -> Iterator[Finding]:
 def dbc_names(config: Config) -> Iterator[Finding]:
     """Each message and each signal is in the DBC of the axis's bus."""
     files = {bus.name: bus.dbc for bus in config.bus if present(bus, "name", "dbc")}
-    for wanted in _wanted(config):
+    for wanted in (*_wanted(config), *_further(config)):
         try:
             database = read_dbc(files[wanted.bus])
         except (KeyError, DbcError):  # reported with the bus
@@ -43,7 +43,7 @@ def dbc_names(config: Config) -> Iterator[Finding]:
             yield Finding(wanted.message_path, str(error))
             continue
         try:
-            find = find_signal if wanted.signal_path[-1] == "signal" else find_counter
+            find = find_counter if wanted.signal_path[-1] == "counter_signal" else find_signal
             find(message, wanted.signal)
         except DbcError as error:
             yield Finding(wanted.signal_path, str(error))
@@ -84,6 +84,18 @@ DBC_RULES = (dbc_files, dbc_names, one_axis_for_each_signal, counters_beside_val
 def _wanted(config: Config) -> Iterator[_Wanted]:
     for wanted in _by_axis(config):
         yield from wanted
+
+
+def _further(config: Config) -> Iterator[_Wanted]:
+    """The further signals of all axes; several axes may share one."""
+    for i, robot in enumerate(config.robot):
+        for k, axis in enumerate(robot.axis if present(robot, "axis") else ()):
+            for n, further in enumerate(axis.signal if present(axis, "bus", "signal") else ()):
+                message = further.message if present(further, "message") else None
+                signal = further.signal if present(further, "signal") else None
+                if message is not None and signal is not None:
+                    where: Keys = ("robot", i, "axis", k, "signal", n)
+                    yield _Wanted(axis.bus, (*where, "message"), message, (*where, "signal"), signal)
 
 
 def _by_axis(config: Config) -> Iterator[list[_Wanted]]:

@@ -10,7 +10,7 @@ from typing import TypeVar
 from service.config.crosschecks import DBC_RULES
 from service.config.model_rules import MODEL_RULES
 from service.config.positions import Keys
-from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
+from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig
 from service.config.tables import Absent, present
 from service.config.wording import Finding
 from service.ingest.interfaces import interface_names
@@ -119,7 +119,24 @@ def counter(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("time", missing), "missing: counter_message and counter_signal go together")
 
 
-def _same_names(key: str, tables: Sequence[BusConfig | RobotConfig | AxisConfig]) -> Iterator[Finding]:
+def further_signals(axis: AxisConfig) -> Iterator[Finding]:
+    """Further signals have names of their own, and each says where it is."""
+    yield from _same_names("signal", axis.signal)
+    for n, further in enumerate(axis.signal):
+        if not present(further, "message", "signal", "column"):
+            continue
+        if (further.message is None) != (further.signal is None):
+            missing = "message" if further.message is None else "signal"
+            yield Finding(("signal", n, missing), "missing: message and signal go together")
+        elif further.message is None and further.column is None:
+            yield Finding(
+                ("signal", n, "column"), "missing: it is either in a column or in a message and signal"
+            )
+
+
+def _same_names(
+    key: str, tables: Sequence[BusConfig | RobotConfig | AxisConfig | FurtherConfig]
+) -> Iterator[Finding]:
     first: dict[str, int] = {}
     for i, table in enumerate(tables):
         if present(table, "name") and first.setdefault(table.name, i) != i:
@@ -135,5 +152,6 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     pairing_tolerance,
     maximum_gap,
     counter,
+    further_signals,
     *MODEL_RULES,
 )

@@ -100,6 +100,17 @@ class SignalConfig(Table):
     column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
 
 
+class FurtherConfig(Table):
+    """[[robot.axis.signal]]: a further signal that records hold beside torque and motion."""
+
+    name: Name = Field(description="name by which the identification refers to it: letters, digits, - and _")
+    message: Text | None = Field(None, description="name of the message in the DBC")
+    signal: Text | None = Field(None, description="name of the signal in that message")
+    column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
+    factor: Real = Field(1.0, description="value = factor * signal + offset")
+    offset: Real = Field(0.0, description="value = factor * signal + offset")
+
+
 class TimeConfig(Table):
     """[robot.axis.time]: where the time of a sample comes from."""
 
@@ -195,6 +206,10 @@ class AxisConfig(Table):
     angle: SignalConfig | None = Field(None, description="motor angle; factor and offset make it rad")
     speed: SignalConfig | None = Field(None, description="motor speed; factor and offset make it rad/s")
     time: TimeConfig = Field(default_factory=TimeConfig, description="time of the samples")
+    signal: tuple[FurtherConfig, ...] = Field(
+        (),
+        description="further signals of the axis in records: reference, temperature, ..., [[robot.axis.signal]]",
+    )
     model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
     estimator: EstimatorConfig = Field(description="recursive estimator")
     detector: DetectorConfig = Field(default_factory=DetectorConfig, description="change detector")
