@@ -1,4 +1,4 @@
-"""Rules for an axis's model and estimator, asked of the engine's own model where it has the rule."""
+"""Rules for an axis's model, asked of the engine's own model where it has the rule."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -35,13 +35,13 @@ def known_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 def measurable(axis: AxisConfig) -> Iterator[Finding]:
     """What the drive's inputs depend on can be had from what is measured."""
-    if problem := _refusal(_drive(axis, usable=False), {}):
+    if problem := _refusal(usable_drive(axis, inputs=False), {}):
         yield Finding(("model", "components" if axis.model.components else "drive"), problem)
 
 
 def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values are of parameters of the drive, and of all of them."""
-    drive = _drive(axis)
+    drive = usable_drive(axis)
     known = _by_name(drive)
     for name in axis.model.nominal:
         if name not in known:
@@ -54,7 +54,7 @@ def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
 
 def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
     """Each nominal value is one that the drive can have."""
-    drive = _drive(axis)
+    drive = usable_drive(axis)
     for name, value in _known(axis.model.nominal, drive).items():
         if problem := _refusal(drive, {name: value}):
             message = problem.removeprefix(f"nominal {name} = {value}: ")  # a finding says that anyway
@@ -63,7 +63,7 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
 
 def monitored(axis: AxisConfig) -> Iterator[Finding]:
     """Monitored parameters exist, once each, with a size that gives a threshold."""
-    drive, seen = _drive(axis), set[str]()
+    drive, seen = usable_drive(axis), set[str]()
     names = [p.name for p in drive.parameters]
     drawn = {p.name for p in drive.drawn}
     for i, name in enumerate(axis.model.monitor):
@@ -79,7 +79,7 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
 
 def monitored_sizes(axis: AxisConfig) -> Iterator[Finding]:
     """Each monitored parameter has a size: its nominal value or a scale."""
-    drive, model = _drive(axis), axis.model
+    drive, model = usable_drive(axis), axis.model
     nominal = _nominal(axis, drive)
     for i, name in enumerate(model.monitor):
         base = split_name(name)[0]
@@ -104,7 +104,7 @@ def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
 
 def limits(axis: AxisConfig) -> Iterator[Finding]:
     """The nominal value lies between the bounds, and a positive parameter stays positive."""
-    drive, model = _drive(axis), axis.model
+    drive, model = usable_drive(axis), axis.model
     nominal = _nominal(axis, drive)
     for name, (lower, upper) in _present(model.bounds).items():
         base, inverse = split_name(name)
@@ -117,60 +117,11 @@ def limits(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("model", "bounds", name), f"must be [lower, upper] with {need} = {value}")
 
 
-def predictor(axis: AxisConfig) -> Iterator[Finding]:
-    """The predictor fits what is measured."""
-    estimator = axis.estimator
-    if estimator.predictor == "output-error":
-        if axis.output == "angle":
-            message = 'needs speed; from the angle without a gain it diverges: use "innovations"'
-            yield Finding(("estimator", "predictor"), message)
-        if estimator.gain:
-            yield Finding(("estimator", "gain"), 'the predictor "output-error" has none: remove it')
-    elif estimator.gain and axis.output == "angle" and not any(estimator.gain):
-        yield Finding(("estimator", "gain"), "must not be zero: with the angle the prediction diverges")
-
-
-def noises(axis: AxisConfig) -> Iterator[Finding]:
-    """What the filter gain and lambda_0 are to be computed from is there."""
-    estimator = axis.estimator
-    pair = {"torque_noise": estimator.torque_noise, "output_noise": estimator.output_noise}
-    missing = [name for name, value in pair.items() if value is None]
-    if estimator.predictor == "output-error":
-        if estimator.innovation_variance is None and estimator.output_noise is None:
-            yield Finding(("estimator", "output_noise"), "missing: give output_noise or innovation_variance")
-    elif not estimator.gain:
-        for name in missing:
-            message = "missing: the filter gain needs torque_noise and output_noise (or give gain)"
-            yield Finding(("estimator", name), message)
-    elif estimator.innovation_variance is None and missing:
-        message = "missing: beside a gain give it, or torque_noise and output_noise"
-        yield Finding(("estimator", "innovation_variance"), message)
-
-
-def gain_length(axis: AxisConfig) -> Iterator[Finding]:
-    """One gain for each state."""
-    axis.output  # noqa: B018 - where that is not said, nothing can be counted
-    states = _drive(axis).states
-    gain = axis.estimator.gain
-    if gain and len(gain) != len(states):
-        names = ", ".join(state.name for state in states)
-        message = f"has {len(gain)} numbers, must have {len(states)}, one for each state: {names}"
-        yield Finding(("estimator", "gain"), message)
-
-
-def initial_p(axis: AxisConfig) -> Iterator[Finding]:
-    """P(0) is given for all monitored parameters or for none."""
-    given = axis.estimator.initial_p
-    for name in axis.model.monitor:
-        if given and name not in given:
-            yield Finding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
-
-
 def whole(axis: AxisConfig) -> Iterator[Finding]:
     """Where no rule finds anything, the engine does not, either: values of a drawing, or merged from several."""
     if any(not _is_quiet(rule, axis) for rule in MODEL_RULES if rule is not whole):
         return
-    model, drive = axis.model, _drive(axis)
+    model, drive = axis.model, usable_drive(axis)
     scales, bounds = _present(model.scales), _present(model.bounds)
     try:
         AxisModel(drive, given_values(axis), model.monitor, scales, bounds)
@@ -195,15 +146,15 @@ def _measured(axis: AxisConfig) -> Output:
         return "angle"
 
 
-def _drive(axis: AxisConfig, usable: bool = True) -> Drive:
-    """The drive, one whose inputs can be had if it is to be ``usable``; where there is none, another rule says so."""
+def usable_drive(axis: AxisConfig, inputs: bool = True) -> Drive:
+    """The drive; with ``inputs`` one whose inputs can be had.  Where there is none, another rule says so."""
     if any(one_drive(axis)):
         raise Absent("drive")
     try:
         drive = drive_of(axis, _measured(axis))
     except ModelError:
         raise Absent("drive") from None
-    if usable and _refusal(drive, {}):
+    if inputs and _refusal(drive, {}):
         raise Absent("drive")
     return drive
 
@@ -282,9 +233,5 @@ MODEL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     monitored_sizes,
     scales_and_bounds,
     limits,
-    predictor,
-    noises,
-    gain_length,
-    initial_p,
     whole,
 )

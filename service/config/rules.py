@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from service.config.crosschecks import DBC_RULES
+from service.config.estimator_rules import ESTIMATOR_RULES
 from service.config.model_rules import MODEL_RULES
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig
@@ -154,4 +155,5 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     counter,
     further_signals,
     *MODEL_RULES,
+    *ESTIMATOR_RULES,
 )
