@@ -3,6 +3,8 @@
 x' = A(theta) x + B(theta) u,      y = C(theta) x
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -10,12 +12,15 @@ from typing import Literal
 
 import numpy as np
 
-from monitor_core.kernel.tables import OF_MOTION, Floats
+from monitor_core.kernel.tables import OF_MOTION, TORQUE, Floats
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
 Output = Literal["speed", "angle"]
 Powers = tuple[tuple[str, int], ...]
 """Names of parameters and their exponents."""
+
+DISTURBANCE_TIME = "Td"
+"""Name of the time constant of a drive's torque disturbance."""
 
 _OPERATORS = frozenset(" +*/^()")
 
@@ -28,6 +33,9 @@ class Parameter:
     unit: str
     meaning: str
     positive: bool = True
+
+
+_TIME = Parameter(DISTURBANCE_TIME, "s", "time constant of the torque disturbance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +172,29 @@ class Drive:
             if not parts.isdisjoint(definition.names):
                 parts.add(definition.name)
         return tuple(p.name for p in self.parameters if p.name in parts - {name})
+
+    def with_disturbance(self) -> Drive:
+        """The drive with a torque disturbance d as one more state, the last:  d' = -d / Td + w,  in N m.
+
+        d acts as the motor torque does, w is noise: the drive itself has no input for it.
+
+        Raises:
+            ValueError: the drive has a parameter of that name already.
+        """
+        if any(p.name == DISTURBANCE_TIME for p in (*self.parameters, *self.drawn)):
+            raise ValueError(f"the drive {self.name!r} already has a parameter {DISTURBANCE_TIME}")
+        n, torque = (
+            len(self.states),
+            [t for t in self.terms if t.matrix == "B" and self.inputs[t.col] == TORQUE],
+        )
+        acts = [replace(term, matrix="A", col=n) for term in torque]
+        decays = Term("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
+        return replace(
+            self,
+            states=(*self.states, Quantity("torque disturbance", "N m")),
+            parameters=(*self.parameters, _TIME),
+            terms=(*self.terms, *acts, decays),
+        )
 
     def _why_not(self, name: str) -> str:
         if name in {p.name for p in self.drawn}:

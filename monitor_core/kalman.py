@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from monitor_core.discretize import zero_order_hold
+from monitor_core.drive import DISTURBANCE_TIME
 from monitor_core.kernel.tables import TORQUE, Floats
 from monitor_core.model import AxisModel
 
@@ -14,7 +15,11 @@ _MARGIN = 1e-6
 
 
 def filter_gain(
-    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float
+    model: AxisModel,
+    interval_s: float,
+    torque_noise: float,
+    output_noise: float,
+    disturbance_noise: float = 0.0,
 ) -> tuple[Floats, float]:
     """Filter gain K (n,) and innovation variance lambda_0 of the steady-state Kalman filter at nominal.
 
@@ -22,28 +27,52 @@ def filter_gain(
 
     P is the variance of the one-step prediction.  ``torque_noise`` [N m] is the standard deviation of a white
     sequence that enters like the torque, held over each interval; ``output_noise`` [rad or rad/s] that of the
-    measurement, R its square.  Coulomb friction is left out: it is an input here.
+    measurement, R its square; ``disturbance_noise`` [N m] that of the torque disturbance, whose state the drive then
+    must have (Drive.with_disturbance).  Coulomb friction is left out: it is an input here.
 
     Raises:
-        ValueError: a noise that is negative or not finite, no output noise, or no stable filter.
+        ValueError: a noise that is negative or not finite, no output noise, a disturbance that the drive lacks, or no
+            stable filter.
     """
-    if not (0 <= torque_noise < math.inf and 0 < output_noise < math.inf):
+    noises = {"torque_noise": torque_noise, "disturbance_noise": disturbance_noise}
+    if not (all(0 <= v < math.inf for v in noises.values()) and 0 < output_noise < math.inf):
         raise ValueError(
             f"torque_noise = {torque_noise}, output_noise = {output_noise}: need finite values, "
             "the first at least zero, the second greater than zero"
         )
-    Ad, Bd, C, d = _balanced(model, interval_s)
+    Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
     # In units of the output noise, R = 1: the Riccati equation then is as well scaled as it can be.
-    b = Bd * (torque_noise / output_noise)
+    g = G / output_noise
+    g[:, : _torque(model).sum()] *= torque_noise
     try:
-        P = sla.solve_discrete_are(Ad.T, C.T, b @ b.T, np.eye(1))
-    except (np.linalg.LinAlgError, ValueError):
+        P = prediction_variance(Ad, C, g @ g.T)
+    except ValueError:
         raise ValueError(_no_filter(torque_noise, output_noise)) from None
-    lam0 = float((C @ P @ C.T)[0, 0]) + 1
-    K = (P @ C.T)[:, 0] / lam0
-    if not _radius(Ad, C, K) < 1 - _MARGIN:
-        raise ValueError(_no_filter(torque_noise, output_noise))
-    return d * K, lam0 * output_noise**2
+    lam0 = float(C @ P @ C) + 1
+    return d * (P @ C) / lam0, lam0 * output_noise**2
+
+
+def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
+    """P (n, n) of the one-step prediction in steady state, for x+ = Ad x + w, y = C x + v, var w = Q, var v = 1.
+
+        P = Ad (P - P C' C P / (C P C' + 1)) Ad' + Q
+
+    Raises:
+        ValueError: there is no stable filter.
+    """
+    try:
+        P = sla.solve_discrete_are(Ad.T, C[:, None], Q, np.eye(1))
+    except np.linalg.LinAlgError as error:
+        raise ValueError("no stable filter") from error
+    if not _radius(Ad, C, P @ C / (C @ P @ C + 1)) < 1 - _MARGIN:
+        raise ValueError("no stable filter")
+    return np.asarray(P)
+
+
+def held_disturbance(interval_s: float, time_constant_s: float) -> float:
+    """Standard deviation of w, held over each interval, that gives  d' = -d / Td + w  the standard deviation 1."""
+    a = math.exp(-interval_s / time_constant_s)
+    return math.sqrt((1 + a) / (1 - a)) / time_constant_s
 
 
 def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> float:
@@ -55,13 +84,24 @@ def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> flo
     return -interval_s / math.log(radius) if radius > 0 else 0.0
 
 
-def _balanced(model: AxisModel, interval_s: float) -> tuple[Floats, Floats, Floats, Floats]:
-    """Ad, the torque's column of Bd, C in the coordinates x / d, and d (n,)."""
+def _balanced(
+    model: AxisModel, interval_s: float, disturbance: float = 0.0
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Ad (n, n), what noise enters by (n, q), C (n,) in the coordinates x / d, and d (n,)."""
     A, B, C = model.matrices()
     d = model.balance()
-    torque = [kind == TORQUE for kind in model.drive.inputs]
-    Ad, Bd = zero_order_hold(A / d[:, np.newaxis] * d, B[:, torque] / d[:, np.newaxis], interval_s)
-    return Ad, Bd, C * d, d
+    enters = B[:, _torque(model)]
+    if disturbance:
+        if DISTURBANCE_TIME not in model.nominal:
+            raise ValueError(f"the drive {model.drive.name!r} has no torque disturbance")
+        level = disturbance * held_disturbance(interval_s, model.nominal[DISTURBANCE_TIME])
+        enters = np.column_stack([enters, level * np.eye(len(A))[-1]])
+    Ad, G = zero_order_hold(A / d[:, np.newaxis] * d, enters / d[:, np.newaxis], interval_s)
+    return Ad, G, C[0] * d, d
+
+
+def _torque(model: AxisModel) -> np.ndarray:
+    return np.array([kind == TORQUE for kind in model.drive.inputs])
 
 
 def _radius(Ad: Floats, C: Floats, K: Floats) -> float:

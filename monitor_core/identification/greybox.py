@@ -3,12 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
+import numpy as np
+
+from monitor_core.drive import DISTURBANCE_TIME
+from monitor_core.identification.covariance import Information, information
+from monitor_core.identification.descent import End
+from monitor_core.identification.fit import fit_starts, solve
+from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import DELAY, Disturbance, Problem
 from monitor_core.identification.record import Record
+from monitor_core.identification.residuals import independence, whiteness
 from monitor_core.identification.result import Estimate
+from monitor_core.identification.sentences import sentences
+from monitor_core.kernel.tables import Floats
 
-__all__ = ["DELAY", "Disturbance", "Estimate", "Problem", "fit"]
+__all__ = ["DELAY", "Comparison", "Disturbance", "Estimate", "Problem", "compare", "fit"]
+
+_SLACK = 20.0
+"""A parameter that may be zero is compared with so many of its standard deviations, were all others known."""
+_CLIPPED_VARIANCE = 0.7101645
+"""Of a standard normal variable clipped at HUBER."""
+
+
+class Comparison(NamedTuple):
+    """NRMSE of one record, per cent: 100 (1 - |y - yhat| / |y - mean y|)."""
+
+    one_step: float
+    simulation: float
 
 
 def fit(
@@ -21,10 +45,157 @@ def fit(
 ) -> Estimate:
     """Minimise the sum of squared prediction errors of all records over theta.
 
-    ``start`` replaces nominal values of free parameters; several starts are tried, the best end is returned.
-    ``progress`` is called with the number of the iteration and the cost.
+    ``start`` replaces nominal values of free parameters ("delay" is one); several starts are tried, the best end is
+    returned.  ``progress`` is called with the number of evaluations and the cost whenever that has fallen.
+
+    Raises:
+        KeyError: a start for what is not free.
+        ValueError: no record, another output than the drive's, no sample measured; no start from which the predictor
+            is stable.
+    """
+    starts = [start or {}] if start is None or isinstance(start, Mapping) else list(start)
+    ends, problems = [], list[ValueError]()
+    for one in starts:
+        try:
+            ends.append(solve(_started(problem, one), records, most_iterations, progress))
+        except ValueError as error:
+            problems.append(error)
+    if not ends:
+        raise problems[0] if problems else ValueError("no start is given")
+    predictor, end, limit = min(ends, key=lambda found: found[1].normal.cost)
+    return _estimate(predictor, end, limit)
+
+
+def compare(problem: Problem, records: Sequence[Record]) -> tuple[Comparison, ...]:
+    """How well a problem's values, such as those of ``Estimate.problem``, predict and simulate records.
+
+    Only the initial states are fitted.  One step ahead K is that of the problem's noise at these records' interval;
+    friction and gravity in the simulation follow the simulated motion.
 
     Raises:
         ValueError: no record, another output than the drive's, no sample measured.
     """
-    raise NotImplementedError
+    disturbance = problem.disturbance if problem.K is None else None
+    ahead = Predictor(problem, records, disturbance)
+    one_step = _nrmse(ahead, ahead.errors(fit_starts(ahead)))
+    free_run = replace(
+        problem, predictor="output-error", disturbance=None, K=None, motion="simulated", initial="free"
+    )
+    simulated = Predictor(free_run, records, None)
+    runs = _nrmse(simulated, simulated.errors(fit_starts(simulated)))
+    return tuple(Comparison(a, b) for a, b in zip(one_step, runs, strict=True))
+
+
+def _started(problem: Problem, start: Mapping[str, float]) -> Problem:
+    for name in start:
+        if name not in problem.free and not (name == DELAY and problem.free_delay):
+            raise KeyError(f"start of {name}: it is not free")
+    values = {**problem.nominal}
+    for name, value in start.items():
+        if name.startswith("1/"):
+            values[problem.drive.parameter(name).name.removeprefix("1/").strip("()")] = 1 / value
+        elif name != DELAY:
+            values[name] = value
+    return replace(problem, nominal=values, delay_s=start.get(DELAY, problem.delay_s))
+
+
+def _estimate(predictor: Predictor, end: End, limit: float) -> Estimate:
+    layout, xi = predictor.layout, end.xi
+    errors = predictor.errors(xi)
+    lam0 = _variance(end, errors, limit)
+    told = _information(predictor, xi, errors, lam0, limit)
+    p = len(layout.names)
+    theta = layout.numbers(xi)[:p]
+    final = _final(predictor, xi)
+    point, gain = layout.point(xi), predictor.gain(xi)
+    compared = compare(final, [s.record for s in predictor.series])
+    output = float(np.sqrt(lam0 / gain.S)) if predictor.disturbance else float(np.sqrt(lam0))
+    noise = {"torque": point.torque * output, "slow": point.slow * output, "output": output}
+    if DISTURBANCE_TIME in point.values:
+        noise["time_constant"] = point.values[DISTURBANCE_TIME]
+    eps = [e.eps for e in errors]
+    found = Estimate(
+        drive=predictor.drive,
+        problem=final,
+        names=layout.names,
+        theta=theta,
+        covariance=told.covariance[:p, :p],
+        values=point.values,
+        delay_s=point.delay_s,
+        K=gain.K * predictor.d,
+        interval_s=predictor.interval_s,
+        lam0=lam0,
+        noise=noise if predictor.disturbance else {},
+        cost=end.normal.cost,
+        whiteness=whiteness(eps),
+        independence=independence([s.u for s in predictor.series], eps),
+        accuracy=told.accuracy,
+        coloured=told.order,
+        fit=tuple(c.one_step for c in compared),
+        fit_simulation=tuple(c.simulation for c in compared),
+        iterations=end.evaluations,
+        converged=end.converged,
+    )
+    return replace(found, words=tuple(sentences(found, layout, xi)))
+
+
+def _variance(end: End, errors: Sequence[Errors], limit: float) -> float:
+    """lambda_0, of what is left after as many degrees of freedom as there are parameters."""
+    freedom = max(end.normal.samples - end.xi.size, 1)
+    if not limit < np.inf:
+        return end.normal.cost / freedom
+    clipped = sum(float(np.sum(np.clip(e.eps, -limit, limit) ** 2)) for e in errors)
+    return clipped / freedom / _CLIPPED_VARIANCE
+
+
+def _information(
+    predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float
+) -> Information:
+    """Of everything that the records share, noise levels as well."""
+    layout, shared = predictor.layout, predictor.layout.shared
+    gradients, starts = [e.psi[:, :shared] for e in errors], [e.psi[:, shared:] for e in errors]
+    numbers = np.abs(layout.numbers(xi))
+    lengths = np.sqrt(sum((psi**2).sum(axis=0) for psi in gradients))
+    alone = np.sqrt(lam0) / np.where(lengths > 0, lengths, 1.0)
+    sizes = np.where(layout.log, numbers, np.maximum(numbers, _SLACK * alone))
+    sizes[sizes == 0] = 1.0
+    names = [entry.name for entry in layout.entries]
+    eps, variance = [e.eps for e in errors], lam0
+    if limit < np.inf:
+        eps = [np.clip(e, -limit, limit) for e in eps]
+        inside = np.mean(np.concatenate([np.abs(e) < limit for e in eps]))
+        eps = [e / inside for e in eps]
+        variance = lam0 * _CLIPPED_VARIANCE / inside**2
+    return information(names, sizes, gradients, starts, eps, variance)
+
+
+def _final(predictor: Predictor, xi: Floats) -> Problem:
+    """The problem with the estimates as its start."""
+    problem, layout, point = predictor.problem, predictor.layout, predictor.layout.point(xi)
+    noise = predictor.disturbance
+    if noise is not None:
+        noise = replace(
+            noise,
+            torque=point.torque * noise.output,
+            slow=point.slow * noise.output,
+            time_constant_s=point.values.get(DISTURBANCE_TIME, noise.time_constant_s),
+        )
+    names = {p.name for p in problem.drive.parameters}
+    slopes = layout.names[len(layout.free) : len(layout.free) + len(point.slopes)]
+    return replace(
+        problem,
+        nominal={name: value for name, value in point.values.items() if name in names},
+        delay_s=point.delay_s,
+        disturbance=noise,
+        slopes=dict(zip(slopes, point.slopes.tolist(), strict=True)),
+    )
+
+
+def _nrmse(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
+    out = []
+    for e, s in zip(errors, predictor.series, strict=True):
+        measured = s.measured > 0
+        y = s.y[measured]
+        around = float(np.linalg.norm(y - y.mean()))
+        out.append(100 * (1 - float(np.linalg.norm(e.eps[measured])) / around) if around > 0 else -np.inf)
+    return tuple(out)

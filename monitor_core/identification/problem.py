@@ -76,13 +76,13 @@ class Problem:
         K: filter gain (n,) in the drive's states, which then is held; no disturbance.
         loss: "huber" for outliers.
         bounds: of free parameters, by name; "delay" is one.
-        scales: sizes of free parameters whose start is zero.
         motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
             friction there follows the speed of the predictor), or "simulated": all on the predictor's state.
         initial: state at the first sample: "free", or "rest": moving rigidly with the first output, as the monitor
             starts.
         varying: parameters that are not constant, theta(t) = theta + sum_j b_j s_j(t), each with the names of the
             records' signals s_j; the b_j are estimated.
+        slopes: where the b_j start, by name, "fm per temperature"; 0 if not given.
 
     Raises:
         KeyError, ValueError: what AxisModel refuses; settings that contradict one another.
@@ -99,15 +99,14 @@ class Problem:
     K: tuple[float, ...] | None = None
     loss: Loss = "squares"
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    scales: Mapping[str, float] = field(default_factory=dict)
     motion: Motion = "measured"
     initial: Initial = "free"
     varying: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    slopes: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # One that starts at zero needs no size here: the data set it.
-        model = AxisModel(self.drive, self.nominal, (), {}, {})
-        object.__setattr__(self, "nominal", model.nominal)
+        # Monitoring none of them: a free parameter that starts at zero needs no scale, the data set it.
+        object.__setattr__(self, "nominal", AxisModel(self.drive, self.nominal, ()).nominal)
         self._check_free()
         if self.predictor == "output-error" and (self.disturbance or self.K):
             raise ValueError("an output-error predictor has no gain: leave out disturbance and K")
@@ -115,9 +114,8 @@ class Problem:
             raise ValueError("K is either given or follows from the disturbance: give one of them")
         if self.K is not None and len(self.K) != len(self.drive.states):
             raise ValueError(f"K has {len(self.K)} entries, the drive {len(self.drive.states)} states")
-        for what, value in {"speed_scale": self.speed_scale}.items():
-            if not 0 < value < math.inf:
-                raise ValueError(f"{what} = {value}: need a finite value greater than zero")
+        if not 0 < self.speed_scale < math.inf:
+            raise ValueError(f"speed_scale = {self.speed_scale}: need a finite value greater than zero")
         if not 0 <= self.delay_s < math.inf:
             raise ValueError(f"delay_s = {self.delay_s}: need a finite value, at least zero")
 

@@ -8,20 +8,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from monitor_core.drive import Drive
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.residuals import Correlation
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
+from monitor_core.modeling.accuracy import Accuracy
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """Estimates, how sure they are, and how well they predict.
 
-    ``drive`` is the problem's, with the state of the disturbance if there is one: K has one number for each of its
-    states, and ``values`` all of its parameters.
-
     Attributes:
-        drive: what K and values belong to.
-        names: (p,) free parameters, then "delay" if free, then "fm per temperature" of varying ones.
+        drive: the problem's, with the state of the disturbance if there is one: what K and ``values`` belong to.
+        problem: the problem with the estimates in place of what it started from; see ``compare``.
+        names: (p,) free parameters, then "fm per temperature" of varying ones, then "delay" if free.
         theta: (p,) estimates, SI.
         covariance: (p, p); infinite variance where a direction cannot be told, NaN beside it.
         values: all parameters of the drive.
@@ -32,6 +33,10 @@ class Estimate:
         noise: standard deviations "torque", "slow" (N m), "output", and "time_constant" (s), where K follows from
             them.
         cost: sum of squared prediction errors, or of their Huber losses.
+        whiteness: autocorrelation of the prediction errors.
+        independence: their correlation with past torque.
+        accuracy: what the records tell of the parameters, in relative units and words.
+        coloured: order of the autoregressive model of the errors that the covariance reckons with; 0: they are white.
         fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
         fit_simulation: the same, simulated from the estimated initial state without looking at the output again.
         iterations: evaluations of the predictor and its gradient.
@@ -40,6 +45,7 @@ class Estimate:
     """
 
     drive: Drive
+    problem: Problem
     names: tuple[str, ...]
     theta: Floats
     covariance: Floats
@@ -50,6 +56,10 @@ class Estimate:
     lam0: float
     noise: Mapping[str, float]
     cost: float
+    whiteness: Correlation
+    independence: Correlation
+    accuracy: Accuracy
+    coloured: int
     fit: tuple[float, ...]
     fit_simulation: tuple[float, ...]
     iterations: int

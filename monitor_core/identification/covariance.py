@@ -1,0 +1,79 @@
+"""How sure estimates are: the information in the gradients, initial states left out, and errors that are not white."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.identification.colour import scores_covariance
+from monitor_core.kernel.tables import Floats
+from monitor_core.modeling.accuracy import Accuracy
+
+_SEEN = 1e-12
+
+
+class Information(NamedTuple):
+    """What records tell."""
+
+    accuracy: Accuracy  # as if the errors were white; says what cannot be told
+    covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be told
+    order: int  # of the errors' autoregressive model; 0: white
+
+
+def information(
+    names: Sequence[str],
+    sizes: Floats,
+    gradients: Sequence[Floats],
+    starts: Sequence[Floats],
+    eps: Sequence[Floats],
+    variance: float,
+) -> Information:
+    """Covariance of estimates by prediction errors.
+
+        cov = (J'J)^-1 S (J'J)^-1,     S = sum_ts psi(t) R(t - s) psi(s)'
+
+    which for white errors is lambda_0 (J'J)^-1, J being what the initial states cannot explain of the gradients.
+
+    Args:
+        names: of the p parameters.
+        sizes: (p,) units in which they are compared: their own size, for most.
+        gradients: (N, p) psi of each record.
+        starts: (N, n) gradient by the record's initial state; n may be 0.
+        eps: (N,) errors, of each record, zero where missing.
+        variance: of the errors, lambda_0.
+    """
+    own = [_unexplained(psi, start) for psi, start in zip(gradients, starts, strict=True)]
+    scaled = [psi * sizes for psi in own]
+    R: Floats = np.asarray(np.linalg.qr(np.concatenate(scaled), mode="r"))
+    accuracy = Accuracy(tuple(names), R, np.sqrt(variance) if variance > 0 else 1e-300)
+    S, order = scores_covariance(eps, scaled)
+    if order == 0:
+        return Information(accuracy, accuracy.covariance * np.outer(sizes, sizes), 0)
+    with np.errstate(invalid="ignore"):
+        inverse = _pseudo_inverse(R)
+        known = np.isfinite(np.diag(accuracy.covariance))
+        covariance = accuracy.covariance.copy()
+        covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
+        return Information(accuracy, covariance * np.outer(sizes, sizes), order)
+
+
+def _unexplained(psi: Floats, start: Floats) -> Floats:
+    """What is left of the columns of psi once those of ``start`` are taken out."""
+    if not start.shape[1]:
+        return psi
+    lengths = np.linalg.norm(start, axis=0)
+    left, sizes, _ = np.linalg.svd(start / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
+    left = left[:, sizes > _SEEN * sizes.max(initial=0.0)]
+    return np.asarray(psi - left @ (left.T @ psi))
+
+
+def _pseudo_inverse(R: Floats) -> Floats:
+    """Of R'R, columns of R scaled to one length; nothing along what is not seen."""
+    lengths = np.linalg.norm(R, axis=0)
+    lengths[lengths == 0] = 1.0
+    _, sizes, rows = np.linalg.svd(R / lengths, full_matrices=False)
+    seen = sizes > 1e-9 * sizes.max(initial=0.0)
+    weighted = rows[seen] / sizes[seen, None]
+    return np.asarray(weighted.T @ weighted / np.outer(lengths, lengths))

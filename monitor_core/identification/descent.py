@@ -1,0 +1,115 @@
+"""Levenberg and Marquardt's method within bounds, on normal equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.kernel.tables import Floats
+
+_HIDDEN = 1e-13
+"""An eigenvalue of the scaled J'J so much below the largest is rounding: no step goes there."""
+_SETTLED = 1e-8
+"""The square of the step that is left, in standard deviations of the estimate."""
+_FLAT = 1e-13
+"""A part of the cost that no more is to be gained than this ends the search, too (data without noise)."""
+_FARTHEST_STEP = 1.5
+"""In a logarithm."""
+
+
+class Normal(NamedTuple):
+    """Sum of squares, and its Gauss-Newton model: cost(xi + s) = cost - 2 g's + s'H s."""
+
+    cost: float
+    g: Floats  # (P,) J' eps, J = d yhat / d xi
+    H: Floats  # (P, P) J' J
+    samples: int
+
+
+class End(NamedTuple):
+    """Where the search ended."""
+
+    xi: Floats
+    normal: Normal
+    evaluations: int
+    converged: bool
+
+
+def minimise(
+    evaluate: Callable[[Floats], Normal],
+    xi: Floats,
+    bounds: tuple[Floats, Floats],
+    limited: NDArray[np.bool_],
+    most: int,
+    progress: Callable[[int, float], None] | None = None,
+) -> End:
+    """Minimise from xi.  A cost that is not finite only rejects the step.
+
+    Args:
+        evaluate: the model at a vector.
+        xi: start, inside the bounds.
+        bounds: lower and upper (P,), infinite where there are none.
+        limited: (P,) entries that move by no more than 1.5 in one step: logarithms.
+        most: evaluations.
+        progress: called with the number of evaluations and the cost whenever that has fallen.
+
+    Raises:
+        ValueError: the cost at the start is not finite.
+    """
+    at, mu, grow = evaluate(xi), 1e-3, 2.0
+    if not np.isfinite(at.cost):
+        raise ValueError("the predictor is unstable at the start values, or they make no sense")
+    for count in range(1, most):
+        able = _movable(xi, at.g, bounds)
+        if _settled(at, able):
+            return End(xi, at, count, converged=True)
+        step = _shortened(_step(at, able, mu), limited)
+        new = np.clip(xi + step, *bounds)
+        trial = evaluate(new)
+        gain = at.cost - trial.cost
+        expected = float(2 * at.g @ (new - xi) - (new - xi) @ at.H @ (new - xi))
+        if gain > 0 and np.isfinite(trial.cost):
+            mu = max(mu * max(1 / 10, 1 - (2 * gain / max(expected, 1e-300) - 1) ** 3), 1e-15)
+            flat = gain <= _FLAT * at.cost
+            xi, at, grow = new, trial, 2.0
+            if progress:
+                progress(count, at.cost)
+            if flat:
+                return End(xi, at, count + 1, converged=True)
+        else:
+            mu, grow = mu * grow, grow * 2
+            if mu > 1e12 or expected <= _FLAT * at.cost:
+                return End(xi, at, count + 1, converged=True)
+    return End(xi, at, most, converged=False)
+
+
+def _movable(xi: Floats, g: Floats, bounds: tuple[Floats, Floats]) -> NDArray[np.bool_]:
+    """Entries that are not pushed against a bound."""
+    lower, upper = bounds
+    return np.asarray(~(((xi <= lower) & (g < 0)) | ((xi >= upper) & (g > 0))))
+
+
+def _settled(at: Normal, able: NDArray[np.bool_]) -> bool:
+    """What is left to go is nothing beside the standard deviation, which cost / samples scales."""
+    left = float(at.g @ _step(at, able, 0.0))
+    return left <= _SETTLED * at.cost / max(at.samples, 1)
+
+
+def _step(at: Normal, able: NDArray[np.bool_], mu: float) -> Floats:
+    """(H + mu diag H)^-1 g among the able, none in directions that H does not see."""
+    out = np.zeros(able.size)
+    size = np.sqrt(np.diag(at.H)[able])
+    size[size == 0] = 1.0
+    values, vectors = np.linalg.eigh(at.H[np.ix_(able, able)] / np.outer(size, size))
+    seen = values > _HIDDEN * values.max(initial=0.0)
+    along = vectors[:, seen].T @ (at.g[able] / size)
+    out[able] = vectors[:, seen] @ (along / (values[seen] + mu)) / size
+    return out
+
+
+def _shortened(step: Floats, limited: NDArray[np.bool_]) -> Floats:
+    longest = float(np.abs(step[limited]).max(initial=0.0))
+    return step * min(1.0, _FARTHEST_STEP / longest) if longest > 0 else step

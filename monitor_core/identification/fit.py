@@ -1,0 +1,127 @@
+"""The prediction-error criterion of a problem on records, and its minimum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.identification.descent import End, Normal, minimise
+from monitor_core.identification.predictor import Errors, Predictor
+from monitor_core.identification.problem import Disturbance, Problem
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
+
+HUBER = 1.345
+"""Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
+_ROUNDS = 3
+_LEVELS = (1e-2, 1e-1, 1.0, 1e1, 1e2)
+"""Of torque noise over output noise, tried in units of the signals' own ratio."""
+
+Progress = Callable[[int, float], None]
+
+
+def solve(
+    problem: Problem, records: Sequence[Record], most: int, progress: Progress | None
+) -> tuple[Predictor, End, float]:
+    """The predictor, where the search ended, and the limit of Huber's loss there (infinite: squares).
+
+    Raises:
+        ValueError: the predictor is unstable at the start.
+    """
+    predictor = Predictor(problem, records, choose_disturbance(problem, records))
+    end = _search(predictor, predictor.start(), np.inf, most, progress)
+    if problem.loss == "squares":
+        return predictor, end, np.inf
+    limit = np.inf
+    for _ in range(_ROUNDS):
+        limit = HUBER * robust_deviation(predictor.errors(end.xi), predictor)
+        again = _search(predictor, end.xi, limit, most, progress)
+        end = again._replace(evaluations=end.evaluations + again.evaluations)
+    return predictor, end, limit
+
+
+def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
+    """The vector with the initial states that fit best, all else as at the start."""
+    xi, shared = predictor.start(), predictor.layout.shared
+    if xi.size == shared:
+        return xi
+
+    def evaluate(own: Floats) -> Normal:
+        whole = criterion(predictor, np.concatenate([xi[:shared], own]), np.inf)
+        return whole._replace(g=whole.g[shared:], H=whole.H[shared:, shared:])
+
+    own = xi[shared:]
+    endless = np.full(own.size, np.inf)
+    try:
+        found = minimise(evaluate, own, (-endless, endless), np.zeros(own.size, bool), most).xi
+    except ValueError:
+        found = own
+    return np.concatenate([xi[:shared], found])
+
+
+def criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
+    """Sum of squared errors over all records (Huber's loss: linear beyond ``limit``) and its Gauss-Newton model."""
+    rates, P = predictor.layout.rates(xi), xi.size
+    cost, g, H, samples = 0.0, np.zeros(P), np.zeros((P, P)), 0
+    for i, (eps, psi, good) in enumerate(predictor.errors(xi)):
+        if not good:
+            return Normal(np.inf, g, H, samples)
+        columns = predictor.columns(i)
+        weight = np.minimum(1.0, limit / np.maximum(np.abs(eps), 1e-300)) if limit < np.inf else None
+        weighted = psi if weight is None else psi * weight[:, None]
+        cost += _loss(eps, limit)
+        g[columns] += weighted.T @ eps
+        H[np.ix_(columns, columns)] += weighted.T @ psi
+        samples += int(predictor.series[i].measured.sum())
+    return Normal(cost, g * rates, H * np.outer(rates, rates), samples)
+
+
+def robust_deviation(errors: Sequence[Errors], predictor: Predictor) -> float:
+    """Standard deviation of the errors from their median absolute value."""
+    measured = [e.eps[s.measured > 0] for e, s in zip(errors, predictor.series, strict=True)]
+    return float(1.4826 * np.median(np.abs(np.concatenate(measured))))
+
+
+def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturbance | None:
+    """The noise that K follows from; the level of white torque noise that predicts best, if it is not given."""
+    if problem.predictor == "output-error" or problem.K is not None:
+        return None
+    given = problem.disturbance or Disturbance()
+    if given.torque is not None:
+        return given
+    unit = given.output * _ratio(records)
+    tried = [replace(given, torque=level * unit) for level in _LEVELS]
+    costs = [_cost(problem, records[:1], noise) for noise in tried]
+    return tried[int(np.argmin(costs))]
+
+
+def _ratio(records: Sequence[Record]) -> float:
+    """Root mean square of the torque over that of the output."""
+    u = np.concatenate([r.u for r in records])
+    y = np.concatenate([r.y[r.measured] for r in records])
+    sizes = float(u.std()), float(y.std())
+    return sizes[0] / sizes[1] if min(sizes) > 0 else 1.0
+
+
+def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> float:
+    predictor = Predictor(problem, records, noise)
+    return criterion(predictor, predictor.start(), np.inf).cost
+
+
+def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> End:
+    limited = np.zeros(xi.size, dtype=bool)
+    limited[: predictor.layout.shared] = predictor.layout.log
+
+    def evaluate(at: Floats) -> Normal:
+        return criterion(predictor, at, limit)
+
+    return minimise(evaluate, xi, predictor.bounds(), limited, most, progress)
+
+
+def _loss(eps: Floats, limit: float) -> float:
+    size = np.abs(eps)
+    if not limit < np.inf:
+        return float(eps @ eps)
+    return float(np.sum(np.where(size <= limit, size**2, 2 * limit * size - limit**2)))

@@ -1,0 +1,220 @@
+"""Prediction errors eps and their gradient psi = d yhat / d xi of records, for the vector xi of a fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.drive import DISTURBANCE_TIME, Drive
+from monitor_core.identification.held import hold, hold_late
+from monitor_core.identification.layout import Layout, Point
+from monitor_core.identification.noise import Gain, Levels, gain
+from monitor_core.identification.problem import Disturbance, Problem
+from monitor_core.identification.record import Record
+from monitor_core.identification.series import Series, series
+from monitor_core.identification.structure import Linear, Structure
+from monitor_core.kernel.fixed import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
+from monitor_core.kernel.tables import COULOMB, TORQUE, Floats
+from monitor_core.model import AxisModel
+
+
+class Errors(NamedTuple):
+    """Of one record: eps (N,) and psi (N, shared + n), zero where nothing was measured; not finite: ``good`` False."""
+
+    eps: Floats
+    psi: Floats
+    good: bool
+
+
+class Predictor:
+    """The predictor of a problem on its records.
+
+    The vector xi is that of ``layout``, followed by the initial state of each record if those are free.
+
+    Raises:
+        ValueError: no record, another output than the drive's, a record in which nothing was measured.
+    """
+
+    def __init__(self, problem: Problem, records: Sequence[Record], disturbance: Disturbance | None) -> None:
+        _check(problem, records)
+        self.problem, self.disturbance = problem, disturbance
+        slow = disturbance is not None and disturbance.slow > 0
+        self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
+        self.interval_s = round(float(np.median(np.concatenate([r.intervals for r in records]))), 6)
+        self.layout = Layout(problem, self.drive, disturbance, self.interval_s)
+        names = [signal for _, signal in self.layout.varying]
+        self.series = [series(record, names) for record in records]
+        start = self.layout.point(self.layout.start())
+        self.d = AxisModel(self.drive, start.values, ()).balance()
+        self._structure = Structure(self.drive, self.layout.free, self.d)
+        self._torque = np.array([kind == TORQUE for kind in self.drive.inputs])
+        self._source = np.array([self._source_of(kind) for kind in self.drive.inputs])
+        self._signal_mean = np.average(
+            [s.signals[s.level].mean(axis=0) for s in self.series], axis=0, weights=[len(r) for r in records]
+        )
+
+    def _source_of(self, kind: int) -> int:
+        """What an input of the motion looks at; friction beside a measured angle at the predictor's speed."""
+        if kind == COULOMB and self.drive.output == "angle":
+            return FROM_STATE
+        return FROM_RECORD if self.problem.motion == "measured" else FROM_OUTPUT
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.drive.states)
+
+    @property
+    def free_starts(self) -> bool:
+        """The initial states are part of the vector."""
+        return self.problem.initial == "free"
+
+    def columns(self, i: int) -> np.ndarray:
+        """Which entries of the vector the columns of record i's psi belong to."""
+        shared = self.layout.shared
+        own = shared + i * self.n + np.arange(self.n if self.free_starts else 0)
+        return np.concatenate([np.arange(shared), own])
+
+    def start(self) -> Floats:
+        """The vector to start from: nominal values, all at rest."""
+        xi = self.layout.start()
+        rest = self._linear(self.layout.point(xi), self._signal_mean).rest
+        own = [rest * s.first for s in self.series] if self.free_starts else []
+        return np.concatenate([xi, *own])
+
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Of the vector."""
+        lower, upper = self.layout.bounds()
+        endless = np.full(self.n * len(self.series) if self.free_starts else 0, math.inf)
+        return np.concatenate([lower, -endless]), np.concatenate([upper, endless])
+
+    def gain(self, xi: Floats) -> Gain:
+        """K and its derivatives (n, shared), in units of d.
+
+        Raises:
+            ValueError: there is no stable filter.
+        """
+        point, shared = self.layout.point(xi), self.layout.shared
+        if self.problem.K is not None:
+            return Gain(np.array(self.problem.K) / self.d, np.zeros((self.n, shared)), math.nan)
+        if self.disturbance is None:
+            return Gain(np.zeros(self.n), np.zeros((self.n, shared)), 1.0)
+        slow = self.disturbance.slow > 0
+        T = point.values[DISTURBANCE_TIME] if slow else math.inf
+        free = self.layout.free
+        which = free.index(DISTURBANCE_TIME) if DISTURBANCE_TIME in free else None
+        found = gain(
+            self._linear(point, self._signal_mean),
+            self._torque,
+            Levels(point.torque, point.slow, T, self.interval_s, self.d[-1]),
+            self.layout.levels,
+            which,
+        )
+        # The delay does not move K: it comes between the parameters and the levels.
+        at = len(free) + len(self.layout.varying)
+        dK = np.insert(found.dK, [at] * self.layout.free_delay, 0.0, axis=1)
+        return found._replace(dK=dK)
+
+    def errors(self, xi: Floats) -> list[Errors]:
+        """Prediction errors and gradients of all records; not good where theta makes no sense."""
+        with np.errstate(all="ignore"):
+            try:
+                K = self.gain(xi)
+            except ValueError:
+                return [self._nothing(s) for s in self.series]
+            return [self._record_errors(xi, i, K) for i in range(len(self.series))]
+
+    def _nothing(self, s: Series) -> Errors:
+        return Errors(np.full(s.u.size, math.inf), np.zeros((s.u.size, self.columns(0).size)), good=False)
+
+    def _linear(self, point: Point, signals: Floats) -> Linear:
+        """The drive where the signals have these values; the slopes of varying parameters as further ones."""
+        values, varying = point.values, self.layout.varying
+        if not varying:
+            return self._structure.at(values)
+        theta = self.layout.theta_of(values)
+        for (i, _), slope, signal in zip(varying, point.slopes, signals, strict=True):
+            theta[i] += slope * signal
+        of = self._structure.at(self.layout.values_with(values, theta))
+        which = [i for i, _ in varying]
+        more = [np.concatenate([slopes, slopes[..., which] * signals], axis=-1) for slopes in of[5:]]
+        return Linear(*of[:5], *more)
+
+    def _record_errors(self, xi: Floats, i: int, K: Gain) -> Errors:
+        s, point = self.series[i], self.layout.point(xi)
+        levels = [self._linear(point, signals) for signals in s.signals]
+        x0, Z0 = self._start(xi, i, levels[s.level[0]])
+        P = Z0.shape[1]
+        dK = np.zeros((self.n, P))
+        dK[:, : K.dK.shape[1]] = K.dK
+        X, dX = self._held(point, s, levels)
+        scale, dscale = self._scales(levels, dX.shape[2] // self.n)
+        C = np.array([of.C for of in levels])
+        dC = _widened(np.array([of.dC for of in levels]), dX.shape[2] // self.n)
+        eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
+        kinds = np.array(self.drive.inputs)
+        good = predict_record(
+            s.step, s.level, s.u, s.y, s.measured, kinds, self._source, self.drive.speed_state,
+            scale, dscale, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
+        )  # fmt: skip
+        return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
+
+    def _start(self, xi: Floats, i: int, of: Linear) -> tuple[Floats, Floats]:
+        columns = self.columns(i)
+        Z0 = np.zeros((self.n, columns.size))
+        if self.free_starts:
+            Z0[:, self.layout.shared :] = np.eye(self.n)
+            return xi[columns[self.layout.shared :]].copy(), Z0
+        first = self.series[i].first
+        Z0[:, : of.drest.shape[1]] = of.drest * first
+        return of.rest * first, Z0
+
+    def _held(self, point: Point, s: Series, levels: Sequence[Linear]) -> tuple[Floats, Floats]:
+        """X (G, n, n + m) and dX (G, n + m, n q) for the pairs of the series."""
+        parts = [
+            self._held_level(point, s.pairs[s.pairs[:, 1] == j, 0] * 1e-6, of) for j, of in enumerate(levels)
+        ]
+        order = np.argsort(np.concatenate([np.flatnonzero(s.pairs[:, 1] == j) for j in range(len(levels))]))
+        X = np.concatenate([part[0] for part in parts])[order]
+        dX = np.concatenate([part[1] for part in parts])[order]
+        return X, np.ascontiguousarray(dX.transpose(0, 3, 2, 1)).reshape(len(X), X.shape[2], -1)
+
+    def _held_level(self, point: Point, intervals_s: Floats, of: Linear) -> tuple[Floats, Floats]:
+        if not (self.layout.free_delay or point.delay_s):
+            return hold(of, intervals_s)
+        X, dX = hold_late(of, self._torque, intervals_s, point.delay_s)
+        return X, dX if self.layout.free_delay else dX[:, :-1]
+
+    def _scales(self, levels: Sequence[Linear], q: int) -> tuple[Floats, Floats]:
+        """What angle or speed is multiplied by to give the argument of an input (L, m), and derivatives (L, m, q)."""
+        scale, dscale = np.array([of.ratio for of in levels]), np.array([of.dratio for of in levels])
+        friction = np.array(self.drive.inputs) == COULOMB
+        scale[:, friction] /= self.problem.speed_scale
+        dscale[:, friction] /= self.problem.speed_scale
+        if self.drive.output == "angle" and friction.any():
+            for j, of in enumerate(levels):
+                # The speed at the sensor is (C A x), of which x[speed_state] is all.
+                k = self.drive.speed_state
+                sensor, dsensor = of.C @ of.A[:, k], of.dC.T @ of.A[:, k] + of.C @ of.dA[:, k]
+                dscale[j, friction] = dscale[j, friction] * sensor + scale[j, friction, None] * dsensor
+                scale[j, friction] *= sensor
+        return scale, _widened(dscale, q)
+
+
+def _widened(slopes: Floats, q: int) -> Floats:
+    """With zeros for the delay."""
+    out = np.zeros((*slopes.shape[:-1], q))
+    out[..., : slopes.shape[-1]] = slopes
+    return out
+
+
+def _check(problem: Problem, records: Sequence[Record]) -> None:
+    if not records:
+        raise ValueError("no record to fit")
+    for record in records:
+        if record.quantity != problem.drive.output:
+            what = f"{record.name or 'record'} holds the {record.quantity}"
+            raise ValueError(f"{what}, the drive's output is the {problem.drive.output}")

@@ -1,0 +1,75 @@
+"""What a fit has to say to its user, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from monitor_core.identification.layout import LEVEL, Layout
+from monitor_core.identification.residuals import LEVEL as CONFIDENCE
+from monitor_core.identification.result import Estimate
+from monitor_core.kernel.tables import Floats
+from monitor_core.modeling.accuracy import Accuracy
+from monitor_core.modeling.identifiability.wording import listed
+
+_USUAL = ("kT", "r")
+"""What one would rather hold than others: a data sheet has it."""
+
+
+def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
+    """Doubts about the estimates, the gravest first."""
+    if not found.converged:
+        yield f"The search has not converged after {found.iterations} evaluations."
+    yield from _singular(found.accuracy)
+    yield from (word for word in found.accuracy.words() if LEVEL not in word and "at all" not in word)
+    yield from _at_bounds(layout, xi)
+    yield from _levels(found, layout)
+    yield from _residuals(found)
+
+
+def _singular(accuracy: Accuracy) -> Iterator[str]:
+    """Which parameter to hold so that the others can be told."""
+    hidden = accuracy.hidden
+    for row in hidden:
+        names = [name for name, part in zip(accuracy.names, row, strict=True) if part != 0]
+        if len(names) > 1:
+            hold = next((name for name in _USUAL if name in names), names[0])
+            yield (
+                f"The information matrix is singular: {listed(names)} cannot all be told. Fix one of them, best"
+                f" {hold}: values and deviations of the others then mean something."
+            )
+
+
+def _at_bounds(layout: Layout, xi: Floats) -> Iterator[str]:
+    lower, upper = layout.bounds()
+    for entry, value, low, high in zip(layout.entries, xi, lower, upper, strict=False):
+        if not entry.name.startswith(LEVEL) and value in (low, high):
+            yield f"{entry.name} ended at its bound {entry.lower if value == low else entry.upper:g}."
+
+
+def _levels(found: Estimate, layout: Layout) -> Iterator[str]:
+    sd = dict(zip(found.accuracy.names, found.accuracy.standard_deviations.tolist(), strict=True))
+    for name in layout.levels:
+        if not sd[LEVEL + name] < 1:
+            what = "white torque noise" if name == "torque" else "slow torque disturbance"
+            yield f"The {what} cannot be told from none: {found.noise[name]:.2g} N m."
+
+
+def _residuals(found: Estimate) -> Iterator[str]:
+    white, independent = found.whiteness, found.independence
+    if found.problem.predictor == "innovations" and white.p_value < 1 - CONFIDENCE:
+        worst = int(np.argmax(np.abs(white.values)))
+        yield (
+            f"The prediction errors are not white (correlation {white.values[worst]:.2f} at lag"
+            f" {white.lags[worst]:.0f}, limit {white.limit:.2f}): the noise model is not right; the standard deviations"
+            " reckon with it."
+        )
+    if independent.p_value < 1 - CONFIDENCE:
+        past = independent.lags > 0
+        worst = int(np.argmax(np.abs(independent.values[past])))
+        yield (
+            f"The prediction errors depend on past torque (correlation {independent.values[past][worst]:.2f} at lag"
+            f" {independent.lags[past][worst]:.0f}, limit {independent.limit:.2f}): the drive does not describe all"
+            " that the record shows."
+        )
