@@ -51,7 +51,7 @@ def _measured(group: list[Instance], written: set[str]) -> list[Instance]:
     if drivers:
         used = len(group) > 1 or drivers[0].path in written
         return drivers if used and is_given(drivers[0]) else []
-    if any(i.path in written or i.binding is not None for i in group):
+    if any(i.path in written for i in group):
         return []
     return _open(group)
 

@@ -53,6 +53,9 @@ def arm(J: float = 5, c: float = 10, d: float = 0.5) -> dict[str, float | None]:
                          "model Stiffer extends Stiff(spring(c = 50)); end Stiffer;", arm(c=50, d=3)),
         ("Own load", "model Own parameter Real k = 60; extends Arm(spring(c = k)); end Own;",
          {"load.k": 60, "load.J": 5, "load.spring.d": 0.5}),
+        ("Robot load(second.spring.c = 3, first.J = 4)", "",
+         {"load.first.J": 4, "load.first.spring.c": 10, "load.first.spring.d": 0.5,
+          "load.second.J": 6, "load.second.spring.c": 3, "load.second.spring.d": 0.5}),
         ("Arm load(mass(J = 11))", "", {"load.mass.J": 11, "load.spring.c": 10, "load.spring.d": 0.5}),
     ],
 )  # fmt: skip

@@ -42,6 +42,7 @@ def test_ways_to_name_a_class(declarations: str) -> None:
         drive() + "// the end",
         "/* a drive */ " + drive(),
         "within;" + drive(),
+        drive().replace("end D;", "annotation(__Vendor(what only = 1 vendor, knows));\nend D;"),
         drive().replace(
             "end D;", 'annotation(Icon(graphics = {Text(textString = "%name;)")}), x = [1; 2]);\nend D;'
         ),
@@ -107,6 +108,24 @@ def test_axiswatchs_own_library_may_be_among_the_texts() -> None:
     model = read([own, Source("d.mo", text)])
     assert values(model) == {"motor.J": 1, "weight.gc": 3, "weight.gs": 4}
     assert [i.name for i in model.inputs] == ["torque.tau", "weight.cosine", "weight.sine"]
+
+
+@pytest.mark.parametrize(
+    "within", ["AxisWatch", "Modelica.Blocks", "Modelica.Mechanics.Rotational.Components"]
+)
+def test_the_library_cannot_be_changed_from_a_text(within: str) -> None:
+    own = Source("own.mo", f"within {within}; model Inertia Real x = 1; end Inertia;")
+    assert read([own, Source("d.mo", drive())]).equations == flat(drive()).equations
+    assert flat(drive()).equations == flat(drive()).equations
+
+
+def test_a_base_class_by_two_ways_is_there_once() -> None:
+    base = "Modelica.Mechanics.Rotational.Interfaces.PartialTwoFlanges"
+    kit = f"""partial model Kit extends {base}; parameter Real J = 2; end Kit;
+      model Arm extends {base}; extends Kit; {INERTIA} mass(J = J);
+      equation connect(flange_a, mass.flange_a); connect(mass.flange_b, flange_b); end Arm; """
+    text = drive("Arm arm;", "connect(motor.flange_b, arm.flange_a);", kit)
+    assert values(flat(text)) == {"motor.J": 1, "arm.J": 2}
 
 
 def test_pictures_may_be_extended() -> None:
