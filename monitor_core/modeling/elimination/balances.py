@@ -114,11 +114,14 @@ def _check_shape(system: System) -> None:
     names, equations = system.unknowns(), len(system.lines)
     for name in names:
         if system.orders[name] != ANGLE:
-            raise ModelError(f"nothing determines {name}: an equation or a connection is missing")
+            raise ModelError(
+                f"nothing determines {name}: an equation or a connection is missing", system.origins.get(name)
+            )
     if equations < len(names):
         raise ModelError(
-            f"{len(names) - equations} equations too few: nothing determines {names[-1]} "
-            "(a part held rigidly on both sides, or an equation missing?)"
+            f"nothing determines {names[-1]}: what it belongs to is not connected to the drive, or it is held "
+            "rigidly on both sides, or an equation is missing",
+            system.origins.get(names[-1]),
         )
     if equations > len(names):
         raise ModelError(
@@ -137,6 +140,20 @@ def _check_progress(system: System, left: list[int]) -> None:
     if any(not line.row for line in system.lines):
         raise ModelError(
             "its equations depend on each other: something is held twice", _first_empty(system).origin
+        )
+    for k in left:
+        _check_answered(system, system.lines[k])
+
+
+def _check_answered(system: System, line: Line) -> None:
+    """A torque on what only springs hold turns it at once: no substitution gets rid of its angle."""
+    if not system.inputs.isdisjoint(line.row):
+        moving = {name for other in system.lines for name, op in other.row.items() if degree(op) > 0}
+        jumping = min(line.row.keys() - system.inputs, key=lambda name: (name in moving, name))
+        raise ModelError(
+            f"a torque acts where only springs are, and {jumping} would jump with it: "
+            "an inertia or a damper is missing there",
+            line.origin,
         )
 
 

@@ -120,7 +120,10 @@ class Reduction:
             absolute: Sum = {(name, 0): c for name, c in angle.items()}
             self._put(C, D, k, absolute if sensor.quantity == "angle" else self._speed(angle))
         if D:
-            raise ModelError("what it measures depends on the torque at once", self.sensors[0].origin)
+            raise ModelError(
+                "what it measures follows the torque at once: an inertia is missing there",
+                self.sensors[0].origin,
+            )
         return C
 
     def _speed(self, angle: Angles) -> Sum:

@@ -72,7 +72,9 @@ def _reduce(flat: FlatModel, output: Output | None, field: Field | None) -> Redu
         Line(row if field is None else field.row(row), equation.origin, torques.isdisjoint(row))
         for row, equation in zip(rows, flat.equations, strict=True)
     ]
-    system = System(lines, _watched(flat, field), orders, frozenset(u.name for u in flat.inputs), keep, drawn)
+    origins = {v.name: v.origin for v in flat.variables}
+    inputs = frozenset(u.name for u in flat.inputs)
+    system = System(lines, _watched(flat, field), orders, inputs, keep, drawn, origins=origins)
     balances = balances_of(system)
     sensors = tuple(FlatSensor(s.name, s.angle, output or s.quantity, s.origin) for s in flat.sensors)
     counts = Counts(len(flat.equations), len(flat.variables), differentiated, len(system.lines))

@@ -37,6 +37,7 @@ class System:
     """The equations that are left, and rows that only watch: name -> row expressing a variable of interest.
 
     ``drawn``: the user's parameters in their order; ``definitions``: those merged on the way, as sums of them.
+    ``origins``: of the variables.
     """
 
     lines: list[Line]
@@ -46,6 +47,7 @@ class System:
     keep: Mapping[str, tuple[int, ...]]
     drawn: tuple[str, ...]
     definitions: dict[str, Laurent] = field(default_factory=dict)
+    origins: Mapping[str, Origin] = field(default_factory=dict)
 
     def unknowns(self) -> list[str]:
         """The variables that still occur, in a settled order."""
@@ -175,7 +177,7 @@ def _check(line: Line, system: System) -> None:
         (operator,) = line.row.values()
         if set(operator) == {0} and not _is_single_term(operator[0]):
             raise ModelError(
-                f"locks the drive: its equations let {unknown[0]} stand still only "
+                f"the drive is locked: its equations let {unknown[0]} stand still only "
                 "(two rigid connections of different ratio in parallel?)",
                 line.origin,
             )

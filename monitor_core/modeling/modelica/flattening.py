@@ -163,7 +163,7 @@ def _check(
     unknowns = list(variables)
     for variable in unknowns:
         if variable.name not in occurring:
-            raise ModelError(f"{variable.name} occurs in no equation", variable.origin)
+            raise ModelError(_unused(variable.name), variable.origin)
     known = {i.name for i in inputs}
     for equation in equations:
         for name, order in equation.terms:
@@ -175,3 +175,10 @@ def _check(
         missing = "one or more are missing" if len(equations) < len(unknowns) else "there are too many"
         problem = f"{len(equations)} equations for {len(unknowns)} variables: {missing}"
         raise ModelError(problem, model.origin)
+
+
+def _unused(variable: str) -> str:
+    owner, _, last = variable.rpartition(".")
+    if last == "phi" and owner.rpartition(".")[2].startswith("flange"):
+        return f"nothing is connected to {owner}"
+    return f"{variable} occurs in no equation"

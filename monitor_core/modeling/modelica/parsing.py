@@ -87,7 +87,7 @@ def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, in
     """What is wrong in words, and the line where it is to be mended."""
     if token is None:
         found = re.search(r"at: '(.*)'", text, re.DOTALL)
-        return f"{found.group(1) if found else text} is not Modelica", line
+        return f"{_printed(found.group(1) if found else text)} is not Modelica", line
     if token.type == -1:
         return _unfinished([t for t in recognizer.getTokenStream().tokens[:-1] if t.channel == 0], line)
     before = _token_before(recognizer, token)
@@ -97,6 +97,10 @@ def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, in
     wanted = f", {_wanted(missing.group(1))} is expected here" if missing else ""
     behind = f' behind "{before.text}"' if before is not None else ""
     return f'syntax error: "{token.text}" cannot stand{behind}{wanted}', line
+
+
+def _printed(text: str) -> str:
+    return text if text.isprintable() else f"the character {text!a}"
 
 
 def _wanted(name: str) -> str:
