@@ -1,6 +1,9 @@
 """The demo's axes with another drive: torque, noises and what is watched follow from it."""
 
+import math
 from collections.abc import Sequence
+
+import numpy as np
 
 from monitor_core.model import AxisModel
 from monitor_core.modeling.flat import ModelError, Origin
@@ -30,7 +33,10 @@ def with_drive(axis: AxisConfig, name: str, model: str | None, monitor: Sequence
     found = model_called(name, model, "angle")
     engine = _engine(name, found)
     lines = lines_of_motion(axis.sample_interval_s)
-    torque_rms = motion_of(engine, lines).torque_rms
+    with np.errstate(all="ignore"):
+        torque_rms = motion_of(engine, lines).torque_rms
+    if not 0 < torque_rms < math.inf:
+        raise ModelError("with its values no torque moves it: are they all in SI units?", _origin(name))
     noises = (TORQUE_NOISE * torque_rms, OUTPUT_NOISE)
     turning = model_called(name, model, "speed").drive
     chosen = tuple(monitor) or watchable(engine, turning, lines, torque_rms, noises)

@@ -162,6 +162,7 @@ def test_values_of_the_model_are_those_of_the_file(tmp_path: Path) -> None:
         (["--drive", "{file}", "--fault", "fx=2"], ("no parameter 'fx'", "there is Jm, f")),
         (["--drive", "{file}", "--fault", "Jm=-2"], ("Jm", "greater than zero")),
         (["--drive", "{bare}"], ("bare.mo", "no nominal value for Jm")),
+        (["--drive", "{heavy}"], ("heavy.mo", "no torque moves it")),
     ],
     ids=" ".join,
 )
@@ -172,7 +173,9 @@ def test_mistakes(
     text = DRAWINGS["one mass"]
     (tmp_path / "drive.mo").write_text(text, encoding="utf-8")
     (tmp_path / "bare.mo").write_text(text.replace("Jm = 0.01", "Jm"), encoding="utf-8")
-    files = {"{file}": tmp_path / "drive.mo", "{bare}": tmp_path / "bare.mo"}
+    (tmp_path / "heavy.mo").write_text(text.replace("Jm = 0.01", "Jm = 1e300"), encoding="utf-8")
+    files = {f"{{{name}}}": tmp_path / f"{name}.mo" for name in ("bare", "heavy")}
+    files["{file}"] = tmp_path / "drive.mo"
     result = CliRunner().invoke(app, ["demo", "--port", "0", *(str(files.get(a, a)) for a in arguments)])
     assert (result.exit_code, "Traceback" in result.output) == (2, False), result.output
     for word in words:
