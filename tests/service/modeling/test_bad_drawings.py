@@ -1,0 +1,213 @@
+"""Drawings that are wrong, through the command itself: one line with file, line and component, exit code 2."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from typer.testing import CliRunner
+
+from service.commands.main import app
+from tests.end_to_end.processes import run_program
+from tests.service.modeling.long_drives import ROTATIONAL, chain_text
+
+COMPONENTS = f"{ROTATIONAL}.Components"
+TORQUE = f"  {ROTATIONAL}.Sources.Torque torque;\n"
+ENCODER = f"  {ROTATIONAL}.Sensors.SpeedSensor encoder;\n"
+TO_TORQUE = "  connect(torque.flange, motor.flange_a);\n"
+TO_ENCODER = "  connect(encoder.flange, motor.flange_a);\n"
+TO_BELT = "  connect(belt.flange_a, motor.flange_b);\n"
+PATIENCE_S = 300.0
+
+
+def press(declared: str = "", joined: str = "") -> str:
+    """Motor and arm; lines ``declared`` at 7, then ``joined`` at 13, if each is one."""
+    declared, joined = (f"  {text}\n" if text else "" for text in (declared, joined))
+    return (
+        f"model Press\n{TORQUE}  {COMPONENTS}.Inertia motor(J = 0.1);\n"
+        f"  {COMPONENTS}.SpringDamper belt(c = 400, d = 0.5);\n  {COMPONENTS}.Inertia arm(J = 2);\n{ENCODER}{declared}"
+        f"equation\n{TO_TORQUE}{TO_ENCODER}{TO_BELT}  connect(belt.flange_b, arm.flange_a);\n{joined}end Press;\n"
+    )
+
+
+PRESS = press()
+GEAR = f"{COMPONENTS}.IdealGear"
+TWO_GEARS = press(
+    f"{GEAR} g1(ratio = 3); {GEAR} g2(ratio = 4);",
+    "connect(g1.flange_a, motor.flange_b); connect(g2.flange_a, motor.flange_b); connect(g1.flange_b, g2.flange_b);",
+)
+LOCKED = press(
+    f"{GEAR} gear(ratio = 3); {COMPONENTS}.Fixed wall;",
+    "connect(gear.flange_a, motor.flange_b); connect(gear.flange_b, wall.flange);",
+)
+SPRUNG = PRESS.replace(f"  {COMPONENTS}.Inertia motor(J = 0.1);\n", f"  {COMPONENTS}.Spring motor(c = 7);\n")
+
+
+class Bad(NamedTuple):
+    """A text, and what the message must begin with behind the file's name, and hold."""
+
+    text: str | bytes
+    place: str
+    words: tuple[str, ...]
+
+
+BAD = {
+    "no semicolon": Bad(PRESS.replace("0.1);", "0.1)"), ":3: ", ('";" is missing',)),
+    "no end": Bad(PRESS.replace("end Press;", ""), ":11: ", ("model Press (line 1)", "end Press;")),
+    "unknown class": Bad(PRESS.replace("Inertia motor", "Inertai motor"), ":3: motor: ", ("did you mean Inertia?",)),
+    "class of another domain": Bad(
+        press("Modelica.Electrical.Analog.Basic.Resistor wire;"), ":7: wire: ", ("Resistor",)
+    ),
+    "negative inertia": Bad(PRESS.replace("0.1", "-1"), ":3: motor: ", ("J (inertia) is -1", "greater than zero")),
+    "no stiffness": Bad(PRESS.replace("400", "0"), ":4: belt: ", ("c (stiffness) is 0", "greater than zero")),
+    "ratio of zero": Bad(press(f"{GEAR} gear(ratio = 0);"), ":7: gear: ", ("ratio", "must not be zero")),
+    "classes that extend each other": Bad(
+        "model A\n  extends B;\nend A;\nmodel B\n  extends A;\nend B;\n", ":1: A: ", ("A -> B -> A",)
+    ),
+    "components that hold each other": Bad(
+        "model A\n  B b;\nend A;\nmodel B\n  A a;\nend B;\n", ":5: b.a: ", ("A contains itself",)
+    ),
+    "torque not connected": Bad(
+        PRESS.replace(TO_TORQUE, ""), ":2: torque: ", ("nothing is connected to torque.flange",)
+    ),
+    "no torque": Bad(PRESS.replace(TO_TORQUE, "").replace(TORQUE, ""), ":1: Press: ", ("draw a torque source",)),
+    "no sensor": Bad(PRESS.replace(TO_ENCODER, "").replace(ENCODER, ""), ":1: Press: ", ("draw a speed sensor",)),
+    "sensor not connected": Bad(PRESS.replace(TO_ENCODER, ""), ":6: encoder: ", ("not connected",)),
+    "sensor on another drive": Bad(
+        PRESS.replace(TO_BELT, "").replace(TO_ENCODER, TO_ENCODER.replace("motor.flange_a", "arm.flange_b")),
+        ":6: encoder: ",
+        ("no path leads from the motor torque",),
+    ),
+    "part not connected": Bad(
+        PRESS.replace(TO_BELT, "").replace("  connect(belt.flange_b, arm.flange_a);\n", ""),
+        ":4: belt: ",
+        ("not connected",),
+    ),
+    "locked gear": Bad(LOCKED, ":6: encoder: ", ("stands still",)),
+    "two gears in parallel": Bad(TWO_GEARS, ":13: ", ("locked", "different ratio in parallel")),
+    "torque on springs alone": Bad(SPRUNG, ":", ("only springs", "inertia or a damper is missing")),
+    "too many equations": Bad(press("Real x;", "x = 1; x = 2;"), ":1: Press: ", ("equations", "too many")),
+    "a stiffness for an inertia": Bad(
+        press("parameter Modelica.Units.SI.RotationalSpringConstant k = 3;").replace("J = 0.1", "J = k"),
+        ":3: motor: ",
+        ("kg m^2", "N m/rad"),
+    ),
+    "array": Bad(PRESS.replace("arm(J", "arm[3](each J"), ":5: arm: ", ("arrays are not supported",)),
+    "when": Bad(press("Real x;", "when motor.w > 1 then x = 2; end when;"), ":13: ", ("when-equation",)),
+    "Stribeck": Bad(
+        press(f"{COMPONENTS}.BearingFriction b(tau_pos = [0, 1; 1, 0.5; 5, 2]);"), ":7: b: ", ("3 points", "Stribeck")
+    ),
+    "connected to nothing that exists": Bad(
+        PRESS.replace("belt.flange_a,", "bell.flange_a,"), ":10: ", ("bell", "belt")
+    ),
+    "two torques": Bad(
+        press(f"{ROTATIONAL}.Sources.Torque t2;", "connect(t2.flange, arm.flange_b);"), ":7: t2: ", ("torque.tau",)
+    ),
+    "two sensors": Bad(
+        press(f"{ROTATIONAL}.Sensors.AngleSensor s2;", "connect(s2.flange, arm.flange_b);"), ":7: s2: ", ("one sensor",)
+    ),
+    "empty": Bad("", ": ", ("empty",)),
+    "no model": Bad("// to be done\n", ": ", ("no model in it",)),
+    "another language": Bad("<html></html>\n", ":1: ", ('model Name',)),
+    "bytes": Bad("\x00\x01", ":1: ", ("is not Modelica",)),
+    "Latin-1": Bad(PRESS.replace("arm(J = 2)", 'arm(J = 2) "Träger"').encode("latin-1"), ":5: ", ("UTF-8",)),
+    "UTF-16": Bad(PRESS.encode("utf-16"), ":1: ", ("UTF-8",)),
+}  # fmt: skip
+
+
+IN_A_PROCESS = ("no semicolon", "two gears in parallel", "UTF-16")
+
+
+def written(bad: Bad, folder: Path) -> Path:
+    file = folder / "press.mo"
+    file.write_bytes(bad.text if isinstance(bad.text, bytes) else bad.text.encode())
+    return file
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_drawing_is_refused_in_words(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    bad, file = BAD[name], written(BAD[name], tmp_path)
+    result = CliRunner().invoke(app, ["model", str(file)])
+    refused(result.exit_code, result.stdout, result.stderr)
+    assert result.stderr.startswith(f"axiswatch: {file}{bad.place}"), result.stderr
+    for word in bad.words:
+        assert word in result.stderr.replace("\n", " "), result.stderr
+
+
+@pytest.mark.parametrize("name", IN_A_PROCESS)
+def test_the_program_ends_so_too(name: str, tmp_path: Path) -> None:
+    told(written(BAD[name], tmp_path), BAD[name].words)
+
+
+def told(file: Path, words: tuple[str, ...]) -> None:
+    result = run_program("model", file)
+    refused(result.returncode, result.stdout, result.stderr)
+    for word in (f"axiswatch: {file}:", *words):
+        assert word in result.stderr
+
+
+def refused(exit_code: int, stdout: str, stderr: str) -> None:
+    assert (exit_code, stdout) == (2, ""), stderr
+    assert "Traceback" not in stderr
+    assert stderr.count("\n") == 1
+    assert stderr.removesuffix("\n").isprintable()
+
+
+def test_a_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "press.mo"
+    folder.mkdir()
+    told(folder, ("Is a directory",))
+
+
+def test_no_such_file(tmp_path: Path) -> None:
+    told(tmp_path / "none.mo", ("No such file",))
+
+
+def shown(text: str, folder: Path, *arguments: str) -> str:
+    """What the command says of a drawing that it takes; nothing on standard error."""
+    file = folder / "press.mo"
+    file.write_text(text, encoding="utf-8")
+    result = run_program("model", file, *arguments, patience_s=PATIENCE_S)
+    assert (result.returncode, result.stderr) == (0, "")
+    return result.stdout
+
+
+def test_without_a_value_there_are_matrices_but_no_poles(tmp_path: Path) -> None:
+    text = shown(PRESS.replace("motor(J = 0.1)", "motor"), tmp_path)
+    assert "motor.J" in text
+    assert "Poles at nominal" in text
+    found = json.loads(shown(PRESS.replace("motor(J = 0.1)", "motor"), tmp_path, "--json"))
+    assert found["poles"] is None
+    assert len(found["A"]) == len(found["states"]) == 3
+
+
+IMPOSSIBLE = {
+    "unstable": (PRESS.replace("d = 0.5", "d = -50"), "unstable"),
+    "far too stiff": (PRESS.replace("c = 400", "c = 1e300"), "power of ten"),
+    "gravity and a speed": (
+        press("AxisWatch.Gravity weight(gc = 3, gs = 1);", "connect(weight.flange, arm.flange_b);"),
+        "gravity depends on the angle",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IMPOSSIBLE)
+def test_what_cannot_be_simulated_is_told_with_the_rest(name: str, tmp_path: Path) -> None:
+    text, why = IMPOSSIBLE[name]
+    said = " ".join(shown(text, tmp_path).split())
+    assert "not known: " in said
+    assert why in said
+    assert "Poles at nominal" in said
+
+
+@pytest.mark.parametrize("arguments", [(), ("--json",), ("--svg", "-")], ids=["text", "json", "svg"])
+def test_a_hundred_masses_are_answered(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    out = shown(chain_text(100), tmp_path, *arguments)
+    assert "mass99" in out
+    if "--json" in arguments:
+        assert len(json.loads(out)["states"]) == 199
