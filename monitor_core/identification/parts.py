@@ -41,7 +41,8 @@ def between(record: Record, start_s: float, end_s: float) -> Record:
     if np.count_nonzero(chosen) < _FEWEST:
         what = f"record {record.name}" if record.name else "the record"
         raise ValueError(
-            f"{what} has no two samples between {start_s:g} and {end_s:g} s: it is {record.duration_s:g} s long"
+            f"{what} has no two samples from {start_s:g} s on{'' if end_s == np.inf else f' to {end_s:g} s'}: it is "
+            f"{record.duration_s:g} s long"
         )
     return record.select(chosen)
 

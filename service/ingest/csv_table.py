@@ -41,8 +41,8 @@ class CsvTable:
             cell.strip()
             for cell in next(csv.reader([first], delimiter=self._delimiter, skipinitialspace=True))
         ]
-        self._has_names = not all(_is_number(cell) for cell in cells)
-        self.names: Sequence[str] = cells if self._has_names else [str(i) for i in range(len(cells))]
+        self.has_names = not all(_is_number(cell) for cell in cells)
+        self.names: Sequence[str] = cells if self.has_names else [str(i) for i in range(len(cells))]
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
         """See Table."""
@@ -59,7 +59,7 @@ class CsvTable:
         return pc.open_csv(
             file,
             pc.ReadOptions(
-                column_names=list(self.names), skip_rows=int(self._has_names), block_size=_BLOCK_BYTES
+                column_names=list(self.names), skip_rows=int(self.has_names), block_size=_BLOCK_BYTES
             ),
             pc.ParseOptions(delimiter=self._delimiter),
             pc.ConvertOptions(
@@ -78,7 +78,7 @@ class CsvTable:
                 where = f"{self._path}, line {reader.line_num}"
                 if row and len(row) != len(self.names):
                     return RecordError(f"{where}: {len(row)} cells in a table of {len(self.names)} columns")
-                if reader.line_num == 1 and self._has_names:
+                if reader.line_num == 1 and self.has_names:
                     continue
                 for name, i in wanted if row else ():
                     if row[i] not in _EMPTY and not _is_number(row[i]):

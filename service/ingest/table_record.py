@@ -47,7 +47,7 @@ class TableRecord:
         self.path = path
         self._table = open_table(path)
         axes = [axis for axis in config.axes if _has_columns(axis.config)]
-        self._axes = {axis.id: _AxisColumns(axis.id, axis.config) for axis in axes}
+        self._axes = {axis.id: AxisColumns(axis.id, axis.config) for axis in axes}
         if not self._axes:
             raise RecordError(
                 f"{path}: no axis says where it is in a table: set torque.column and angle.column or "
@@ -85,8 +85,12 @@ def _has_columns(config: AxisConfig) -> bool:
     return config.torque.column is not None or config.motion.column is not None
 
 
-class _AxisColumns:
-    """The columns of one axis, and what became of its rows."""
+class AxisColumns:
+    """The columns of one axis, and what became of its rows.
+
+    Raises:
+        RecordError: the configuration does not say which column the torque or the motion is.
+    """
 
     def __init__(self, axis_id: str, config: AxisConfig) -> None:
         if config.torque.column is None or config.motion.column is None:
@@ -112,14 +116,27 @@ class _AxisColumns:
 
     def samples(self, rows: Rows, first_row: int) -> SampleBlock:
         """The samples in these rows, the first of which has that number in the file."""
-        torque = _si(self._config.torque, rows.columns[self._torque])
-        motion = _si(self._config.motion, rows.columns[self._motion])
+        return self.chosen(rows, first_row)[1]
+
+    def chosen(
+        self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None
+    ) -> tuple[NDArray[np.int64], SampleBlock]:
+        """Which of these rows became samples, and the samples; rows that are not ``sound`` are passed over."""
+        torque, motion = self.quantities(rows)
         time_us = self._times(rows, first_row, len(torque))
         fine = np.isfinite(torque) & np.isfinite(motion) & (np.abs(time_us) < _LATEST_US)
-        self.dropped["not_finite"] += int(np.count_nonzero(~fine))
-        t_us = time_us[fine].astype(np.int64)
+        looked_at = np.ones(len(fine), np.bool_) if sound is None else sound
+        self.dropped["not_finite"] += int(np.count_nonzero(~fine & looked_at))
+        index = np.flatnonzero(fine & looked_at)
+        t_us = time_us[index].astype(np.int64)
         later = self._increasing(t_us)
-        return SampleBlock(t_us[later], torque[fine][later], motion[fine][later])
+        index = index[later]
+        return index, SampleBlock(t_us[later], torque[index], motion[index])
+
+    def quantities(self, rows: Rows) -> tuple[Floats, Floats]:
+        """Torque and motion in these rows, in SI units."""
+        torque = _si(self._config.torque, rows.columns[self._torque])
+        return torque, _si(self._config.motion, rows.columns[self._motion])
 
     def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
         """Times [us], rounded to whole ones here, once."""

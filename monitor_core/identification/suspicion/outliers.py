@@ -15,11 +15,13 @@ LIMITS: Mapping[str, float] = {"torque": 1e6, "speed": 1e5, "angle": 1e8}
 """N m, rad/s and rad, above which no motor has ever been: a number like that comes from a broken file.  A million
 newton metres is a ship's propeller; 1e5 rad/s is a million revolutions per minute, and 1e8 rad a day of them."""
 _HALF = 2
-"""Samples on either side of the running median: a peak of one or two samples stands out, a step does not."""
+"""Samples on either side of the running median: a peak of one or two samples stands out."""
 _STANDS_OUT = 10.0
 """Times what 90 % of the samples stay below: for Gaussian noise that is 16 standard deviations."""
 _VISIBLE = 0.2
 """As part of the range in which 90 % of the values lie: less than that does little harm."""
+_PEAK = 2.0
+"""Times the difference of what comes before and after: a peak comes back, a jump of the torque does not."""
 _REFUSE = 0.01
 """Part of all samples: where there are so many, those that do not stand out will not be right either."""
 
@@ -46,11 +48,18 @@ def outliers(values: Floats) -> Bools:
     if known.size < 2 * _HALF + 1:
         return out
     v = values[known]
-    around = np.median(sliding_window_view(np.pad(v, _HALF, mode="edge"), 2 * _HALF + 1), axis=1)
-    distance = abs(v - around)
+    distance = abs(v - _median(v, _HALF, _HALF))
+    jump = abs(_median(v, 0, 2 * _HALF) - _median(v, 2 * _HALF, 0))
     low, high = np.quantile(v, (0.05, 0.95))
-    out[known] = distance > max(_STANDS_OUT * np.quantile(distance, 0.9), _VISIBLE * (high - low))
+    far = distance > max(_STANDS_OUT * np.quantile(distance, 0.9), _VISIBLE * (high - low))
+    out[known] = far & (distance > _PEAK * jump)
     return out
+
+
+def _median(values: Floats, before: int, after: int) -> Floats:
+    """Of each value and so many before and after it (N,)."""
+    padded = np.pad(values, (before, after), mode="edge")
+    return np.asarray(np.median(sliding_window_view(padded, before + after + 1), axis=1))
 
 
 def _absurd(record: Record) -> Iterator[Finding]:

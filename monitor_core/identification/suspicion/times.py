@@ -99,9 +99,9 @@ def _jitter(record: Record) -> Iterator[Finding]:
         yield Finding(
             "jitter",
             "warn",
-            f"the intervals of {1e3 * record.interval_s:.3g} ms scatter by {1e3 * scatter:.2g} ms and a long one is "
-            f"followed by a short one (correlation {correlation:.2f}): so do late time stamps of a regular clock, and "
-            "they cost accuracy; prefer a sample counter",
+            f"the intervals of {1e3 * record.interval_s:.3g} ms scatter by {1e3 * scatter:.2g} ms, and a long one is "
+            f"followed by a short one (correlation {correlation:.2f}), as with late time stamps of a regular clock; if "
+            "it is that, it costs accuracy: prefer a sample counter",
             scatter,
         )
 

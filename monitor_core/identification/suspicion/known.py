@@ -1,0 +1,33 @@
+"""What the nominal values of a drive let one expect of its records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from monitor_core.drive import Drive
+from monitor_core.identification.rigid import rigid_inertia
+from monitor_core.identification.suspicion.finding import Known
+
+_NOUGHT = 1e-9
+"""Of the fastest pole: poles so slow are those of the free rigid motion, which has no time constant."""
+
+
+def known_of(
+    drive: Drive,
+    values: Mapping[str, float],
+    parameters: int,
+    speed_scale: float = 1.0,
+    speed: str | None = None,
+) -> Known:
+    """What is known of an axis with these nominal values; arguments as of ``Known``.
+
+    Raises:
+        KeyError, ValueError: a value is missing or makes no sense.
+    """
+    poles = np.linalg.eigvals(drive.matrix("A", drive.complete(values)))
+    decay = -poles.real
+    slow = decay[decay > _NOUGHT * abs(poles).max()]
+    slowest = float(1 / slow.min()) if slow.size else None
+    return Known(parameters, slowest, rigid_inertia(drive, values), speed_scale, speed)

@@ -1,0 +1,146 @@
+"""All samples of one axis in a file, with its further signals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.identification.suspicion import LIMITS
+from service.config.schema import Config, FurtherConfig, NamedAxis
+from service.ingest.csv_table import CsvTable
+from service.ingest.decode import Decoder, FrameKey
+from service.ingest.log_record import LogRecord
+from service.ingest.rows import Floats, Rows
+from service.ingest.table_record import AxisColumns, SampleBlock, Times
+from service.ingest.tables import Table, check_columns, open_table
+
+_NO_NUMBER = 1e30
+"""In a column of which nothing is known: above that it is no measurement, not even a time in nanoseconds."""
+
+
+class AxisSamples(NamedTuple):
+    """Times [us], torque [N m], motion [rad or rad/s] and further signals (N,); what was dropped, by reason."""
+
+    t_us: Times
+    torque: Floats
+    motion: Floats
+    signals: Mapping[str, Floats]
+    dropped: Mapping[str, int]
+
+
+def table_samples(path: Path, axis: NamedAxis) -> AxisSamples:
+    """From a .csv, .parquet or .mat file.
+
+    A row with an absurd number in it is refused as a whole and counted as "absurd": where one cell is broken the
+    others of its row, shifted or torn, cannot be trusted.  In a CSV without names all columns are looked at, else
+    those that are read.
+
+    Raises:
+        RecordError: the file cannot be read, is damaged, or lacks a column.
+    """
+    table = open_table(path)
+    columns = AxisColumns(axis.id, axis.config)
+    further = [signal for signal in axis.config.signal if signal.column is not None]
+    wanted = columns.wanted() | {str(s.column): f"the signal {s.name} of axis {axis.id}" for s in further}
+    check_columns(path, table, wanted)
+    blocks, signals, first_row, absurd = list[SampleBlock](), list[list[Floats]](), 0, 0
+    for rows in table.rows(list(dict.fromkeys((*wanted, *_all_columns(table))))):
+        sound = _sound(rows, columns, axis)
+        absurd += int(np.count_nonzero(~sound))
+        index, block = columns.chosen(rows, first_row, sound)
+        first_row += len(sound)
+        blocks.append(block)
+        signals.append([_value(signal, rows.columns[str(signal.column)][index]) for signal in further])
+    joined = {s.name: _joined(values) for s, *values in zip(further, *signals, strict=True)}
+    return AxisSamples(*_samples(blocks), joined, columns.dropped | {"absurd": absurd})
+
+
+def log_samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
+    """From a CAN log.  Of a further signal each sample gets the last value received up to half an interval after it.
+
+    Raises:
+        RecordError: the file cannot be read or is damaged.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    log = LogRecord(path, config)
+    blocks = [step.samples[axis.id] for step in log.steps() if axis.id in step.samples]
+    t_us, torque, motion = _samples(blocks)
+    dropped = dict(log.axis_dropped[axis.id])
+    sound = (abs(torque) <= LIMITS["torque"]) & (abs(motion) <= LIMITS[axis.config.output])
+    t_us, torque, motion = t_us[sound], torque[sound], motion[sound]
+    dropped["absurd"] = int(np.count_nonzero(~sound))
+    return AxisSamples(t_us, torque, motion, _received(path, config, axis, t_us), dropped)
+
+
+def _all_columns(table: Table) -> tuple[str, ...]:
+    """The columns to look at beside the wanted ones; without names they all hold numbers, by its first line."""
+    return tuple(table.names) if isinstance(table, CsvTable) and not table.has_names else ()
+
+
+def _sound(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> NDArray[np.bool_]:
+    """Which rows hold no absurd number; what is missing is none."""
+    torque, motion = columns.quantities(rows)
+    sound = ~(abs(torque) > LIMITS["torque"]) & ~(abs(motion) > LIMITS[axis.config.output])
+    for values in rows.columns.values():
+        sound &= ~(abs(values) > _NO_NUMBER)
+    return np.asarray(sound, np.bool_)
+
+
+def _samples(blocks: list[SampleBlock]) -> tuple[Times, Floats, Floats]:
+    if not blocks:
+        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+    t_us, torque, motion = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    return t_us, torque, motion
+
+
+def _joined(values: list[Floats]) -> Floats:
+    return np.concatenate(values) if values else np.zeros(0)
+
+
+def _value(signal: FurtherConfig, values: Floats) -> Floats:
+    return np.asarray(signal.factor * values + signal.offset, np.float64)
+
+
+def _received(path: Path, config: Config, axis: NamedAxis, t_us: Times) -> dict[str, Floats]:
+    """The further signals of an axis at the times of its samples, NaN before the first was received."""
+    further = [(s, s.message, s.signal) for s in axis.config.signal]
+    asked = [(message, name) for _, message, name in further if message is not None and name is not None]
+    if not asked:
+        return {}
+    values = dict[tuple[str, str], list[tuple[int, float]]]({pair: [] for pair in asked})
+    for pair, time_us, value in _decoded(path, config, axis, asked):
+        values[pair].append((time_us, value))
+    late = round(axis.config.sample_interval_s * 1e6 / 2)
+    return {
+        s.name: _value(s, _held(values[message, name], t_us + late))
+        for s, message, name in further
+        if message is not None and name is not None
+    }
+
+
+def _decoded(
+    path: Path, config: Config, axis: NamedAxis, asked: list[tuple[str, str]]
+) -> Iterator[tuple[tuple[str, str], int, float]]:
+    bus = next(bus for bus in config.bus if bus.name == axis.config.bus)
+    decoder = Decoder(bus.dbc, asked)
+    names = {decoder.key(message): message for message, _ in asked}
+    for of_bus, _ in LogRecord(path, config).frames():
+        for frame in of_bus.get(bus.name, []):
+            found = decoder.decode(frame)
+            if not isinstance(found, str):
+                message = names[FrameKey(frame.can_id, frame.extended)]
+                yield from (((message, name), frame.t_us, value) for name, value in found.items())
+
+
+def _held(received: list[tuple[int, float]], t_us: Times) -> Floats:
+    """The last value received by each time."""
+    if not received:
+        return np.full(len(t_us), np.nan)
+    times, values = np.array([t for t, _ in received]), np.array([value for _, value in received])
+    order = np.argsort(times, kind="stable")
+    k = np.searchsorted(times[order], t_us, side="right") - 1
+    return np.where(k >= 0, values[order][k], np.nan)

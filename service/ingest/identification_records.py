@@ -1,0 +1,173 @@
+"""From files to records for identification: the same readers as replay, whole records of one axis, and where from."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.identification.parts import between
+from monitor_core.identification.record import Record
+from service.config.schema import Config, NamedAxis
+from service.ingest.axis_samples import AxisSamples, log_samples, table_samples
+from service.ingest.can_log import LOG_SUFFIXES
+from service.ingest.errors import RecordError
+from service.ingest.records import RECORD_SUFFIXES
+from service.ingest.tables import TABLE_SUFFIXES
+
+_RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
+_CHUNK = 1 << 20
+
+
+class Wanted(NamedTuple):
+    """A file, and the range in it that is wanted: seconds after the first sample; None: to its end."""
+
+    path: Path
+    start_s: float | None = None
+    end_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a record comes from, for the report and the nominal values that are made of it.
+
+    ``samples`` are those of the axis in the whole file, ``used`` those in the range.  ``dropped`` is what became no
+    sample, by reason: rows of a table, values of a log.
+    """
+
+    path: Path
+    sha256: str
+    samples: int
+    used: int
+    start_s: float
+    end_s: float
+    dropped: Mapping[str, int]
+
+    @property
+    def words(self) -> str:
+        """One line for the user."""
+        part = (
+            ""
+            if self.used == self.samples
+            else f", {self.used} of them from {self.start_s:g} to {self.end_s:g} s"
+        )
+        lost = ", ".join(
+            f"{count} {reason.replace('_', ' ')}" for reason, count in self.dropped.items() if count
+        )
+        return f"{self.path}: {self.samples} samples{part}; dropped: {lost or 'nothing'}"
+
+
+class Loaded(NamedTuple):
+    """A record and where it comes from."""
+
+    record: Record
+    source: Source
+
+
+def wanted(text: str) -> Wanted:
+    """``FILE``, ``FILE@10:60``, ``FILE@10:`` or ``FILE@:60``: seconds after the first sample of the axis.
+
+    A file whose very name is the text goes first.
+
+    Raises:
+        RecordError: the range is none.
+    """
+    found = _RANGE.fullmatch(text)
+    if found is None or Path(text).exists():
+        return Wanted(Path(text))
+    try:
+        start, end = (float(part) if part else None for part in (found["start"], found["end"]))
+    except ValueError:
+        raise RecordError(f"{text}: a range is @START:END in seconds, such as @10:60, @10: or @:60") from None
+    if start is not None and end is not None and start >= end:
+        raise RecordError(f"{text}: the range ends before it begins")
+    return Wanted(Path(found["path"]), start, end)
+
+
+def load(text: str, config: Config, axis_id: str) -> Loaded:
+    """The record of one axis in a file.
+
+    Args:
+        text: the file, with a range or without: ``wanted``.
+        config: says where the axis is in it.
+        axis_id: as "robot.axis".
+
+    Raises:
+        RecordError: no such axis; the file cannot be read, is damaged, or holds too few samples of the axis.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    want, axis = wanted(text), axis_named(config, axis_id)
+    samples = _samples(want.path, config, axis)
+    if len(samples.t_us) < 2:
+        dropped = ", ".join(f"{count} {reason}" for reason, count in samples.dropped.items() if count)
+        raise RecordError(
+            f"{want.path}: {len(samples.t_us)} samples of axis {axis.id} in it; dropped: {dropped or 'nothing'}"
+        )
+    whole = _record(samples, axis, Path(want.path).name)
+    record = _in_range(whole, want)
+    since = record.t - whole.t[0]
+    source = Source(
+        want.path,
+        _sha256(want.path),
+        len(whole),
+        len(record),
+        float(since[0]),
+        float(since[-1]),
+        samples.dropped,
+    )
+    return Loaded(record, source)
+
+
+def axis_named(config: Config, axis_id: str) -> NamedAxis:
+    """The axis of that name.
+
+    Raises:
+        RecordError: there is none.
+    """
+    for axis in config.axes:
+        if axis.id == axis_id:
+            return axis
+    raise RecordError(
+        f"no axis {axis_id} in the configuration; there is {', '.join(a.id for a in config.axes)}"
+    )
+
+
+def _samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
+    suffix = path.suffix.lower()
+    if suffix in TABLE_SUFFIXES:
+        return table_samples(path, axis)
+    if suffix in LOG_SUFFIXES:
+        return log_samples(path, config, axis)
+    raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")
+
+
+def _record(samples: AxisSamples, axis: NamedAxis, name: str) -> Record:
+    # Times since the first sample: those since 1970 have no digits left for microseconds.
+    t = (samples.t_us - samples.t_us[0]) * 1e-6
+    return Record(t, samples.torque, samples.motion, axis.config.output, name, None, samples.signals)
+
+
+def _in_range(record: Record, want: Wanted) -> Record:
+    if want.start_s is None and want.end_s is None:
+        return record
+    end_s = np.inf if want.end_s is None else want.end_s
+    try:
+        return between(record, want.start_s or 0.0, end_s)
+    except ValueError as error:
+        raise RecordError(f"{want.path}: {error}") from None
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while chunk := file.read(_CHUNK):
+                digest.update(chunk)
+    except OSError as error:
+        raise RecordError(f"cannot read {path}: {error.strerror}") from None
+    return digest.hexdigest()
