@@ -131,7 +131,9 @@ class Assembly:
         Raises:
             ValueError: the drive's ``speed_state`` is not the speed at the sensor.
         """
-        fixed = {name: (1.0 if name in self._signs else v) for name, v in model.nominal.items()}
+        # Of a monitored parameter theta_i is a factor; what is left of it here is the unit of theta_i.
+        units = {name: model.unit[i] ** sign for name, (i, sign) in self._signs.items()}
+        fixed = {name: units.get(name, v) for name, v in model.nominal.items()}
         V0 = np.zeros(len(self._index))
         for p in self._pieces:
             if not p.factors:

@@ -6,7 +6,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,6 +46,8 @@ class AxisModel:
     A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a
     parameter whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine
     theta; default for a positive parameter: a tenth to ten times its nominal value.
+    ``relative``: theta is in units of these sizes, so that a healthy parameter is 1 (-1, or 0); ``scales`` and
+    ``bounds`` stay in SI.
 
     Raises:
         KeyError: a name that the drive does not have, or a nominal value that is missing.
@@ -59,6 +61,7 @@ class AxisModel:
     monitored: tuple[str, ...]
     scales: Mapping[str, float] = field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    relative: bool = False
 
     def __post_init__(self) -> None:
         self._check_inputs()
@@ -92,7 +95,8 @@ class AxisModel:
                 raise ValueError(f"{name} does not exist: its nominal value is 0")
 
     def _check_sizes(self) -> None:
-        for name, scale in zip(self.monitored, self.scale, strict=True):
+        for name in self.monitored:
+            scale = self._size(name)
             if scale == 0 and name not in self.scales:
                 raise ValueError(f"{name} has the nominal value 0: give its scale, which sets its threshold")
             if not 0 < scale < math.inf:
@@ -109,31 +113,36 @@ class AxisModel:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The monitored parameters, reciprocals written as such, under the names of ``monitored``."""
-        return tuple(self.drive.parameter(name) for name in self.monitored)
+        found = (self.drive.parameter(name) for name in self.monitored)
+        return tuple(_relative(p) if self.relative else p for p in found)
+
+    @cached_property
+    def unit(self) -> Floats:
+        """What one of theta_i is in SI (p,): 1, or the size of the parameter."""
+        return np.array([self._size(name) if self.relative else 1.0 for name in self.monitored])
 
     @cached_property
     def theta0(self) -> Floats:
         """Nominal theta (p,)."""
-        return np.array([self._nominal(name) for name in self.monitored])
+        return np.array([self._nominal(name) for name in self.monitored]) / self.unit
 
     @cached_property
     def scale(self) -> Floats:
         """Size s_i of each theta_i (p,): |theta0_i|, or as given."""
-        sizes = [self.scales.get(name, abs(self._nominal(name))) for name in self.monitored]
-        return np.array(sizes)
+        return np.array([self._size(name) for name in self.monitored]) / self.unit
 
     @cached_property
     def limits(self) -> Floats:
         """Lower and upper bounds of theta (2, p)."""
         pairs = [self._limits(name) for name in self.monitored]
-        return np.array(pairs).reshape(-1, 2).T
+        return np.array(pairs).reshape(-1, 2).T / self.unit
 
     def values(self, theta: Sequence[float] | Floats) -> dict[str, float]:
         """All parameter values with theta in place of the nominal ones."""
         values = dict(self.nominal)
-        for name, value in zip(self.monitored, theta, strict=True):
+        for name, value, unit in zip(self.monitored, theta, self.unit, strict=True):
             base, inverse = split_name(name)
-            values[base] = 1 / value if inverse else value
+            values[base] = 1 / (value * unit) if inverse else value * unit
         return values
 
     def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
@@ -150,13 +159,20 @@ class AxisModel:
         base, inverse = split_name(name)
         return 1 / self.nominal[base] if inverse else self.nominal[base]
 
+    def _size(self, name: str) -> float:
+        return self.scales.get(name, abs(self._nominal(name)))
+
     def _limits(self, name: str) -> tuple[float, float]:
         if name in self.bounds:
             return self.bounds[name]
-        size = self.scales.get(name, abs(self._nominal(name)))
+        size = self._size(name)
         if not self.drive.parameter(name).positive:
             return (self._nominal(name) - 10 * size, self._nominal(name) + 10 * size)
         return (0.1 * self._nominal(name), 10 * self._nominal(name))
+
+
+def _relative(p: Parameter) -> Parameter:
+    return replace(p, unit="1", meaning=f"relative to nominal: {p.meaning}")
 
 
 def _check_value(name: str, value: float, p: Parameter) -> None:

@@ -62,7 +62,8 @@ class AxisMonitor:
         m = self.model
         nominal = sorted(m.nominal.items())
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
-        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored} {s}"
+        units = " relative" if m.relative else ""
+        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}"
 
     def run(self, t_us: NDArray[np.int64], u: Floats, y: Floats) -> list[Episode]:
         """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended."""
