@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
+from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.units import parse
 
 _TOGETHER = "taken together: "
 

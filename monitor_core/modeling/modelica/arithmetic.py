@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
+from monitor_core.modeling.components.linear import Linear
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
-from monitor_core.modeling.linear import Linear
 
 
 def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from monitor_core.modeling.connections import End, Joint
+from monitor_core.modeling.components.connections import End, Joint
+from monitor_core.modeling.components.linear import Linear
 from monitor_core.modeling.flat import FlatEquation, ModelError, Origin
-from monitor_core.modeling.linear import Linear
 from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.names import did_you_mean, listed, similar

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from monitor_core.modeling.dimensions import parse
+from monitor_core.modeling.components.dimensions import parse
+from monitor_core.modeling.components.units import Use, infer
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, ModelError
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.units import Use, infer
 
 _DER = "der"
 """Stands for d/dt in a product; as a keyword it is nobody's name."""

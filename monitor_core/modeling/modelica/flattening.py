@@ -6,7 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from monitor_core.kernel.tables import ONE
-from monitor_core.modeling.connections import connect
+from monitor_core.modeling.components.connections import connect
+from monitor_core.modeling.components.fragments import Fragment, join
+from monitor_core.modeling.components.linear import Linear
 from monitor_core.modeling.flat import (
     CONSTANT,
     FlatComponent,
@@ -16,8 +18,6 @@ from monitor_core.modeling.flat import (
     FlatVariable,
     ModelError,
 )
-from monitor_core.modeling.fragments import Fragment, join
-from monitor_core.modeling.linear import Linear
 from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.connecting import Wiring
 from monitor_core.modeling.modelica.dimensions import own_units, variable_unit

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.modelica.changes import Bound, Changes, Scope
 from monitor_core.modeling.modelica.library import Leaf
 from monitor_core.modeling.modelica.syntax import ClassDef, Component, Literal, Statement
-from monitor_core.modeling.units import parse
 
 
 @dataclass(slots=True, eq=False)

@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from monitor_core.modeling.components import KINDS, fragment
-from monitor_core.modeling.connections import End, Joint
+from monitor_core.modeling.components.connections import End, Joint
+from monitor_core.modeling.components.fragments import Fragment
+from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.fragments import Fragment
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.conditions import truth
 from monitor_core.modeling.modelica.friction import coulomb_and_viscous
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.library import BEARING, REFUSED, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.values import Values
-from monitor_core.modeling.units import Use
 
 
 @dataclass(frozen=True, slots=True)

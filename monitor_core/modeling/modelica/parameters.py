@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from monitor_core.modeling.components import KINDS, Role
+from monitor_core.modeling.components.units import infer
+from monitor_core.modeling.drawing.parameters import is_positive
 from monitor_core.modeling.flat import FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.leaves import Part
 from monitor_core.modeling.modelica.syntax import Number
 from monitor_core.modeling.modelica.values import Values
-from monitor_core.modeling.parameters import is_positive
-from monitor_core.modeling.units import infer
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from monitor_core.modeling.components.linear import Linear, der
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.linear import Linear, der
 from monitor_core.modeling.modelica.arithmetic import constant, number_of, operation, without_variables
 from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.functions import FUNCTIONS

@@ -6,8 +6,8 @@ from typing import Literal
 import pytest
 
 from monitor_core.modeling.drawing import Drawing
+from monitor_core.modeling.drawing.expressions import parse
 from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.expressions import parse
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.library import five_mass, three_mass, two_mass
 from monitor_core.modeling.statespace import Entries

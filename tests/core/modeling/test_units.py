@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.modeling import expressions
-from monitor_core.modeling.dimensions import BASE, ONE, Dimension
+from monitor_core.modeling.components.dimensions import BASE, ONE, Dimension
+from monitor_core.modeling.components.units import Use, infer, parse, unit_of
+from monitor_core.modeling.drawing import expressions
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.units import Use, infer, parse, unit_of
 
 HOUSE = ["kg m^2", "N m/rad", "N m s/rad", "N m", "rad", "rad/s", "rad/s^2", "1"]
 DIMENSIONS = st.builds(Dimension, st.tuples(*[st.integers(-4, 4)] * len(BASE)), st.integers(-2, 2))

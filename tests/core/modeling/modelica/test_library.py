@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from monitor_core.modeling.components import KINDS, fragment
+from monitor_core.modeling.components.units import parse as dimension
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.declarations import parse
@@ -13,7 +14,6 @@ from monitor_core.modeling.modelica.instantiation import Instantiation
 from monitor_core.modeling.modelica.library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.names import Names, descendants, root_of
 from monitor_core.modeling.modelica.syntax import Source
-from monitor_core.modeling.units import parse as dimension
 
 NAMES = Names(root_of([]))
 OWN = {name: leaf for name, leaf in LEAVES.items() if leaf.kind not in (BEARING, SIGNAL_SOURCE)}

@@ -1,0 +1,228 @@
+"""The kinds of components that a drive is drawn from: flanges, parameters, equations.
+
+One definition serves drawings (drawing.py) and Modelica texts (modelica/).  Names, signs and equations are those of
+Modelica's standard library: ``tau`` of a flange is the torque that acts on the component there, and angles count from
+rest, where no spring is tensioned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
+from monitor_core.modeling.components.fragments import Builder, Fragment
+from monitor_core.modeling.components.linear import Linear, der
+from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
+from monitor_core.modeling.laurent import Laurent
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """A parameter in a component, with the unit that it must have ("": any).
+
+    ``positive``: zero or less makes no sense.  ``signed``: a number given here may be negative all the same (a gear
+    that reverses), but not zero.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    positive: bool = False
+    default: float | None = None
+    signed: bool = False
+
+    def problem(self, value: float) -> str:
+        """What is wrong with a value ("must be greater than zero"); empty where nothing is."""
+        if not abs(value) < float("inf"):
+            return "must be finite"
+        if self.positive and value == 0:
+            return "must not be zero" if self.signed else "must be greater than zero"
+        return "must be greater than zero" if self.positive and value < 0 and not self.signed else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of component: its connectors, its parameters, and ``physics``, which writes its equations."""
+
+    name: str
+    flanges: tuple[str, ...]
+    roles: tuple[Role, ...]
+    physics: Callable[[Builder], None]
+    signals_in: tuple[str, ...] = ()
+    signals_out: tuple[str, ...] = ()
+
+    def role(self, name: str) -> Role:
+        """The parameter of that name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        return {role.name: role for role in self.roles}[name]
+
+
+def fragment(kind: Kind, name: str, parameters: Mapping[str, Laurent], origin: Origin) -> Fragment:
+    """Variables, equations, inputs and sensors of a component, all named "<name>.<what>".
+
+    A signal into the component is a variable here; where nothing is connected to the ``tau`` of a torque, it is
+    the measured one: ``Fragment.measured``.
+
+    Raises:
+        ModelError: a parameter is missing.
+    """
+    for role in kind.roles:
+        if role.name not in parameters:
+            raise ModelError(f"its {role.name} ({role.meaning}) is missing", origin)
+    builder = Builder(name, parameters, origin)
+    kind.physics(builder)
+    return builder.fragment
+
+
+_ZERO = Linear({})
+
+# --- masses and what joins them ------------------------------------------------------------------------
+
+
+def _inertia(c: Builder) -> None:
+    at_a, at_b = c.flange("flange_a"), c.flange("flange_b")
+    phi = c.variable("phi", "rad", prefer=True)
+    w = c.variable("w", "rad/s")
+    a = c.variable("a", "rad/s^2")
+    c.equal(phi, at_a.phi)
+    c.equal(phi, at_b.phi)
+    c.equal(w, der(phi))
+    c.equal(a, der(w))
+    c.equal(a * c["J"], at_a.tau + at_b.tau)
+
+
+def _fixed(c: Builder) -> None:
+    c.equal(c.flange("flange").phi, _ZERO)
+
+
+def _compliant(c: Builder) -> tuple[Linear, Linear]:
+    """The deflection, and the torque that goes through from flange_b to flange_a."""
+    at_a, at_b = c.flange("flange_a"), c.flange("flange_b")
+    phi_rel = c.variable("phi_rel", "rad", relative=True)
+    tau = c.variable("tau", "N m")
+    c.equal(phi_rel, at_b.phi - at_a.phi)
+    c.equal(at_b.tau, tau)
+    c.equal(at_a.tau, -tau)
+    return phi_rel, tau
+
+
+def _relative_speed(c: Builder, phi_rel: Linear) -> Linear:
+    w_rel, a_rel = c.variable("w_rel", "rad/s"), c.variable("a_rel", "rad/s^2")
+    c.equal(w_rel, der(phi_rel))
+    c.equal(a_rel, der(w_rel))
+    return w_rel
+
+
+def _spring(c: Builder) -> None:
+    phi_rel, tau = _compliant(c)
+    c.equal(tau, phi_rel * c["c"])
+
+
+def _damper(c: Builder) -> None:
+    phi_rel, tau = _compliant(c)
+    c.equal(tau, _relative_speed(c, phi_rel) * c["d"])
+
+
+def _spring_damper(c: Builder) -> None:
+    phi_rel, tau = _compliant(c)
+    c.equal(tau, phi_rel * c["c"] + _relative_speed(c, phi_rel) * c["d"])
+
+
+def _ideal_gear(c: Builder) -> None:
+    at_a, at_b = c.flange("flange_a"), c.flange("flange_b")
+    c.equal(at_a.phi, at_b.phi * c["ratio"])
+    c.equal(_ZERO, at_a.tau * c["ratio"] + at_b.tau)
+
+
+# --- torques -------------------------------------------------------------------------------------------
+
+
+def _viscous_friction(c: Builder) -> None:
+    flange, w = c.flange("flange"), c.variable("w", "rad/s")
+    c.equal(w, der(flange.phi))
+    c.equal(flange.tau, w * c["d"])
+
+
+def _coulomb_friction(c: Builder) -> None:
+    direction = c.input(f"{c.name}.direction", COULOMB, angle="flange.phi")
+    c.equal(c.flange("flange").tau, direction * c["fc"])
+
+
+def _gravity(c: Builder) -> None:
+    cosine = c.input(f"{c.name}.cosine", COSINE, angle="flange.phi")
+    sine = c.input(f"{c.name}.sine", SINE, angle="flange.phi")
+    c.equal(c.flange("flange").tau, cosine * c["gc"] + sine * c["gs"])
+
+
+def _torque_offset(c: Builder) -> None:
+    c.equal(c.flange("flange").tau, -c.input(CONSTANT, ONE) * c["tau0"])
+
+
+def _torque(c: Builder) -> None:
+    c.equal(c.flange("flange").tau, -c.variable("tau", "N m") * c["kT"])
+
+
+# --- sensors and signals -------------------------------------------------------------------------------
+
+
+def _speed_sensor(c: Builder) -> None:
+    flange = c.flange("flange")
+    c.equal(c.variable("w", "rad/s"), der(flange.phi))
+    c.equal(flange.tau, _ZERO)
+    c.sensor("flange.phi", "speed")
+
+
+def _angle_sensor(c: Builder) -> None:
+    flange = c.flange("flange")
+    c.equal(c.variable("phi", "rad"), flange.phi)
+    c.equal(flange.tau, _ZERO)
+    c.sensor("flange.phi", "angle")
+
+
+def _gain(c: Builder) -> None:
+    u, y = c.variable("u", ""), c.variable("y", "")
+    c.equal(y, u * c["k"])
+
+
+_BOTH, _ONE = ("flange_a", "flange_b"), ("flange",)
+_J = Role("J", "kg m^2", "inertia", positive=True)
+_C = Role("c", "N m/rad", "stiffness", positive=True)
+_D = Role("d", "N m s/rad", "damping")
+# angle at flange_a over angle at flange_b
+_RATIO = Role("ratio", "1", "ratio", positive=True, signed=True)
+_VISCOUS = Role("d", "N m s/rad", "viscous friction")
+_FC = Role("fc", "N m", "Coulomb friction")
+_GC = Role("gc", "N m", "gravity torque by the cosine")
+_GS = Role("gs", "N m", "gravity torque by the sine")
+_TAU0 = Role("tau0", "N m", "torque offset")
+# relative to the one that the controller uses
+_KT = Role("kT", "1", "torque constant", positive=True, default=1.0)
+_K = Role("k", "", "gain")
+
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        kind.name: kind
+        for kind in (
+            Kind("inertia", _BOTH, (_J,), _inertia),
+            Kind("fixed", _ONE, (), _fixed),
+            Kind("spring", _BOTH, (_C,), _spring),
+            Kind("damper", _BOTH, (_D,), _damper),
+            Kind("spring-damper", _BOTH, (_C, _D), _spring_damper),
+            Kind("ideal-gear", _BOTH, (_RATIO,), _ideal_gear),
+            Kind("viscous-friction", _ONE, (_VISCOUS,), _viscous_friction),
+            Kind("coulomb-friction", _ONE, (_FC,), _coulomb_friction),
+            Kind("gravity", _ONE, (_GC, _GS), _gravity),
+            Kind("torque-offset", _ONE, (_TAU0,), _torque_offset),
+            Kind("torque", _ONE, (_KT,), _torque, signals_in=("tau",)),
+            Kind("speed-sensor", _ONE, (), _speed_sensor, signals_out=("w",)),
+            Kind("angle-sensor", _ONE, (), _angle_sensor, signals_out=("phi",)),
+            Kind("gain", (), (_K,), _gain, signals_in=("u",), signals_out=("y",)),
+        )
+    }
+)
+"""Every kind by its name."""

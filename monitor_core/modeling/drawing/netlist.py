@@ -1,0 +1,153 @@
+"""Parts at nodes -> flat equations."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from monitor_core.modeling.components import Fragment, fragment, join
+from monitor_core.modeling.components.connections import End, Joint, connect
+from monitor_core.modeling.drawing.parameters import Entry, entries, parameters
+from monitor_core.modeling.drawing.parts import Fixed, Part
+from monitor_core.modeling.drawing.tables import parts_of
+from monitor_core.modeling.flat import FlatComponent, FlatModel, ModelError, Origin
+from monitor_core.modeling.laurent import Laurent
+
+GROUND = "ground"
+"""The node that does not turn."""
+
+_NAME = re.compile(r"[^\W\d]\w*")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drive.
+
+    ``nominal``: values of parameters (SI).  ``meanings``: parameters in the user's words, in the order in which they
+    are to be listed; the others follow as they occur.  ``units``: of parameters whose unit their use does not tell.
+    """
+
+    name: str
+    components: Sequence[Part]
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    meanings: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    origin: Origin = field(default_factory=Origin)
+
+    def flat(self) -> FlatModel:
+        """All equations of the drive, and its parameters with units, values and meanings.
+
+        Raises:
+            ModelError: a name is there twice or is none; a component cannot be connected like that; a parameter's
+                expression, value or unit is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
+        """
+        parts = self._grounded()
+        _check(parts, self.origin)
+        read = {part.name: entries(part) for part in parts}
+        whole = join(_fragment(part, read[part.name]) for part in parts)
+        flanges = [f"{part.name}.{flange}" for part in parts for flange in part.kind.flanges]
+        return FlatModel(
+            name=self.name,
+            parameters=parameters(list(read.values()), self.nominal, self.meanings, self.units, self.origin),
+            variables=whole.variables,
+            inputs=whole.inputs,
+            sensors=whole.sensors,
+            equations=whole.equations + connect(_joints(parts), flanges),
+            origin=self.origin,
+            components=tuple(_flat_component(part, read[part.name]) for part in parts),
+        )
+
+    def _grounded(self) -> list[Part]:
+        """The components, and a fixed one at the node "ground" if that is used."""
+        used = any(GROUND in part.nodes for part in self.components)
+        fixed = any(part.kind.name == "fixed" and GROUND in part.nodes for part in self.components)
+        return [*self.components, *([Fixed(GROUND, GROUND)] if used and not fixed else [])]
+
+
+def from_tables(
+    name: str,
+    tables: Sequence[Mapping[str, object]],
+    nominal: Mapping[str, float] | None = None,
+    *,
+    origins: Sequence[Origin] | None = None,
+    origin: Origin | None = None,
+) -> Drawing:
+    """A drawing from a configuration file's list of components.
+
+    Args:
+        name: of the drive.
+        tables: one for each component, ``{type = "inertia", name = "motor", at = "shaft", J = "Jm"}``; ``at`` is a
+            list of two nodes where a component has two flanges.
+        nominal: values of parameters (SI).
+        origins: where each table stands, for messages.
+        origin: where the list stands.
+
+    Raises:
+        ModelError: a table does not describe a component.
+    """
+    whole = origin or Origin()
+    parts = tuple(parts_of(tables, origins or [whole] * len(tables)))
+    return Drawing(name, parts, nominal or {}, origin=whole)
+
+
+def _check(parts: Sequence[Part], origin: Origin) -> None:
+    if not parts:
+        raise ModelError("the drive has no components", origin)
+    for name, count in Counter(part.name for part in parts).items():
+        if count > 1:
+            (*_, last) = (part for part in parts if part.name == name)
+            raise ModelError(
+                f"{count} components are called {name!r}: each needs a name of its own", last.origin
+            )
+    for part in parts:
+        if not _NAME.fullmatch(part.name):
+            raise ModelError(f"the name {part.name!r} is not made of letters, digits and _", part.origin)
+        _check_nodes(part)
+    fixed = Counter(node for part in parts if part.kind.name == "fixed" for node in part.nodes)
+    for part in parts:
+        if part.kind.name == "fixed" and fixed[part.nodes[0]] > 1:
+            raise ModelError(f"the node {part.nodes[0]!r} is fixed already", part.origin)
+
+
+def _check_nodes(part: Part) -> None:
+    need, kind = len(part.kind.flanges), part.kind.name
+    fits = len(part.nodes) == need or (kind == "inertia" and len(part.nodes) == 1)
+    if not fits:
+        right = "one node or two" if kind == "inertia" else "one node" if need == 1 else "two nodes"
+        given = ", ".join(part.nodes) or "none"
+        raise ModelError(f"it is at {given}, but the type {kind} is at {right}", part.origin)
+    if "" in part.nodes:
+        raise ModelError("a node has an empty name", part.origin)
+    if kind != "inertia" and len(set(part.nodes)) < need:
+        raise ModelError(
+            f"both ends are at the node {part.nodes[0]!r}: it joins two different nodes", part.origin
+        )
+
+
+def _fragment(part: Part, read: Sequence[Entry]) -> Fragment:
+    """Equations of a component; a torque is the measured one, as no signals can be drawn."""
+    new = fragment(part.kind, part.name, _expressions(read), part.origin)
+    for signal in part.kind.signals_in:
+        new = new.measured(f"{part.name}.{signal}")
+    return new
+
+
+def _joints(parts: Sequence[Part]) -> Iterator[Joint]:
+    """One for each node.  Of an inertia with both flanges at one node the second stays free: it is rigid."""
+    ends: dict[str, list[End]] = {}
+    for part in parts:
+        for node, flange in zip(dict.fromkeys(part.nodes), part.kind.flanges, strict=False):
+            ends.setdefault(node, []).append(End(f"{part.name}.{flange}"))
+    for node, at in ends.items():
+        yield Joint(node, tuple(at), Origin(f"node {node}"))
+
+
+def _flat_component(part: Part, read: Sequence[Entry]) -> FlatComponent:
+    nodes = part.nodes * (len(part.kind.flanges) // len(part.nodes))
+    return FlatComponent(part.name, part.kind.name, nodes, _expressions(read), part.origin)
+
+
+def _expressions(read: Sequence[Entry]) -> dict[str, Laurent]:
+    return {entry.role.name: entry.value for entry in read}
