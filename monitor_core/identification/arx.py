@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +18,11 @@ from scipy.signal import lfilter
 
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, by_gradient, on_circle
 from monitor_core.identification.gram import Lags
-from monitor_core.identification.normal import ONES, factor, solve
+from monitor_core.identification.normal import ONES, Criterion, factor, least_order, solve
 from monitor_core.identification.record import Record
-from monitor_core.identification.regular import Regular, regular
+from monitor_core.identification.regular import Regular, on_grid
 from monitor_core.kernel.tables import Floats, Ints
 
-Criterion = Literal["aic", "bic"]
 _LARGEST = 200
 """Order up to which a criterion looks, unless told."""
 
@@ -142,21 +140,11 @@ def fit_arx(
     found = factor(series, blocks, columns)
     if found.rows <= columns.size:
         raise ValueError(_too_few(found.rows, columns.size - 1, na, nb))
-    n = _best(found.R, found.rows, offset, chosen) if chosen else 0
+    n = least_order(found.R, found.rows, int(offset), chosen) if chosen else 0
     if chosen and n < na:
         return fit_arx(series, n, delay=delay, offset=offset, stable=stable)
     model = _model(found.R, found.rows, columns, (na, nb, delay), offset, series[0].interval_s)
     return model.stabilised() if stable else model
-
-
-def on_grid(records: Sequence[Record] | Sequence[Regular]) -> tuple[Regular, ...]:
-    """Regular records as they are, others put on their grid.
-
-    Raises:
-        ValueError: no record, or irregular samples.
-    """
-    given = [record for record in records if isinstance(record, Regular)]
-    return tuple(given) or regular([record for record in records if isinstance(record, Record)])
 
 
 def _orders(
@@ -174,17 +162,6 @@ def _interleaved(na: int, nb: int, offset: bool) -> Ints:
     """Columns in the order (c), y1, u1, y2, u2, .., y0: then the factor holds all lower orders, too."""
     pairs = [c for i in range(max(na, nb)) for c in ([1 + i] * (i < na) + [1 + na + i] * (i < nb))]
     return np.array([1 + na + nb] * offset + pairs + [0], dtype=np.int64)
-
-
-def _best(R: Floats, N: int, offset: bool, criterion: Criterion) -> int:
-    """Order of least  N log(RSS / N) + p (2 or log N),  the RSS of order n read off the last column of R."""
-    below = np.cumsum(R[::-1, -1] ** 2)[::-1]
-    orders = np.arange(1, (R.shape[0] - 1 - offset) // 2 + 1)
-    p = 2 * orders + offset
-    # A record without noise: what is left is rounding, and more parameters only fit that.
-    rss = np.maximum(below[p], 1e-20 * below[0])
-    cost = N * np.log(rss / N) + p * (2.0 if criterion == "aic" else np.log(N))
-    return int(orders[np.argmin(cost)])
 
 
 def _model(

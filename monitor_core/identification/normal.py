@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
@@ -18,6 +18,8 @@ _HIDDEN = 1e-12
 """Of the largest singular value: a direction in which the columns, scaled to length one, do not extend."""
 _AT_ONCE = 4096
 """Rows of the tall matrix in memory."""
+
+Criterion = Literal["aic", "bic"]
 
 ONES = 2
 """Signal 2 is the constant 1; 0 and 1 are y and u."""
@@ -74,6 +76,24 @@ def solve(R: Floats, p: int) -> Solution:
     seen = s > _HIDDEN * s.max(initial=0.0)
     root = (Vt[seen].T / s[seen]) / scale[:, None]
     return Solution(root @ (U[:, seen].T @ R[:p, -1]), root)
+
+
+def least_order(R: Floats, N: int, before: int, criterion: Criterion) -> int:
+    """The order n of least  N log(RSS / N) + p (2 or log N),  RSS of every order read off the last column of R.
+
+    Args:
+        R: (c, c) columns: some before, then two for each order, the right-hand side last.
+        N: rows behind it.
+        before: columns that every order has.
+        criterion: Akaike's or the Bayesian one.
+    """
+    below = np.cumsum(R[::-1, -1] ** 2)[::-1]
+    orders = np.arange(1, (R.shape[0] - 1 - before) // 2 + 1)
+    p = 2 * orders + before
+    # A record without noise: what is left is rounding, and more parameters only fit that.
+    rss = np.maximum(below[p], 1e-20 * below[0])
+    cost = N * np.log(rss / N) + p * (2.0 if criterion == "aic" else np.log(N))
+    return int(orders[np.argmin(cost)])
 
 
 def _parts(records: Sequence[Regular], blocks: Sequence[Lags]) -> Iterator[tuple[Floats, int, int]]:

@@ -6,7 +6,7 @@ Where a sample was lost the grid has a place at which nothing is known.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,13 @@ class Regular:
         return Regular(self.interval_s, u, y, self.u_known, self.y_known, self.name)
 
 
+def of_size_one(series: Sequence[Regular]) -> tuple[tuple[Regular, ...], float, float]:
+    """The records centred, u and y over their standard deviations, and these; a lost torque counts as held."""
+    su = _size([record.u[record.u_known] for record in series])
+    sy = _size([record.y[record.y_known] for record in series])
+    return tuple(_in_units(record.centred, su, sy) for record in series), su, sy
+
+
 def common_interval(records: Sequence[Record]) -> float:
     """The interval of all records, s.
 
@@ -60,14 +67,18 @@ def common_interval(records: Sequence[Record]) -> float:
     return h
 
 
-def regular(records: Sequence[Record]) -> tuple[Regular, ...]:
-    """The records on a common grid.
+def on_grid(records: Sequence[Record] | Sequence[Regular]) -> tuple[Regular, ...]:
+    """The records on a common grid; those that are on one already stay as they are.
 
     Raises:
         ValueError: no record, intervals that differ, or samples that are not on a grid; the text says how far off.
     """
-    h = common_interval(records)
-    return tuple(_on_grid(record, h) for record in records)
+    given = [record for record in records if isinstance(record, Regular)]
+    if given:
+        return tuple(given)
+    rest = [record for record in records if isinstance(record, Record)]
+    h = common_interval(rest)
+    return tuple(_on_grid(record, h) for record in rest)
 
 
 def _on_grid(record: Record, h: float) -> Regular:
@@ -87,3 +98,13 @@ def _on_grid(record: Record, h: float) -> Regular:
     u[place], u_known[place] = record.u, True
     y[place], y_known[place] = np.where(record.measured, record.y, 0.0), record.measured
     return Regular(h, u, y, u_known, y_known, record.name)
+
+
+def _size(parts: Sequence[Floats]) -> float:
+    """Standard deviation within the records; 1 if they do not move."""
+    return float(np.sqrt(np.mean(np.concatenate([(part - part.mean()) ** 2 for part in parts])))) or 1.0
+
+
+def _in_units(record: Regular, su: float, sy: float) -> Regular:
+    last = np.maximum.accumulate(np.where(record.u_known, np.arange(record.u.size), 0))
+    return replace(record, u=record.u[last] / su, y=record.y / sy)

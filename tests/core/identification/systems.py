@@ -88,3 +88,23 @@ def times(N: int) -> Floats:
 def decibels(G: Complexes, truth: Complexes) -> Floats:
     """|G| above the truth, dB."""
     return np.asarray(20 * np.log10(np.abs(G) / np.abs(truth)))
+
+
+def innovations_record(
+    rng: np.random.Generator, drive: Discrete, K: Floats, u: Floats, sd: float, feedback: float = 0.0
+) -> Record:
+    """y = C x + e, the torque u (N,) less the feedback of y."""
+    x, N = np.zeros(len(drive.A)), len(u)
+    e, y, torque = sd * rng.normal(size=N), np.empty(N), np.empty(N)
+    for k in range(N):
+        y[k] = drive.C[0] @ x + e[k]
+        torque[k] = u[k] - feedback * y[k]
+        x = drive.A @ x + drive.B[:, 0] * torque[k] + K * e[k]
+    return Record(times(N), torque, y, "speed", signals={"reference": u})
+
+
+def small_drive() -> tuple[Discrete, Floats]:
+    """Two states, one resonance at 15 Hz, and a gain K of its noise."""
+    r, w = 0.93, 0.47
+    A = r * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]])
+    return Discrete(A, np.array([[0.4], [0.7]]), np.array([[1.0, 0.3]])), np.array([0.3, -0.2])

@@ -1,0 +1,175 @@
+"""Innovations models without iteration over the samples: predictor-based subspace identification (PBSIDopt).
+
+Chiuso, Automatica 43 (2007): the one-step predictor of p lags has the Markov parameters h; their Hankel matrix times
+the past z is the future as far as the past tells it, and the largest directions of that are the state; A, B, C and K
+then follow by least squares.  It is consistent in closed loop, too, since nothing is projected along future inputs.
+h is estimated with a prior of smooth decay (splines.py): by plain least squares it fails with a band-limited torque,
+because the shifted h then no longer cancel beyond the band.  All of it comes from one small matrix that the
+samples are boiled down to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+
+from monitor_core.identification.gram import Lags
+from monitor_core.identification.innovations import Innovations, reflected
+from monitor_core.identification.normal import ONES, Criterion, factor
+from monitor_core.identification.pem import residuals
+from monitor_core.identification.record import Record
+from monitor_core.identification.regular import Regular, of_size_one, on_grid
+from monitor_core.identification.splines import smooth_predictor
+from monitor_core.kernel.tables import Floats
+
+Rule = Criterion | Literal["singular-values"]
+_LONGEST = 80
+"""Lags of the past, at most."""
+_HIGHEST = 15
+"""Order that a rule may choose."""
+_LEAST = 1e-12
+"""Of the variance of y: noise below that is rounding."""
+
+
+class Past(NamedTuple):
+    """All samples boiled down to as many rows as there are columns, without the constant part.
+
+    Least squares on these rows are least squares on all.
+    """
+
+    z: Floats  # (r, 2 p) the past: u(t-1), y(t-1), .. u(t-p), y(t-p); upper triangular
+    next: Floats  # (r, 2 p) the past one sample later: u(t), y(t), ..
+    u: Floats  # (r,) u(t)
+    y: Floats  # (r,) y(t)
+    rows: int  # samples behind them
+
+
+class Directions(NamedTuple):
+    """Of the past that the future depends on, the most important first."""
+
+    T: Floats  # (p, 2 p): x = T z, each of the variance of its singular value
+    singular_values: Floats  # (p,)
+    noise: float  # what noise alone stays below
+
+
+def fit_subspace(
+    records: Sequence[Record] | Sequence[Regular],
+    order: int | Rule = "singular-values",
+    *,
+    past: int | None = None,
+) -> Innovations:
+    """The innovations model of one or several records, without covariance.
+
+    Args:
+        records: with one interval; rows that need a missing sample are left out.
+        order: n, or what chooses it: the number of singular values above those of noise, or the variance of the
+            prediction errors with a price on 3 n parameters.
+        past: lags of the past; default: 80, or a tenth of the samples.
+
+    Raises:
+        ValueError: an order that the past cannot hold, irregular samples, or a record that is too short.
+    """
+    series, su, sy = of_size_one(on_grid(records))
+    return subspace_of(series, order, past).in_units(su, sy)
+
+
+def subspace_of(series: Sequence[Regular], order: int | Rule, past: int | None) -> Innovations:
+    """The same for records of size one."""
+    boiled = boil_down(series, past)
+    p = boiled.z.shape[1] // 2
+    if isinstance(order, int) and not 0 < order <= p:
+        raise ValueError(f"order {order}: a past of {p} samples can hold orders from 1 to {p}")
+    found = _directions(boiled)
+    h = series[0].interval_s
+    if isinstance(order, int):
+        return _realised(boiled, found, order, h)
+    if order == "singular-values":
+        above = np.count_nonzero(found.singular_values > found.noise)
+        return _realised(boiled, found, int(np.clip(above, 1, _HIGHEST)), h)
+    models = [_realised(boiled, found, n, h) for n in range(1, min(_HIGHEST, p) + 1)]
+    return min(models, key=lambda model: _price(model, found.T[: model.order], series, order))
+
+
+def boil_down(series: Sequence[Regular], past: int | None) -> Past:
+    """The triangular factor of past and present.
+
+    Raises:
+        ValueError: too few rows.
+    """
+    known = sum(int(record.known.sum()) for record in series)
+    p = past or max(2, min(_LONGEST, known // 10))
+    blocks = [Lags(0, 0, p), Lags(1, 0, p), Lags(ONES, 0, 0)]
+    pairs = [c for lag in range(1, p + 1) for c in (p + 1 + lag, lag)]
+    # The constant first: without its row and column, the rest is centred.
+    found = factor(series, blocks, np.array([2 * p + 2, *pairs, p + 1, 0]))
+    if found.rows <= 3 * p:
+        raise ValueError(f"{found.rows} rows without a missing sample for a past of {p} samples: a longer record,"
+                         " fewer gaps or a shorter past is needed")  # fmt: skip
+    R = found.R[1:, 1:]
+    z, now = R[:, : 2 * p], R[:, 2 * p :]
+    return Past(z, np.hstack([now, z[:, :-2]]), now[:, 0], now[:, 1], found.rows)
+
+
+def _directions(past: Past) -> Directions:
+    width = past.z.shape[1]
+    p, Rz, y = width // 2, past.z[:width], past.y[:width]
+    lam0 = float(np.sum(past.y[width:] ** 2)) / (past.rows - width)
+    h = smooth_predictor(Rz, y, max(lam0, _LEAST * float(past.y @ past.y) / past.rows))
+    H = np.zeros((p, width))
+    for i in range(p):
+        # y(t+i) as the past at t tells it: h_(i+1) times z(t-1), and so on.
+        H[i, : width - 2 * i] = h[2 * i :]
+    U, s, _ = np.linalg.svd(H @ Rz.T, full_matrices=False)
+    s = np.maximum(s, np.finfo(float).tiny)
+    # The rows of H repeat each other, so the largest value of independent noise is exceeded; not by that much.
+    noise = 2.5 * np.sqrt(lam0) * (np.sqrt(p) + np.sqrt(width))
+    return Directions((U / np.sqrt(s)).T @ H, s, float(noise))
+
+
+def _price(model: Innovations, T: Floats, series: Sequence[Regular], rule: Criterion) -> float:
+    """N log(lam0) + 3 n (2 or log N), from the prediction errors of the records, each after its first p samples."""
+    cost, N, p = 0.0, 0, T.shape[1] // 2
+    matrices = model.A, model.B, model.C, model.K
+    for record in series:
+        first = np.column_stack([record.u[:p], record.y[:p]])[::-1].ravel()
+        u, y, known = record.u[p:], record.y[p:], record.y_known[p:]
+        cost += residuals(*matrices, T @ first, u, y, known, np.empty(u.size))
+        N += int(known.sum())
+    parameters = 3 * model.order * (2.0 if rule == "aic" else np.log(N))
+    return float(N * np.log(cost) + parameters) if np.isfinite(cost) else np.inf
+
+
+def _realised(past: Past, found: Directions, n: int, interval_s: float) -> Innovations:
+    T = found.T[:n]
+    x, after = past.z @ T.T, past.next @ T.T
+    C = _least_squares(x, past.y)
+    e = past.y - x @ C
+    ABK = _least_squares(np.column_stack([x, past.u, e]), after).T
+    A, B, K, words = ABK[:, :n], ABK[:, n], ABK[:, n + 1], []
+    if np.abs(np.linalg.eigvals(A)).max() >= 1:
+        A = reflected(A)
+        words.append("Poles on or outside the unit circle were reflected into it.")
+    if np.abs(np.linalg.eigvals(A - np.outer(K, C))).max() >= 1:
+        w = after - x @ A.T - np.outer(past.u, B)
+        K = _filter_gain(A, C, w / np.sqrt(past.rows), e / np.sqrt(past.rows))
+        words.append("The predictor came out unstable; its gain is that of a Kalman filter instead.")
+    lam0 = float(e @ e) / (past.rows - 3 * n)
+    none = np.empty((n * n + 3 * n, 0))
+    return Innovations(interval_s, A, B, C, K, lam0, past.rows, none, found.singular_values, tuple(words))
+
+
+def _filter_gain(A: Floats, C: Floats, w: Floats, e: Floats) -> Floats:
+    """Predictor gain of the steady-state Kalman filter for the noises w (r, n) and e (r,); 0 if there is none."""
+    Q, S, R = w.T @ w, w.T @ e, float(e @ e)
+    try:
+        P = sla.solve_discrete_are(A.T, C[:, None], Q, np.array([[R]]), s=S[:, None])
+    except (np.linalg.LinAlgError, ValueError):
+        return np.zeros(len(A))
+    return np.asarray((A @ P @ C + S) / (C @ P @ C + R))
+
+
+def _least_squares(x: Floats, y: Floats) -> Floats:
+    return np.asarray(np.linalg.lstsq(x, y)[0], dtype=np.float64)
