@@ -7,7 +7,7 @@ import numpy as np
 from monitor_core.kalman import filter_gain, slowest_time_constant
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
-from service.config import AxisConfig, NamedAxis, drive_of, given_values
+from service.config import AxisConfig, NamedAxis, Predictor, drive_of, given_values, predictor_of
 
 SETTLING_TIME_CONSTANTS = 5
 """After so many of its slowest time constants the predictor has forgotten where it started (e^-5 = 0.7 %)."""
@@ -36,7 +36,8 @@ def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
 
 
 def _settings(config: AxisConfig, model: AxisModel) -> Settings:
-    K, lam0 = _predictor(config, model)
+    predictor = predictor_of(config)
+    K, lam0 = _gain(config, predictor, model)
     P0 = config.estimator.initial_p
     return Settings(
         interval_s=config.sample_interval_s,
@@ -45,26 +46,25 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         alpha1=config.detector.alpha_1,
         alpha2=config.detector.alpha_2,
         K=tuple(K),
-        delay_s=config.torque_delay_s,
+        delay_s=predictor.torque_delay_s,
         max_gap_s=config.maximum_gap_s,
         settle_s=_settling_time(config, model, K),
-        speed_scale=config.model.friction_speed_scale,
+        speed_scale=predictor.friction_speed_scale,
         P0=tuple(P0[name] for name in model.monitored) if P0 else (),
     )
 
 
-def _predictor(config: AxisConfig, model: AxisModel) -> tuple[Sequence[float], float]:
+def _gain(config: AxisConfig, p: Predictor, model: AxisModel) -> tuple[Sequence[float], float]:
     """Filter gain K, empty for output error, and lambda_0; what is given goes before what is computed."""
-    e = config.estimator
-    if e.predictor == "output-error":
-        assert e.innovation_variance is not None or e.output_noise is not None  # a rule of the configuration
-        return (), e.innovation_variance or (e.output_noise or 0.0) ** 2
-    if e.gain and e.innovation_variance is not None:
-        return e.gain, e.innovation_variance
-    assert e.torque_noise is not None  # both are a rule of the configuration
-    assert e.output_noise is not None
-    K, lam0 = filter_gain(model, config.sample_interval_s, e.torque_noise, e.output_noise)
-    return e.gain or tuple(float(k) for k in K), e.innovation_variance or lam0
+    if p.kind == "output-error":
+        assert p.innovation_variance is not None or p.output_noise is not None  # a rule of the configuration
+        return (), p.innovation_variance or (p.output_noise or 0.0) ** 2
+    if p.gain and p.innovation_variance is not None:
+        return p.gain, p.innovation_variance
+    assert p.torque_noise is not None  # both are a rule of the configuration
+    assert p.output_noise is not None
+    K, lam0 = filter_gain(model, config.sample_interval_s, p.torque_noise, p.output_noise)
+    return p.gain or tuple(float(k) for k in K), p.innovation_variance or lam0
 
 
 def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:

@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
-from service.config import Config, ModelConfig, NamedAxis
+from service.config import AxisConfig, Config, ModelConfig, NamedAxis, nominal_file_of
 from service.modeling import SUFFIX
 
 
@@ -44,7 +44,7 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
         f"{config.torque.message}.{config.torque.signal}\n"
         f"{config.motion.message}.{config.motion.signal} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
-        f"{_drive(config.model)}\n{', '.join(config.model.monitor)}",
+        "\n".join((_drive(config.model), ", ".join(config.model.monitor), *_nominal(config))),
     )
 
 
@@ -52,3 +52,9 @@ def _drive(model: ModelConfig) -> str:
     if model.components:
         return f"drawn, {len(model.components)} components"
     return Path(model.drive).name if model.drive.endswith(SUFFIX) else model.drive
+
+
+def _nominal(axis: AxisConfig) -> tuple[str, ...]:
+    """Where nominal values and gain come from, if from a file."""
+    found = nominal_file_of(axis)
+    return () if found is None else (found.path.name, f"of {found.date[:10]}")

@@ -33,14 +33,17 @@ def experiment_of(
                 "goes with --config FILE, which says how to read it", param_hint="--record"
             )
         return None, 1.0
+    from service.config import predictor_of
+
     found = axis_of(config, axis)
-    speed_scale = found.config.model.friction_speed_scale
+    speed_scale = predictor_of(found.config).friction_speed_scale
     return None if record is None else _read(record, config, found.id, found.config), speed_scale
 
 
 def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> Experiment:
     from monitor_core.modeling.local import Experiment
     from service.commands.configuration import configuration
+    from service.config import predictor_of
     from service.ingest.errors import RecordError
     from service.ingest.records import read_record
 
@@ -51,4 +54,4 @@ def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> Experimen
         raise RecordError(f"{path}: no samples of {axis_id}")
     seconds = len(torque) * axis.sample_interval_s
     words = f"the torque of {path.name}, {seconds:.3g} s at {1 / axis.sample_interval_s:.4g} samples a second"
-    return Experiment(torque, axis.sample_interval_s, words, axis.estimator.output_noise)
+    return Experiment(torque, axis.sample_interval_s, words, predictor_of(axis).output_noise)

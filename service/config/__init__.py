@@ -2,6 +2,7 @@
 
 from service.config.drives import drive_of, given_values
 from service.config.loading import load
+from service.config.nominal import Predictor, nominal_file_of, predictor_of
 from service.config.problems import ConfigErrors, Problem
 from service.config.schema import (
     AxisConfig,
@@ -29,6 +30,7 @@ __all__ = [
     "FurtherConfig",
     "ModelConfig",
     "NamedAxis",
+    "Predictor",
     "Problem",
     "RobotConfig",
     "ServiceConfig",
@@ -38,4 +40,6 @@ __all__ = [
     "drive_of",
     "given_values",
     "load",
+    "nominal_file_of",
+    "predictor_of",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from monitor_core.drive import Drive, Output
 from monitor_core.modeling.flat import ModelError
 from service import modeling
+from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, ModelConfig
 from service.config.tables import ABSENT, Absent
@@ -13,14 +14,28 @@ from service.config.tables import ABSENT, Absent
 def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
     """The drive of an axis, for what is measured there or for the ``output`` given.
 
+    With the state of a torque disturbance, where the nominal values were found with one.
+
     Raises:
         ModelError: it has none.
+    """
+    drive, found = plain_drive_of(axis, output), nominal_file_of(axis)
+    return drive.with_disturbance() if found is not None and found.drive.torque_disturbance else drive
+
+
+def plain_drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
+    """The drive as it is drawn.
+
+    Raises:
+        ModelError: there is none.
     """
     return _modelled(axis, output).drive
 
 
 def given_values(axis: AxisConfig) -> dict[str, float]:
     """The nominal values that the drawing and, before it, the configuration give, by the names they have there.
+
+    Those of a file of nominal values go before the drawing's; a rule sees to it that the configuration has the same.
 
     The library's own values are those of one robot, so they are not taken.
 
@@ -29,7 +44,8 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
     """
     drawn = {} if is_library(axis.model) else _modelled(axis).values
     given = {name: value for name, value in axis.model.nominal.items() if value is not ABSENT}
-    return {**drawn, **given}
+    found = nominal_file_of(axis)
+    return {**drawn, **given, **(found.values if found else {})}
 
 
 def _modelled(axis: AxisConfig, output: Output | None = None) -> modeling.Modelled:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from service.config.model_rules import usable_drive
+from service.config.nominal import nominal_file_of
 from service.config.schema import AxisConfig
 from service.config.wording import Finding
 
@@ -10,6 +11,11 @@ from service.config.wording import Finding
 def predictor(axis: AxisConfig) -> Iterator[Finding]:
     """The predictor fits what is measured."""
     estimator = axis.estimator
+    if (found := nominal_file_of(axis)) is not None:
+        if found.predictor.kind == "output-error" and axis.output == "angle":
+            message = "found by output error, which diverges with the angle: identify it with innovations"
+            yield Finding(("model", "nominal_file"), message)
+        return
     if estimator.predictor == "output-error":
         if axis.output == "angle":
             message = 'needs speed; from the angle without a gain it diverges: use "innovations"'
@@ -23,6 +29,8 @@ def predictor(axis: AxisConfig) -> Iterator[Finding]:
 def noises(axis: AxisConfig) -> Iterator[Finding]:
     """What the filter gain and lambda_0 are to be computed from is there."""
     estimator = axis.estimator
+    if nominal_file_of(axis) is not None:
+        return
     pair = {"torque_noise": estimator.torque_noise, "output_noise": estimator.output_noise}
     missing = [name for name, value in pair.items() if value is None]
     if estimator.predictor == "output-error":
@@ -39,6 +47,8 @@ def noises(axis: AxisConfig) -> Iterator[Finding]:
 
 def gain_length(axis: AxisConfig) -> Iterator[Finding]:
     """One gain for each state."""
+    if nominal_file_of(axis) is not None:
+        return
     axis.output  # noqa: B018 - where that is not said, nothing can be counted
     states = usable_drive(axis).states
     gain = axis.estimator.gain

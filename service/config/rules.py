@@ -10,6 +10,7 @@ from typing import TypeVar
 from service.config.crosschecks import DBC_RULES
 from service.config.estimator_rules import ESTIMATOR_RULES
 from service.config.model_rules import MODEL_RULES
+from service.config.nominal_rules import NOMINAL_RULES
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig
 from service.config.tables import Absent, present
@@ -154,6 +155,7 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     maximum_gap,
     counter,
     further_signals,
+    *NOMINAL_RULES,
     *MODEL_RULES,
     *ESTIMATOR_RULES,
 )

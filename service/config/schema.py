@@ -144,6 +144,10 @@ class ModelConfig(Table):
         default_factory=dict,
         description="value of every parameter of the drive, SI; goes before a drawing's own",
     )
+    nominal_file: FilePath | None = Field(
+        None,
+        description="what `axiswatch identify` wrote: nominal values with their gain; relative to this file",
+    )
     scales: dict[str, Positive] = Field(
         default_factory=dict, description="size of a monitored parameter, where |nominal| is not it"
     )

@@ -11,7 +11,7 @@ from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel, split_name
 from monitor_core.reference import faulty
 from monitor_core.simulation import SimulatedAxis
-from service.config import NamedAxis, drive_of, given_values
+from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.simulation.motion import motion_of
 
 PERIOD_S = 10.0
@@ -40,13 +40,14 @@ class ControlledAxis:
     def __init__(self, axis: NamedAxis, rng: np.random.Generator) -> None:
         config = axis.config
         self.id, self.interval_s = axis.id, config.sample_interval_s
-        self._delay_s = config.torque_delay_s
+        predictor = predictor_of(config)
+        self._delay_s = predictor.torque_delay_s
         self._output = config.output
         self._rng = rng
         # With the angle among its states, whichever of angle and speed is sent.
         self._given = given_values(config)
         self._model = model = AxisModel(drive_of(config, "angle"), self._given, ())
-        self._drive = SimulatedAxis(model.nominal, config.model.friction_speed_scale, drive=model.drive)
+        self._drive = SimulatedAxis(model.nominal, predictor.friction_speed_scale, drive=model.drive)
         self._motion = motion_of(model, lines_of_motion(self.interval_s))
         self._test_signal = multisine(
             rng,
@@ -55,8 +56,8 @@ class ControlledAxis:
             _band(self.interval_s),
             self._motion.torque_rms,
         )
-        self._ripple = RIPPLE * (config.estimator.torque_noise or 0.0)
-        self._noise = config.estimator.output_noise or 0.0
+        self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
+        self._noise = predictor.output_noise or 0.0
         self._torque_before = 0.0
 
     def break_down(self, fault: Mapping[str, float]) -> None:

@@ -14,6 +14,7 @@ from service.config.positions import Keys, positions
 from service.config.tables import Table
 from service.config.wording import table_in
 from service.ingest.dbc import find_message, read_dbc
+from tests.service.identification.nominal_texts import nominal_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
@@ -45,6 +46,12 @@ def everything(tmp_path: Path) -> Config:
     """The example with every optional key in force."""
     (tmp_path / "robot.dbc").symlink_to(CONFIG / "robot.dbc")
     (tmp_path / "a.toml").write_text(EVERYTHING, encoding="utf-8")
+    axis = load(CONFIG / "axiswatch.toml", {}).axes[0].config
+    written = {key: tomllib.loads(EVERYTHING)["robot"][0]["axis"][0]["estimator"][key] for key in ("gain",)}
+    estimator = axis.estimator.model_copy(update=written)
+    drawn = axis.model.model_copy(update={"drive_model": "ThreeMass"})
+    filed = axis.model_copy(update={"model": drawn, "estimator": estimator})
+    (tmp_path / "nominal.toml").write_text(nominal_text(filed), encoding="utf-8")
     return load(tmp_path / "a.toml", {})
 
 

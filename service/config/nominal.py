@@ -1,0 +1,58 @@
+"""What an axis gets from its file of nominal values, and from the configuration where that says it itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from service.config.nominal_file import NominalError, NominalFile, read_nominal
+from service.config.schema import AxisConfig, EstimatorConfig
+from service.config.tables import Absent
+
+
+class Predictor(NamedTuple):
+    """How the output of an axis is predicted.  None: not known; the gain is then computed from the noises."""
+
+    kind: str
+    gain: tuple[float, ...]
+    innovation_variance: float | None
+    torque_noise: float | None
+    output_noise: float | None
+    torque_delay_s: float
+    friction_speed_scale: float
+
+
+def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
+    """The file of nominal values of an axis, None if it has none.
+
+    Raises:
+        Absent: it cannot be used, which a rule of the configuration says.
+    """
+    if axis.model.nominal_file is None:
+        return None
+    try:
+        return read_nominal(axis.model.nominal_file)
+    except NominalError:
+        raise Absent("nominal_file") from None
+
+
+def predictor_of(axis: AxisConfig) -> Predictor:
+    """The predictor of an axis; what the configuration says goes before what the file says.
+
+    A rule of the configuration sees to it that they do not contradict each other, except in lambda_0, which only sets
+    what is told from noise.
+    """
+    e, found = axis.estimator, nominal_file_of(axis)
+    if found is None:
+        return Predictor(
+            e.predictor, e.gain, e.innovation_variance, e.torque_noise, e.output_noise,
+            axis.torque_delay_s, axis.model.friction_speed_scale,
+        )  # fmt: skip
+    p = found.predictor
+    return Predictor(
+        p.kind, p.gain, e.innovation_variance or p.innovation_variance, *_noises(e, found),
+        p.torque_delay_s, found.drive.friction_speed_scale,
+    )  # fmt: skip
+
+
+def _noises(e: EstimatorConfig, found: NominalFile) -> tuple[float | None, float | None]:
+    return e.torque_noise or found.noise.torque or None, e.output_noise or found.noise.output or None

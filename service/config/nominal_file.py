@@ -1,0 +1,118 @@
+"""nominal.toml: what `axiswatch identify` found of an axis, as the configuration and the daemon read it."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from monitor_core.drive import Drive, Output
+
+FORMAT = 1
+"""Of the file; a later one may mean something else."""
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+NotNegative = Annotated[Real, Field(ge=0)]
+
+
+class NominalError(Exception):
+    """A file of nominal values that cannot be used; the text names it and says why."""
+
+
+class _Table(BaseModel):
+    """What the daemon does not need (fits, provenance) is passed over."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class DriveTable(_Table):
+    """[drive]: what the values are parameters of."""
+
+    name: str
+    structure: str
+    output: Output
+    torque_disturbance: bool
+    friction_speed_scale: Positive
+
+
+class PredictorTable(_Table):
+    """[predictor]: with which the values were found; K is the filter gain, x+ = x + K eps."""
+
+    kind: Literal["innovations", "output-error"]
+    interval_s: Positive
+    torque_delay_s: NotNegative
+    innovation_variance: Positive
+    states: tuple[str, ...]
+    gain: tuple[Real, ...]
+
+    @model_validator(mode="after")
+    def _one_for_each_state(self) -> PredictorTable:
+        if len(self.gain) != (len(self.states) if self.kind == "innovations" else 0):
+            raise ValueError(f"gain has {len(self.gain)} numbers, states {len(self.states)} names")
+        return self
+
+
+class NoiseTable(_Table):
+    """[noise]: standard deviations of torque [N m] and output [rad or rad/s], 0 where not found."""
+
+    torque: NotNegative = 0.0
+    output: NotNegative = 0.0
+
+
+class NominalFile(_Table):
+    """The whole file."""
+
+    path: Path
+    format: Literal[1]
+    axis: str
+    date: str
+    drive: DriveTable
+    predictor: PredictorTable
+    noise: NoiseTable
+    values: dict[str, Real] = Field(min_length=1)
+
+
+def read_nominal(path: Path) -> NominalFile:
+    """The file, kept until it changes.
+
+    Raises:
+        NominalError: it cannot be read, or is no such file.
+    """
+    try:
+        state = path.stat()
+        return _read(path, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise NominalError(f"cannot read {path}: {error.strerror}") from None
+
+
+@lru_cache(maxsize=256)
+def _read(path: Path, _mtime_ns: int, _size: int) -> NominalFile:
+    try:
+        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except ValueError as error:
+        raise NominalError(f"{path} is no TOML: {error}") from None
+    if content.get("format") != FORMAT:
+        raise NominalError(
+            f"{path}: format = {content.get('format', 'missing')}, not {FORMAT}: a file of nominal values is what"
+            " `axiswatch identify` writes"
+        )
+    try:
+        return NominalFile.model_validate({**content, "path": path})
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(map(str, first["loc"]))
+        raise NominalError(f"{path}: {key}: {first['msg']}") from None
+
+
+def structure_of(drive: Drive) -> str:
+    """A digest of what A, B, C and the states of a drive are, whatever its parameters' values."""
+    parts = [drive.output, *(f"{s.name} [{s.unit}]" for s in drive.states), *map(str, drive.inputs)]
+    parts += sorted(
+        f"{t.matrix}{t.row},{t.col}: {t.coefficient:.12g} {sorted(t.powers)}" for t in drive.terms
+    )
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

@@ -1,0 +1,152 @@
+"""Rules for a file of nominal values: it belongs to this drive, and nothing in the configuration contradicts it.
+
+Nominal values are those of the predictor that they were found with: with another gain, delay or interval theta
+settles elsewhere, and the tests would take that for a fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+
+from monitor_core.drive import Drive
+from service.config.drives import plain_drive_of
+from service.config.model_rules import usable_drive
+from service.config.nominal import nominal_file_of
+from service.config.nominal_file import NominalError, NominalFile, read_nominal, structure_of
+from service.config.positions import Keys
+from service.config.schema import AxisConfig
+from service.config.tables import ABSENT, Absent, present
+from service.config.wording import Finding
+
+FILE: Keys = ("model", "nominal_file")
+_SAME = 1e-6
+"""Relative: values are written with ten digits, and copied with fewer."""
+_INTERVAL = 0.01
+"""Relative: measured intervals are never quite the nominal one."""
+
+
+def readable(axis: AxisConfig) -> Iterator[Finding]:
+    """The file is there and is what it should be."""
+    if axis.model.nominal_file is not None:
+        try:
+            read_nominal(axis.model.nominal_file)
+        except NominalError as error:
+            yield Finding(FILE, str(error))
+
+
+def same_axis(axis: AxisConfig) -> Iterator[Finding]:
+    """The file was found with what is measured here, at this interval."""
+    found = _found(axis)
+    if found.drive.output != axis.output:
+        yield Finding(FILE, f"found with the {found.drive.output}, but this axis measures the {axis.output}")
+    interval_s = found.predictor.interval_s
+    if not math.isclose(interval_s, axis.sample_interval_s, rel_tol=_INTERVAL):
+        message = (
+            f"found with samples every {interval_s:g} s, but sample_interval_s = {axis.sample_interval_s:g}"
+        )
+        yield Finding(FILE, message)
+
+
+def same_drive(axis: AxisConfig) -> Iterator[Finding]:
+    """The file was found with this drive, and has all its values."""
+    found = _found(axis)
+    if found.drive.output != axis.output:
+        return
+    usable_drive(axis)
+    drive = plain_drive_of(axis)
+    structure = structure_of(drive)
+    if structure != found.drive.structure:
+        message = (
+            f"found with the drive {found.drive.name} (structure {found.drive.structure}), but this axis has"
+            f" {drive.name} ({structure}): identify it again"
+        )
+        yield Finding(FILE, message)
+        return
+    missing = [p.name for p in drive.parameters if p.name not in found.values]
+    if missing:
+        yield Finding(FILE, f"has no value of {', '.join(missing)}")
+
+
+def same_values(axis: AxisConfig) -> Iterator[Finding]:
+    """Nominal values that the configuration gives, too, are those of the file."""
+    found = _found(axis)
+    given = {name: value for name, value in axis.model.nominal.items() if value is not ABSENT}
+    other = _other(usable_drive(axis), given, found)
+    if other:
+        name, (here, there) = next(iter(other.items()))
+        more = f" and {len(other) - 1} more" if len(other) > 1 else ""
+        message = (
+            f"{name} = {here:g}, but {_name(found)} has {there:.6g}{more}: remove what is in the file, or"
+        )
+        yield Finding(("model", "nominal"), message, FILE)
+
+
+def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
+    """What makes the predictor is not given twice with different values."""
+    found = _found(axis)
+    p, e, noise = found.predictor, axis.estimator, found.noise
+    pairs: list[tuple[Keys, object, object]] = [
+        (("estimator", "predictor"), _given(e, "predictor"), p.kind),
+        (("estimator", "torque_noise"), _given(e, "torque_noise"), noise.torque or None),
+        (("estimator", "output_noise"), _given(e, "output_noise"), noise.output or None),
+        (("torque_delay_s",), _given(axis, "torque_delay_s"), p.torque_delay_s),
+        (
+            ("model", "friction_speed_scale"),
+            _given(axis.model, "friction_speed_scale"),
+            found.drive.friction_speed_scale,
+        ),
+    ]
+    for path, here, there in pairs:
+        if here is not None and not _alike(here, there):
+            shown = f"has {there:.6g}" if isinstance(there, float) else f"has {there or 'none'}"
+            yield Finding(path, f"but {_name(found)} {shown}: remove this, or", FILE)
+    gain = e.gain
+    if gain and (len(gain) != len(p.gain) or not all(map(_alike, gain, p.gain))):
+        yield Finding(("estimator", "gain"), f"differs from that in {_name(found)}: remove this, or", FILE)
+
+
+def _found(axis: AxisConfig) -> NominalFile:
+    found = nominal_file_of(axis)
+    if found is None:
+        raise Absent("nominal_file")
+    return found
+
+
+def _name(found: NominalFile) -> str:
+    return found.path.name
+
+
+def _given(table: object, name: str) -> object:
+    """The value if the user wrote it, else None."""
+    from service.config.tables import Table
+
+    assert isinstance(table, Table)
+    return getattr(table, name) if name in table.model_fields_set and present(table, name) else None
+
+
+def _alike(here: object, there: object) -> bool:
+    if isinstance(here, float) and isinstance(there, float):
+        return math.isclose(here, there, rel_tol=_SAME)
+    return here == there
+
+
+def _other(drive: Drive, given: Mapping[str, float], found: NominalFile) -> dict[str, tuple[float, float]]:
+    """Values given here that differ from the file's, merged ones by what they are made of."""
+    here = dict(given)
+    for definition in drive.definitions:
+        if definition.name not in here and definition.names <= here.keys():
+            with suppress(ValueError):
+                here[definition.name] = definition.value(here)
+    both = {name: (here[name], value) for name, value in found.values.items() if name in here}
+    return {name: pair for name, pair in both.items() if not _alike(*pair)}
+
+
+NOMINAL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
+    readable,
+    same_axis,
+    same_drive,
+    same_values,
+    same_predictor,
+)

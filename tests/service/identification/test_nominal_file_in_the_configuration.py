@@ -1,0 +1,225 @@
+"""nominal_file: what the daemon takes from it, and what it refuses to be told twice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from monitor_core.kalman import filter_gain
+from service.axes import axis_model, axis_settings
+from service.commands.check import check
+from service.config import AxisConfig, Config, ConfigErrors, Problem, load
+from tests.service.identification.nominal_texts import nominal_text
+
+SHIPPED = Path(__file__).resolve().parents[3] / "config"
+DEMO = (SHIPPED / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")
+NOMINAL = DEMO[1].split("[robot.axis.model.nominal]")[1].split("[robot.axis.estimator]")[0]
+NOISES = "torque_noise = 0.05\noutput_noise = 0.0001\n"
+ESTIMATOR = "[robot.axis.estimator]"
+KIND = 'predictor = "innovations"\n'
+SPEED_SCALE = "friction_speed_scale = 1.0"
+INTERVAL = "sample_interval_s = 0.005"
+AXIS = load(SHIPPED / "demo.toml", {}).axes[0].config
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """One axis of the demo, without nominal values and noises of its own."""
+    (tmp_path / "demo.dbc").symlink_to(SHIPPED / "demo.dbc")
+    text = "[[robot.axis]]".join(DEMO[:2]).replace(NOISES, "")
+    before = "[robot.axis.model.nominal]" + NOMINAL
+    assert before in text
+    text = text.replace(before, "")
+    text = text.replace('drive = "three-mass"\n', 'drive = "three-mass"\nnominal_file = "nominal.toml"\n')
+    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
+    return tmp_path / "robot.toml"
+
+
+def file_with(robot: Path, changes: Mapping[str, Mapping[str, Any]] = {}, axis: AxisConfig = AXIS) -> Path:
+    path = robot.parent / "nominal.toml"
+    path.write_text(nominal_text(axis, changes), encoding="utf-8")
+    return path
+
+
+def changed(robot: Path, *pairs: tuple[str, str]) -> Path:
+    text = robot.read_text(encoding="utf-8")
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new)
+    robot.write_text(text, encoding="utf-8")
+    return robot
+
+
+def problems(robot: Path) -> list[Problem]:
+    with pytest.raises(ConfigErrors) as caught:
+        load(robot, {})
+    return caught.value.problems
+
+
+def only(config: Config) -> Any:
+    (axis,) = config.axes
+    return axis
+
+
+def test_everything_comes_from_the_file(robot: Path) -> None:
+    model = axis_model(AXIS)
+    gain = [float(k) for k in filter_gain(model, 0.005, 0.07, 1e-4)[0]]
+    changes: dict[str, dict[str, Any]] = {
+        "values": {"fm": 0.0723},
+        "predictor": {"gain": gain, "innovation_variance": 3e-8, "torque_delay_s": 0.0012},
+        "drive": {"friction_speed_scale": 0.7},
+    }
+    file_with(robot, changes)
+    changed(robot, (SPEED_SCALE, ""))
+    axis = only(load(robot, {}))
+    model = axis_model(axis.config)
+    settings = axis_settings(
+        axis._replace(config=axis.config.model_copy(update={"settling_time_s": 1})), model
+    )
+    assert model.nominal["fm"] == 0.0723
+    assert (list(settings.K), settings.lam0) == (gain, 3e-8)
+    assert (settings.delay_s, settings.speed_scale) == (0.0012, 0.7)
+
+
+def test_output_error_has_no_gain(robot: Path) -> None:
+    speed = AXIS.model_copy(update={"speed": AXIS.angle, "angle": None})
+    file_with(robot, {"predictor": {"kind": "output-error", "gain": []}}, speed)
+    changed(robot, ("[robot.axis.angle]", "[robot.axis.speed]"), (KIND, ""))
+    axis = only(load(robot, {}))
+    assert axis_settings(axis, axis_model(axis.config)).K == ()
+
+
+def test_the_state_of_a_disturbance_belongs_to_the_drive(robot: Path) -> None:
+    states = [*(f"x{i}" for i in range(6)), "torque disturbance"]
+    predictor = {"states": states, "gain": [0.0] * 5 + [0.5, 0.1]}
+    file_with(robot, {"drive": {"torque_disturbance": True}, "values": {"Td": 0.2}, "predictor": predictor})
+    model = axis_model(only(load(robot, {})).config)
+    assert [state.name for state in model.drive.states][-1] == "torque disturbance"
+    assert model.nominal["Td"] == 0.2
+
+
+def test_the_same_may_be_said_twice_and_lambda_0_goes_before(robot: Path) -> None:
+    file_with(robot, {"noise": {"torque": 0.05, "output": 0.0001}})
+    same = f'predictor = "innovations"\n{NOISES}innovation_variance = 5e-8\n'
+    changed(
+        robot,
+        (KIND, same),
+        ("[robot.axis.estimator]", f"[robot.axis.model.nominal]{NOMINAL}[robot.axis.estimator]"),
+    )
+    axis = only(load(robot, {}))
+    settled = axis._replace(config=axis.config.model_copy(update={"settling_time_s": 1}))
+    assert axis_settings(settled, axis_model(axis.config)).lam0 == 5e-8
+
+
+@pytest.mark.parametrize(
+    ("here", "key", "both"),
+    [
+        ((ESTIMATOR, f"[robot.axis.model.nominal]\nfm = 0.08\n{ESTIMATOR}"), "model.nominal", ("fm = 0.08", "0.06")),
+        ((KIND, "torque_noise = 0.07\n"), "estimator.torque_noise", ("0.07", "0.05")),
+        ((KIND, "output_noise = 0.07\n"), "estimator.output_noise", ("0.07", "0.0001")),
+        ((KIND, "gain = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"), "estimator.gain", ("1.0", "differs")),
+        ((SPEED_SCALE, "friction_speed_scale = 2.0"), "model.friction_speed_scale", ("2.0", "1")),
+        ((INTERVAL, f"{INTERVAL}\ntorque_delay_s = 0.002"), "torque_delay_s", ("0.002", "0")),
+        ((INTERVAL, "sample_interval_s = 0.004"), "model.nominal_file", ("0.004", "0.005")),
+        (("[robot.axis.angle]", "[robot.axis.speed]"), "model.nominal_file", ("angle", "speed")),
+        (('drive = "three-mass"', 'drive = "two-mass"'), "model.nominal_file", ("three-mass", "two-mass")),
+    ],
+)  # fmt: skip
+def test_a_contradiction_is_named_with_both_values(
+    robot: Path, here: tuple[str, str], key: str, both: tuple[str, ...]
+) -> None:
+    file_with(robot)
+    load(robot, {})
+    found = problems(changed(robot, here))
+    (one,) = (problem for problem in found if problem.key == f"robot[1].axis[1].{key}")
+    assert all(word in str(one) for word in (*both, "nominal"))
+
+
+def test_another_predictor_is_a_contradiction(robot: Path) -> None:
+    speed = AXIS.model_copy(update={"speed": AXIS.angle, "angle": None})
+    file_with(robot, {}, speed)
+    changed(robot, ("[robot.axis.angle]", "[robot.axis.speed]"), ('"innovations"', '"output-error"'))
+    (problem,) = problems(robot)
+    assert problem.key == "robot[1].axis[1].estimator.predictor"
+    assert "innovations" in problem.message
+
+
+def test_output_error_does_not_go_with_the_angle(robot: Path) -> None:
+    file_with(robot, {"predictor": {"kind": "output-error", "gain": []}})
+    changed(robot, (KIND, ""))
+    (problem,) = problems(robot)
+    assert "diverges" in problem.message
+
+
+def test_a_value_that_the_drive_needs_is_missed(robot: Path) -> None:
+    values = dict(axis_model(AXIS).nominal)
+    path = file_with(robot)
+    text = path.read_text(encoding="utf-8").replace(f'"kg" = {values["kg"]}\n', "")
+    path.write_text(text, encoding="utf-8")
+    assert any("no value of kg" in problem.message for problem in problems(robot))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x =", "no TOML"),
+        ("a = 1", "format = missing"),
+        ("format = 2", "format = 2"),
+        ('format = 1\naxis = "a"\ndate = "d"', "drive"),
+        (b"\xff\xfe", "no TOML"),
+        (None, "cannot read"),
+    ],
+)
+def test_a_file_that_is_none_is_named(robot: Path, text: str | bytes | None, words: str) -> None:
+    path = robot.parent / "nominal.toml"
+    if text is not None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    (problem,) = problems(robot)
+    assert problem.key == "robot[1].axis[1].model.nominal_file"
+    assert words in problem.message
+    assert str(path) in problem.message
+
+
+@pytest.mark.parametrize(
+    ("table", "entry"),
+    [
+        ("predictor", {"gain": [1.0]}),
+        ("predictor", {"innovation_variance": 0}),
+        ("predictor", {"kind": "kalman"}),
+        ("predictor", {"torque_delay_s": -1.0}),
+        ("drive", {"output": "torque"}),
+        ("noise", {"torque": "much"}),
+        ("values", {"fm": True}),
+    ],
+)
+def test_a_wrong_entry_is_named(robot: Path, table: str, entry: dict[str, Any]) -> None:
+    file_with(robot, {table: entry})
+    (problem,) = problems(robot)
+    assert f"nominal.toml: {table}" in problem.message
+
+
+def test_check_says_where_the_values_come_from(robot: Path) -> None:
+    file_with(robot)
+    app = typer.Typer()
+    app.command()(check)
+    result = CliRunner().invoke(app, ["--config", str(robot)])
+    assert result.exit_code == 0
+    assert "nominal.toml" in result.stdout
+    assert "of 2002-02-02" in result.stdout
+
+
+def test_the_simulated_robot_has_the_values_and_noises_of_the_file(robot: Path) -> None:
+    from service.simulation.axis import ControlledAxis
+
+    file_with(robot, {"noise": {"output": 0.01}})
+    axis = only(load(robot, {}))
+    simulated = ControlledAxis(axis, np.random.default_rng(1))
+    angles = np.array([simulated.sample(k).motion for k in range(400)])
+    scatter = np.std(np.diff(angles, 3)) / np.sqrt(20)
+    assert 0.008 < scatter < 0.015
