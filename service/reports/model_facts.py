@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _MOST_STATES = 100
 """Beyond that it takes minutes to find what can be identified."""
+_MOST_MERGED = 60
+"""Parameters that stand only inside of merged ones; each of them takes a further pass."""
 _MOST_LOCAL = 40
 """Beyond that it takes long to find what a record tells."""
 
@@ -68,7 +70,7 @@ def _local(
     from monitor_core.modeling.local import local, usual_experiment
 
     torques = sum(u.kind == TORQUE for u in space.inputs)
-    if len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:
+    if _not_examined(space) or len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:
         return None, ""
     try:
         return local(space, values, experiment or usual_experiment(), speed_scale), ""
@@ -77,8 +79,18 @@ def _local(
 
 
 def _identifiability(space: StateSpace) -> tuple[str, ...]:
-    if len(space.states) > _MOST_STATES:
-        return (f"Not examined: the drive has more than {_MOST_STATES} states.",)
+    if why := _not_examined(space):
+        return (f"Not examined: {why}.",)
     from monitor_core.modeling.identifiability import structural
 
     return structural(space).words()
+
+
+def _not_examined(space: StateSpace) -> str:
+    """Why it would take too long; empty if it does not."""
+    if len(space.states) > _MOST_STATES:
+        return f"the drive has more than {_MOST_STATES} states"
+    merged = {name for definition in space.definitions for name in definition.value.names}
+    if len(merged) > _MOST_MERGED:
+        return f"more than {_MOST_MERGED} parameters are merged into others"
+    return ""
