@@ -31,6 +31,16 @@ def chain_text(masses: int) -> str:
     return "\n".join(["model Chain", *first, *declared, "equation", *joints, *joined, "end Chain;", ""])
 
 
+def geared_text(masses: int) -> str:
+    """A motor and masses that gears join rigidly, each with its own ratio: model Chain."""
+    text = chain_text(masses)
+    for i in range(1, masses):
+        gear = f"{ROTATIONAL}.Components.IdealGear spring{i}(ratio = n{i});"
+        text = text.replace(f"{ROTATIONAL}.Components.SpringDamper spring{i}(c = k{i}, d = d{i});", gear)
+        text = text.replace(f"parameter Real k{i} = ", f"parameter Real n{i} = 0.00001*")
+    return text
+
+
 def _link(i: int) -> list[str]:
     return [
         f"  parameter Real J{i} = {20 + i};",

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from service.commands.main import app
 from tests.end_to_end.processes import run_program
-from tests.service.modeling.long_drives import ROTATIONAL, chain_text
+from tests.service.modeling.long_drives import ROTATIONAL, chain_text, geared_text
 
 COMPONENTS = f"{ROTATIONAL}.Components"
 TORQUE = f"  {ROTATIONAL}.Sources.Torque torque;\n"
@@ -211,3 +211,9 @@ def test_a_hundred_masses_are_answered(arguments: tuple[str, ...], tmp_path: Pat
     assert "mass99" in out
     if "--json" in arguments:
         assert len(json.loads(out)["states"]) == 199
+
+
+def test_a_hundred_masses_joined_by_gears_are_answered(tmp_path: Path) -> None:
+    out = json.loads(shown(geared_text(100), tmp_path, "--json"))
+    assert len(out["states"]) == 1
+    assert "more than 60 parameters are merged" in " ".join(out["identifiability"])
