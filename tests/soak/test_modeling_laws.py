@@ -1,4 +1,4 @@
-"""The laws of the elimination with drives of up to twice as many masses, with 1000 examples each."""
+"""The laws of the elimination with drives of up to nine masses, with 1000 examples each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.core.modeling.random_drives import drives
 
 pytestmark = pytest.mark.soak
 
-EXAMPLES, MASSES = 1000, 12
+EXAMPLES, MASSES = 1000, 9
 MANY = settings(
     deadline=None,
     max_examples=EXAMPLES,
