@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.identification.descent import End, Normal, minimise
+from monitor_core.identification.descent import STEP, End, Normal, minimise
+from monitor_core.identification.layout import LEVEL, Entry
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
@@ -16,6 +17,7 @@ from monitor_core.kernel.tables import Floats
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
 _ROUNDS = 3
+_LEVEL_STEP = 3.0
 _LEVELS = (1e-2, 1e-1, 1.0, 1e1, 1e2)
 """Of torque noise over output noise, tried in units of the signals' own ratio."""
 
@@ -55,7 +57,7 @@ def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
     own = xi[shared:]
     endless = np.full(own.size, np.inf)
     try:
-        found = minimise(evaluate, own, (-endless, endless), np.zeros(own.size, bool), most).xi
+        found = minimise(evaluate, own, (-endless, endless), endless, most).xi
     except ValueError:
         found = own
     return np.concatenate([xi[:shared], found])
@@ -111,13 +113,21 @@ def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> fl
 
 
 def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> End:
-    limited = np.zeros(xi.size, dtype=bool)
-    limited[: predictor.layout.shared] = predictor.layout.log
+    longest = np.full(xi.size, np.inf)
+    entries = predictor.layout.entries
+    longest[: len(entries)] = [_step_limit(entry) for entry in entries]
 
     def evaluate(at: Floats) -> Normal:
         return criterion(predictor, at, limit)
 
-    return minimise(evaluate, xi, predictor.bounds(), limited, most, progress)
+    return minimise(evaluate, xi, predictor.bounds(), longest, most, progress)
+
+
+def _step_limit(entry: Entry) -> float:
+    """Noise levels may be far off, and hardly show where they are small."""
+    if not entry.log:
+        return np.inf
+    return _LEVEL_STEP if entry.name.startswith(LEVEL) else STEP
 
 
 def _loss(eps: Floats, limit: float) -> float:

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import DISTURBANCE_TIME
+from monitor_core.drive import DISTURBANCE_TIME, split_name
 from monitor_core.identification.covariance import Information, information
 from monitor_core.identification.descent import End
 from monitor_core.identification.fit import fit_starts, solve
+from monitor_core.identification.layout import Layout
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import DELAY, Disturbance, Problem
 from monitor_core.identification.record import Record
@@ -40,13 +41,18 @@ def fit(
     records: Sequence[Record],
     start: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
     *,
+    tries: int = 1,
+    spread: float = 0.5,
+    seed: int = 0,
     most_iterations: int = 100,
     progress: Callable[[int, float], None] | None = None,
 ) -> Estimate:
     """Minimise the sum of squared prediction errors of all records over theta.
 
     ``start`` replaces nominal values of free parameters ("delay" is one); several starts are tried, the best end is
-    returned.  ``progress`` is called with the number of evaluations and the cost whenever that has fallen.
+    returned.  With ``tries`` > 1 each start is followed by others around it: positive parameters times
+    exp(``spread`` e), e normal, drawn with ``seed``.  ``progress`` is called with the number of evaluations and the
+    cost whenever that has fallen.
 
     Raises:
         KeyError: a start for what is not free.
@@ -54,6 +60,8 @@ def fit(
             is stable.
     """
     starts = [start or {}] if start is None or isinstance(start, Mapping) else list(start)
+    rng = np.random.default_rng(seed)
+    starts = [one for given in starts for one in (given, *_around(problem, given, spread, rng, tries - 1))]
     ends, problems = [], list[ValueError]()
     for one in starts:
         try:
@@ -86,16 +94,30 @@ def compare(problem: Problem, records: Sequence[Record]) -> tuple[Comparison, ..
     return tuple(Comparison(a, b) for a, b in zip(one_step, runs, strict=True))
 
 
+def _around(
+    problem: Problem, start: Mapping[str, float], spread: float, rng: np.random.Generator, count: int
+) -> list[Mapping[str, float]]:
+    """Random starts around a given one; bounds hold."""
+    layout = Layout(_started(problem, start), problem.drive, None, np.inf)
+    lower, upper = layout.bounds()
+    xi, log = layout.start(), layout.log
+    drawn = [xi + spread * log * rng.standard_normal(xi.size) for _ in range(count)]
+    free = layout.names[: len(problem.free)]
+    return [
+        {**start, **dict(zip(free, layout.numbers(np.clip(one, lower, upper)).tolist(), strict=False))}
+        for one in drawn
+    ]
+
+
 def _started(problem: Problem, start: Mapping[str, float]) -> Problem:
     for name in start:
         if name not in problem.free and not (name == DELAY and problem.free_delay):
             raise KeyError(f"start of {name}: it is not free")
     values = {**problem.nominal}
     for name, value in start.items():
-        if name.startswith("1/"):
-            values[problem.drive.parameter(name).name.removeprefix("1/").strip("()")] = 1 / value
-        elif name != DELAY:
-            values[name] = value
+        base, inverse = split_name(name)
+        if name != DELAY:
+            values[base] = 1 / value if inverse else value
     return replace(problem, nominal=values, delay_s=start.get(DELAY, problem.delay_s))
 
 
