@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import eigvals
 from scipy.signal import oaconvolve
 
 from monitor_core.drive import Drive, Output
@@ -77,24 +78,42 @@ def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
     return float((1 / G / (s if drive.output == "angle" else 1)).imag / s.imag)
 
 
-def rigid_fit(record: Record, speed_scale: float = 1.0) -> Rigid | None:
+def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
+    """Period, s, of the lowest antiresonance: motions much slower than that are rigid.  None: the drive has none.
+
+    Raises:
+        KeyError, ValueError: a value is missing or makes no sense.
+    """
+    values = drive.complete(values)
+    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    torque = B[:, [kind == TORQUE for kind in drive.inputs]].sum(axis=1, keepdims=True)
+    n = len(A)
+    pencil = np.block([[A, torque], [C, np.zeros((1, 1))]]), np.diag([1.0] * n + [0.0])
+    zeros = np.asarray(eigvals(*pencil), np.complex128)
+    swinging = abs(zeros[np.isfinite(zeros) & (zeros.imag > 1e-6 * abs(zeros))])
+    return float(2 * np.pi / swinging.min()) if swinging.size else None
+
+
+def rigid_fit(record: Record, speed_scale: float = 1.0, shortest_s: float = 0.0) -> Rigid | None:
     """The best of the fits with windows of different length; None where none explains anything.
 
     Args:
         record: torque and angle or speed; it is cut at gaps.
         speed_scale: rad/s, of Coulomb friction.
+        shortest_s: windows are at least so long; motions faster than a third of it do not get through.
     """
     pieces = segments(record, _GAP * record.interval_s)
     parts = [_part(piece) for piece in pieces if np.count_nonzero(piece.measured) > 1]
-    ladder = _ladder(sum(len(part.u) for part in parts))
+    shortest = max(_SHORTEST, shortest_s / record.interval_s)
+    ladder = _ladder(shortest, sum(len(part.u) for part in parts))
     fits = [fit for window in ladder if (fit := _fit(parts, window, speed_scale)) is not None]
     return max(fits, key=lambda fit: fit.explained, default=None)
 
 
-def _ladder(count: int) -> list[int]:
-    """Lengths of the window in samples, each one and a half times the one before."""
+def _ladder(shortest: float, count: int) -> list[int]:
+    """Lengths of the window in samples, each one and a half times the one before, for that many samples."""
     lengths, most = [], count // _FEWEST_WINDOWS
-    length = float(_SHORTEST)
+    length = shortest
     while length <= most:
         lengths.append(int(length))
         length *= 1.5

@@ -41,6 +41,7 @@ class Known:
         parameters: how many are to be found.
         slowest_s: slowest time constant of the drive, s.
         inertia: nominal inertia of the whole drive as the motor feels it, kg m^2: ``rigid.rigid_inertia``.
+        antiresonance_s: period of its lowest antiresonance, s; faster motions do not show that inertia.
         speed_scale: Coulomb friction is fc tanh(speed / speed_scale), rad/s.
         speed: name of the signal of the record that is the measured speed, rad/s, where the record's own is the angle.
     """
@@ -48,5 +49,6 @@ class Known:
     parameters: int = 0
     slowest_s: float | None = None
     inertia: float | None = None
+    antiresonance_s: float | None = None
     speed_scale: float = 1.0
     speed: str | None = None

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from monitor_core.drive import Drive
-from monitor_core.identification.rigid import rigid_inertia
+from monitor_core.identification.rigid import antiresonance_s, rigid_inertia
 from monitor_core.identification.suspicion.finding import Known
 
 _NOUGHT = 1e-9
@@ -30,4 +30,5 @@ def known_of(
     decay = -poles.real
     slow = decay[decay > _NOUGHT * abs(poles).max()]
     slowest = float(1 / slow.min()) if slow.size else None
-    return Known(parameters, slowest, rigid_inertia(drive, values), speed_scale, speed)
+    inertia, antiresonance = rigid_inertia(drive, values), antiresonance_s(drive, values)
+    return Known(parameters, slowest, inertia, antiresonance, speed_scale, speed)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.identification.record import Record
-from monitor_core.identification.rigid import Rigid, rigid_fit
+from monitor_core.identification.rigid import rigid_fit
 from monitor_core.identification.speed import mean_speed
 from monitor_core.identification.suspicion.finding import Finding, Known
 from monitor_core.kernel.tables import Floats
@@ -18,6 +18,8 @@ _BACK = 3.0
 cannot fall by more than the energy stored before; with the sign reversed it cannot rise by more."""
 _EXPLAINS = 0.5
 """Part of the torque's variance that one rigid mass explains; below that its inertia is not to be compared."""
+_SLOW = 3.0
+"""Periods of the antiresonance in a window: motions as fast as that do not get through, which would show less."""
 _SURE = 4.0
 """Standard deviations."""
 _AS_NOMINAL = 5.0
@@ -47,11 +49,10 @@ _SLIPS = (
 
 def motion(record: Record, known: Known) -> Iterator[Finding]:
     """Wrong sign of the torque, wrong units, a speed that is not that of the angle."""
-    rigid = rigid_fit(record, known.speed_scale) if np.count_nonzero(record.measured) > 1 else None
-    sign = list(_wrong_sign(record, rigid))
+    sign = list(_wrong_sign(record, known)) if np.count_nonzero(record.measured) > 1 else []
     yield from sign
-    if not sign and rigid is not None:
-        yield from _units(rigid, known.inertia)
+    if not sign:
+        yield from _units(record, known)
     if record.quantity == "angle" and known.speed is not None and known.speed in record.signals:
         yield from _inconsistent(record, known.speed)
 
@@ -67,14 +68,13 @@ def work(record: Record) -> Floats:
     return np.concatenate(([0.0], np.cumsum(record.u[:-1] * turned)))
 
 
-def _wrong_sign(record: Record, rigid: Rigid | None) -> Iterator[Finding]:
-    if np.count_nonzero(record.measured) < 2:
-        return
+def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
     done = work(record)
     falls = float((np.maximum.accumulate(done) - done).max())
     rises = float((done - np.minimum.accumulate(done)).max())
     if falls <= _BACK * rises:
         return
+    rigid = rigid_fit(record, known.speed_scale)
     negative = rigid is not None and rigid.inertia < -_SURE * rigid.sd and rigid.explained > _EXPLAINS
     shown = f", and as one mass it has an inertia of {rigid.inertia:.3g} kg m^2" if rigid and negative else ""
     yield Finding(
@@ -86,9 +86,12 @@ def _wrong_sign(record: Record, rigid: Rigid | None) -> Iterator[Finding]:
     )
 
 
-def _units(rigid: Rigid, nominal: float | None) -> Iterator[Finding]:
-    sure = rigid.inertia > _SURE * rigid.sd and rigid.explained > _EXPLAINS
-    if nominal is None or not sure:
+def _units(record: Record, known: Known) -> Iterator[Finding]:
+    nominal = known.inertia
+    if nominal is None:
+        return
+    rigid = rigid_fit(record, known.speed_scale, _SLOW * (known.antiresonance_s or 0.0))
+    if rigid is None or rigid.inertia < _SURE * rigid.sd or rigid.explained < _EXPLAINS:
         return
     factor = rigid.inertia / nominal
     if 1 / _AS_NOMINAL < factor < _AS_NOMINAL:

@@ -30,8 +30,10 @@ _DIGITS = 3.0
 """Steps of the angle of so few last digits may be the beginning of a motion."""
 _REFUSE = 0.5
 """Part of the samples."""
-_MOVING = 0.2
+_MOVING = 0.5
 """Of the typical speed: below that the axis may well stand still, held by friction."""
+_ABRUPT = 0.6
+"""Of the speed one step further from the standstill: with a constant acceleration it is a third."""
 
 
 class Runs(NamedTuple):
@@ -127,18 +129,19 @@ def _says_stuck(record: Record, t: Floats, found: Runs) -> Finding:
 def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     """Whether the axis moves in each run: by its speed there, or by the steps of the angle into and out of it.
 
-    Where the angle freezes while the axis moves, it jumps when it comes back, or it stops from full speed.
+    Where the angle freezes while the axis moves, it stops from full speed and jumps when it comes back; an axis that
+    comes to rest and starts again is slower in the last step before and in the first one after.
     """
     if record.quantity == "speed":
         speed = abs(y[found.start])
         return np.asarray(speed > _MOVING * np.median(speed), np.bool_)
-    steps = np.diff(y[found.start])
-    clear = abs(steps) > _DIGITS * abs(steps).min()
     elapsed = t[found.start[1:]] - t[found.start[1:] - 1]
-    speed = np.where(clear, abs(steps) / elapsed, 0.0)
-    limit = _MOVING * np.median(abs(steps) / elapsed)
-    fast = speed > limit
-    return np.asarray(np.append(fast, False) | np.append(False, fast), np.bool_)
+    steps = abs(np.diff(y[found.start]))
+    speed = steps / elapsed
+    clear = (speed > _MOVING * np.median(speed)) & (steps > _DIGITS * steps.min())
+    starts = clear & (speed > _ABRUPT * np.append(speed[1:], np.inf))
+    stops = clear & (speed > _ABRUPT * np.append(np.inf, speed[:-1]))
+    return np.asarray(np.append(starts, False) | np.append(False, stops), np.bool_)
 
 
 def _torque_moves(u: Floats, found: Runs) -> Bools:

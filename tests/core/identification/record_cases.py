@@ -1,0 +1,68 @@
+"""Records that the tests of records share."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+from monitor_core.drive import Output
+from monitor_core.excitation import multisine
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.simulation import SimulatedAxis
+
+H = 0.005
+VALUES = {**REFERENCE_VALUES, "fc": 0.4, "tau0": 0.1}
+NOISE: dict[Output, float] = {"speed": 0.5, "angle": 0.01}
+
+
+@st.composite
+def records(draw: st.DrawFn, least: int = 2) -> Record:
+    """Any record: jitter, gaps, samples that are missing, a signal."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    count = draw(st.integers(least, 60))
+    intervals = rng.choice([H, 0.3 * H, 1.7 * H, 40 * H], count, p=[0.7, 0.1, 0.1, 0.1])
+    y = rng.normal(size=count)
+    y[rng.random(count) < draw(st.sampled_from([0.0, 0.2]))] = np.nan
+    quantity: Output = draw(st.sampled_from(["speed", "angle"]))
+    return Record(
+        np.cumsum(intervals), rng.normal(size=count), y, quantity, "a", signals={"s": rng.normal(size=count)}
+    )
+
+
+def same(a: Record, b: Record) -> bool:
+    """Whether two records are equal to the last bit."""
+    arrays = zip((a.t, a.u, a.y, *a.signals.values()), (b.t, b.u, b.y, *b.signals.values()), strict=True)
+    equal = all(np.array_equal(x, y, equal_nan=True) for x, y in arrays)
+    return equal and np.array_equal(a.measured, b.measured) and (a.quantity, a.name) == (b.quantity, b.name)
+
+
+def healthy(
+    rng: np.random.Generator, quantity: Output, closed: bool = False, samples: int = 4000, noise: float = 1.0
+) -> Record:
+    """The reference drive with Coulomb friction, excited by its torque or by the reference of a speed controller."""
+    axis = SimulatedAxis(VALUES, substeps=2, drive=three_mass("angle"))
+    irregular = 0.3 * rng.random() * rng.uniform(-1, 1, samples) * (rng.random() < 0.5)
+    intervals = H * (1 + irregular)
+    extra, wanted = multisine(rng, samples, H, (0, 30), 1.23), multisine(rng, samples, H, (0.05, 3), 5.0)
+    u, y, angle, speed = np.zeros(samples), np.zeros(samples), 0.0, 0.0
+    for k in range(samples):
+        y[k] = (angle if quantity == "angle" else speed) + noise * NOISE[quantity] * rng.standard_normal()
+        u[k] = (
+            0.3 * (wanted[k] - (speed if quantity == "angle" else y[k])) + 0.2 * extra[k]
+            if closed
+            else extra[k]
+        )
+        angle, speed = axis.step(u[k], intervals[k])
+    return Record(np.cumsum(intervals), u, y, quantity, "healthy")
+
+
+def with_y(record: Record, y: Floats) -> Record:
+    """Another output at the same times."""
+    return Record(record.t, record.u, y, record.quantity, record.name, record.measured, record.signals)
+
+
+def with_u(record: Record, u: Floats) -> Record:
+    """Another torque at the same times."""
+    return Record(record.t, u, record.y, record.quantity, record.name, record.measured, record.signals)

@@ -1,0 +1,308 @@
+"""What is suspicious is found, named and shown; a healthy record gives no finding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.drive import Output
+from monitor_core.excitation import multisine
+from monitor_core.identification.record import Record
+from monitor_core.identification.rigid import antiresonance_s, rigid_fit, rigid_inertia
+from monitor_core.identification.suspicion import Finding, Known, known_of, outliers, suspicions
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import three_mass, two_mass
+from monitor_core.simulation import simulate_linear
+from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y
+
+HEALTHY = 12
+"""Records."""
+KNOWN = known_of(three_mass("angle"), VALUES, parameters=8)
+OUTPUTS: tuple[Output, ...] = ("speed", "angle")
+
+
+@pytest.fixture(params=OUTPUTS)
+def record(request: pytest.FixtureRequest, seed: int) -> Record:
+    return healthy(np.random.default_rng(seed), request.param, samples=2000)
+
+
+def kinds(record: Record, known: Known = KNOWN) -> list[tuple[str, str]]:
+    return [(finding.kind, finding.severity) for finding in suspicions(record, known)]
+
+
+def only(record: Record, known: Known = KNOWN) -> Finding:
+    (finding,) = suspicions(record, known)
+    return finding
+
+
+@pytest.mark.parametrize("closed", [False, True], ids=["open-loop", "closed-loop"])
+@pytest.mark.parametrize("quantity", OUTPUTS)
+def test_a_healthy_record_gives_no_finding(quantity: Output, closed: bool, seed: int) -> None:
+    rng = np.random.default_rng([seed, closed])
+    for _ in range(HEALTHY):
+        record = healthy(rng, quantity, closed, samples=int(rng.integers(1200, 3000)))
+        assert suspicions(record, KNOWN) == ()
+
+
+def random_binary(rng: np.random.Generator, count: int) -> Floats:
+    return np.repeat(rng.choice([-1.5, 1.5], count // 5), 5)
+
+
+def sine_in_steps(rng: np.random.Generator, count: int) -> Floats:
+    return np.asarray(0.01 * np.rint(150 * np.sin(2 * np.pi * rng.uniform(0.5, 2) * H * np.arange(count))))
+
+
+def fast_sine(rng: np.random.Generator, count: int) -> Floats:
+    return np.asarray(1.5 * np.sin(2 * np.pi * rng.uniform(20, 30) * H * np.arange(count)))
+
+
+def square(rng: np.random.Generator, count: int) -> Floats:
+    return np.asarray(
+        2.0 * np.sign(np.sin(2 * np.pi * 0.4 * H * np.arange(count))) + multisine(rng, count, H, (1, 30), 0.5)
+    )
+
+
+@pytest.mark.parametrize(
+    "torque", [random_binary, sine_in_steps, fast_sine, square], ids=lambda f: f.__name__
+)
+def test_other_torques_are_healthy_too(
+    torque: Callable[[np.random.Generator, int], Floats], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    u = torque(rng, 3000)
+    drive = three_mass("speed")
+    values = {**VALUES, "fc": 0.0, "tau0": 0.0}
+    y, _ = simulate_linear(drive, values, u[:, np.newaxis], H)
+    y = y[:, 0] + 0.1 * rng.standard_normal(len(u))
+    assert suspicions(Record(H * np.arange(len(u), dtype=float), u, y, "speed"), KNOWN) == ()
+
+
+def test_too_short(record: Record) -> None:
+    finding = only(record.select(slice(40)), Known(parameters=8))
+    assert (finding.kind, finding.severity, finding.number) == ("too-short", "refuse", 40)
+    assert finding.sentence == "only 40 measured samples; at least 80 are needed for 8 parameters"
+    assert ("too-short", "refuse") in kinds(record.select(slice(100)), Known(slowest_s=1.0))
+    assert kinds(record.select(slice(600)), Known(slowest_s=1.0)) == [("too-short", "warn")]
+    assert kinds(record.select(slice(1100)), Known(slowest_s=0.9)) == []
+
+
+def test_constant_torque(record: Record) -> None:
+    finding = only(with_u(record, np.full(len(record), 0.7)))
+    assert (finding.kind, finding.severity, finding.number) == ("constant-torque", "refuse", 0.7)
+    assert "the torque is 0.7 N m throughout" in finding.sentence
+    steps = np.repeat(np.arange(len(record) // 50) % 7, 50).astype(float)
+    assert ("constant-torque", "warn") in kinds(with_u(record, steps))
+
+
+@pytest.mark.parametrize("ends", [(-1.5, 1.5), (-9, 1.5), (-1.5, 9)])
+def test_saturated_torque(record: Record, ends: tuple[float, float]) -> None:
+    u = np.clip(record.u, *ends)
+    found = [finding for finding in suspicions(with_u(record, u), Known()) if finding.kind == "saturated"]
+    assert len(found) == sum(abs(end) < 9 for end in ends)
+    for finding in found:
+        at_end = np.mean(u == (u.max() if "largest" in finding.sentence else u.min()))
+        assert finding.number == pytest.approx(at_end)
+        assert f"{100 * at_end:.3g} % of the samples" in finding.sentence
+
+
+def test_output_that_never_moves(record: Record) -> None:
+    finding = only(with_y(record, np.full(len(record), 0.25)))
+    assert (finding.kind, finding.severity, finding.number) == ("stuck", "refuse", 0.25)
+
+
+def test_stuck_output(record: Record) -> None:
+    y = record.y.copy()
+    speed = y if record.quantity == "speed" else np.gradient(y)
+    start = 500 + int(np.argmax(abs(speed[500:900])))
+    y[start : start + 60] = y[start]
+    findings = [finding for finding in suspicions(with_y(record, y), KNOWN) if finding.kind == "stuck"]
+    assert [(finding.severity, finding.number) for finding in findings] == [("warn", 60)]
+    assert f"from {record.t[start] - record.t[0]:.3f} s on" in findings[0].sentence
+
+
+@pytest.mark.parametrize("quantity", OUTPUTS)
+def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
+    """The axis rests first; its encoder shows the same number, while the torque is below the friction."""
+    rng = np.random.default_rng(seed)
+    record = healthy(rng, quantity, samples=2000, noise=0.0)
+    rest = 600
+    u = np.concatenate((0.1 * rng.standard_normal(rest), record.u))
+    t = np.concatenate((record.t[0] - H * np.arange(rest, 0, -1), record.t))
+    start = record.y[0] if record.quantity == "angle" else 0.0
+    y = np.round(np.concatenate((np.full(rest, start), record.y)), 4)
+    assert [k for k, _ in kinds(Record(t, u, y, record.quantity))] == []
+
+
+def test_a_coarse_encoder_is_not_stuck(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t = 0.001 * np.arange(8000, dtype=float)
+    angle = 0.01 * np.rint(0.1 * np.cumsum(0.5 + 0.4 * np.sin(2 * np.pi * 0.5 * t)))
+    assert "stuck" not in [
+        kind for kind, _ in kinds(Record(t, rng.normal(size=8000), angle, "angle"), Known())
+    ]
+
+
+def test_wrong_sign(record: Record) -> None:
+    finding = only(with_u(record, -record.u))
+    assert (finding.kind, finding.severity) == ("wrong-sign", "refuse")
+    assert finding.number < 0
+    assert "torque or motion has the wrong sign" in finding.sentence
+    assert kinds(with_y(record, -record.y)) == [("wrong-sign", "refuse")]
+
+
+@pytest.mark.parametrize(
+    ("torque", "motion", "mistake"),
+    [
+        (1000, 1, "a torque in N mm or mN m"),
+        (1, 1000, "a motion in mrad"),
+        (1, 180 / np.pi, "a motion in degrees"),
+        (1, np.pi / 180, "a motion divided by 57.3 twice"),
+        (1, 30 / np.pi, "revolutions per minute"),
+        (1, 1 / 118**2, "are units and gear ratio right?"),
+    ],
+)
+def test_wrong_units(record: Record, torque: float, motion: float, mistake: str) -> None:
+    wrong = with_y(with_u(record, torque * record.u), motion * record.y)
+    finding = only(wrong, replace(KNOWN, speed_scale=motion))
+    assert (finding.kind, finding.severity) == ("units", "warn")
+    assert finding.number == pytest.approx(torque / motion, rel=0.4)
+    assert mistake in finding.sentence
+
+
+def test_speed_that_is_not_that_of_the_angle(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t = H * np.arange(2000, dtype=float)
+    w = 2 * np.pi * rng.uniform(0.5, 3)
+    record = Record(t, rng.normal(size=2000), np.sin(w * t), "angle")
+    for factor, hint in (
+        (180 / np.pi, ": degrees?"),
+        (-1, "wrong sign"),
+        (30 / np.pi, "revolutions per minute?"),
+        (3, ""),
+    ):
+        r = Record(t, record.u, record.y, "angle", signals={"speed": factor * w * np.cos(w * t)})
+        (finding,) = [f for f in suspicions(r, Known(speed="speed")) if f.kind == "inconsistent"]
+        assert finding.number == pytest.approx(factor, rel=0.01)
+        assert hint in finding.sentence
+    r = Record(
+        t, record.u, record.y, "angle", signals={"speed": w * np.cos(w * t) + 0.1 * rng.standard_normal(2000)}
+    )
+    assert "inconsistent" not in [kind for kind, _ in kinds(r, Known(speed="speed"))]
+
+
+def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
+    t = record.t + 0.3 * (np.arange(len(record)) >= 700)
+    cut = Record(t, record.u, record.y, record.quantity)
+    finding = only(cut, Known())
+    assert (finding.kind, finding.severity) == ("gaps", "warn")
+    assert finding.number == pytest.approx(0.3, abs=0.01)
+    assert (
+        f"once nothing was recorded for more than 10 intervals, longest for {finding.number:.3g} s"
+        in finding.sentence
+    )
+    few, many = (np.random.default_rng(seed).random(len(record)) > share for share in (0.005, 0.1))
+    assert "lost" not in [kind for kind, _ in kinds(record.select(few), Known())]
+    (lost,) = [finding for finding in suspicions(record.select(many), Known()) if finding.kind == "lost"]
+    assert lost.number == pytest.approx(1 - many.mean(), abs=0.02)
+
+
+def test_late_stamps_but_not_irregular_sampling(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    r = healthy(rng, "speed", samples=2000)
+    k = np.arange(len(r))
+    late = Record(H * (k + rng.uniform(0, 0.4, len(r))), r.u, r.y, "speed")
+    finding = only(late, Known())
+    assert (finding.kind, finding.severity) == ("jitter", "warn")
+    assert finding.number == pytest.approx(H * 0.4 / 12**0.5 * 2**0.5, rel=0.1)
+    irregular = Record(np.cumsum(H * rng.uniform(0.8, 1.2, len(r))), r.u, r.y, "speed")
+    assert suspicions(irregular, Known()) == ()
+
+
+@pytest.mark.parametrize("what", ["torque", "output"])
+def test_outliers(record: Record, what: str, seed: int) -> None:
+    where = np.sort(np.random.default_rng(seed).choice(np.arange(10, 1900, 10), 5, replace=False))
+    values = (record.u if what == "torque" else record.y).copy()
+    values[where] += 3 * np.ptp(values)
+    broken = (with_u if what == "torque" else with_y)(record, values)
+    assert np.flatnonzero(outliers(values)).tolist() == where.tolist()
+    found = [finding for finding in suspicions(broken, KNOWN) if finding.kind == "outliers"]
+    assert [(finding.severity, finding.number) for finding in found] == [("warn", 5)]
+    assert f"the first at {record.t[where[0]] - record.t[0]:.3f} s" in found[0].sentence
+    values[np.arange(5, 1995, 40)] += 3 * np.ptp(record.u)
+    values[np.arange(5, 1995, 40)] *= 50
+    broken = (with_u if what == "torque" else with_y)(record, values)
+    assert ("outliers", "refuse") in kinds(broken)
+
+
+def test_a_jump_is_no_outlier() -> None:
+    assert not outliers(np.repeat([0.0, 1.0, -5.0, 7.0, 7.5], 20)).any()
+    assert not outliers(np.array([1.0, 100.0, 1.0])).any()
+
+
+def test_missing_samples(record: Record) -> None:
+    finding = only(record.without(slice(100, 120)))
+    assert (finding.kind, finding.severity) == ("missing", "warn")
+    assert finding.number == pytest.approx(20 / len(record))
+    assert f"at 20 of {len(record)} samples, 1 %" in finding.sentence
+    assert ("missing", "refuse") in kinds(record.without(slice(100, 1400)))
+
+
+def test_absurd_numbers(record: Record) -> None:
+    y = record.y.copy()
+    y[[5, 77]] = 5.9e293
+    finding = suspicions(with_y(record, y), KNOWN)[0]
+    assert (finding.kind, finding.severity, finding.number) == ("absurd", "refuse", 5.9e293)
+    assert "at 2 samples, up to 5.9e+293" in finding.sentence
+
+
+def test_nothing_measured_at_all(record: Record) -> None:
+    found = kinds(record.without(slice(None)))
+    assert found == [("missing", "refuse"), ("too-short", "refuse")]
+
+
+@pytest.mark.parametrize("output", OUTPUTS)
+def test_the_rigid_inertia_is_the_sum_of_all(output: Output) -> None:
+    r = VALUES["r"]
+    whole = VALUES["Jm"] + r**2 * (VALUES["Jg"] + VALUES["Ja"])
+    assert rigid_inertia(three_mass(output), VALUES) == pytest.approx(whole, rel=1e-6)
+    assert rigid_inertia(three_mass(output), {**VALUES, "kT": 2.0, "fm": 0.0}) == pytest.approx(
+        whole / 2, rel=1e-6
+    )
+    two = {name: VALUES[name] for name in ("Jm", "Ja", "fm", "fc", "tau0", "kT", "r")} | {
+        "k": 3e5,
+        "d": 900.0,
+    }
+    names = {p.name for p in two_mass(output).parameters}
+    if names <= two.keys():
+        assert rigid_inertia(two_mass(output), two) == pytest.approx(
+            VALUES["Jm"] + r**2 * VALUES["Ja"], rel=1e-6
+        )
+
+
+def test_the_lowest_antiresonance() -> None:
+    """The two masses behind the gear swing against the motor held fast."""
+    k = {name: VALUES[name] for name in ("kg", "ka", "Jg", "Ja")}
+    M, K = np.diag([k["Jg"], k["Ja"]]), np.array([[k["kg"] + k["ka"], -k["ka"]], [-k["ka"], k["ka"]]])
+    omega = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.min())
+    assert KNOWN.antiresonance_s == pytest.approx(2 * np.pi / omega, rel=1e-3)
+    rigid = {name: VALUES.get(name, 1.0) for name in (p.name for p in two_mass("angle").parameters)}
+    assert antiresonance_s(two_mass("angle"), {**rigid, "d": 1e4, "k": 1.0}) is None
+
+
+def test_the_rigid_inertia_of_a_record(record: Record) -> None:
+    fit = rigid_fit(record)
+    assert fit is not None
+    assert fit.inertia == pytest.approx(KNOWN.inertia, rel=0.25)
+    assert fit.sd < 0.1 * fit.inertia
+    assert fit.explained > 0.9
+
+
+def test_what_is_known_of_a_drive() -> None:
+    known = known_of(three_mass("speed"), {**VALUES, "fm": 0.0}, 3, 2.0, "w")
+    assert (known.parameters, known.speed_scale, known.speed) == (3, 2.0, "w")
+    assert KNOWN.slowest_s == pytest.approx((KNOWN.inertia or 0) / VALUES["fm"], rel=0.1)
+    assert known.slowest_s is not None
+    assert known.slowest_s < 0.5

@@ -1,0 +1,295 @@
+"""Files become records for identification: ranges, torn rows, further signals, where they come from."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+import pytest
+import scipy.io
+
+from monitor_core.identification.suspicion import Known, suspicions
+from service.config.rules import further_signals
+from service.config.schema import Config
+from service.ingest.errors import RecordError
+from service.ingest.identification_records import Loaded, Wanted, load, wanted
+from service.ingest.records import read_record
+from tests.service.ingest.plant import axis1, axis2, make_config
+
+N = 20_000  # more than one block of rows
+SPEED = {"name": "speed", "message": "Both2", "signal": "Speed", "column": "w", "factor": 2.0, "offset": 1.0}
+
+
+def table(seed: int, count: int = N) -> dict[str, Any]:
+    rng = np.random.default_rng(seed)
+    columns = {name: rng.normal(size=count) for name in ("torque_one", "angle_one", "w")}
+    return {"t": 50.0 + 0.005 * np.arange(count, dtype=float), **columns}
+
+
+def timed(folder: Path, **other: Any) -> Config:
+    return make_config(folder, axis1(time={"column": "t"}, signal=[SPEED], **other))
+
+
+def write(path: Path, columns: dict[str, Any]) -> Path:
+    if path.suffix == ".csv":
+        pa.csv.write_csv(pa.table(columns), path)
+    elif path.suffix == ".parquet":
+        pa.parquet.write_table(pa.table(columns), path)
+    else:
+        scipy.io.savemat(path, columns, oned_as="column")
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+def test_a_table_becomes_a_record(tmp_path: Path, suffix: str, seed: int) -> None:
+    columns = table(seed)
+    path = write(tmp_path / f"a{suffix}", columns)
+    found = load(str(path), timed(tmp_path), "r.one")
+    record = found.record
+    assert (record.quantity, record.name, len(record)) == ("angle", f"a{suffix}", N)
+    assert record.t == pytest.approx(columns["t"] - 50.0, abs=1e-9)
+    assert np.array_equal(record.u, columns["torque_one"])
+    assert np.array_equal(record.y, columns["angle_one"])
+    assert record.measured.all()
+    assert np.array_equal(record.signals["speed"], 2 * columns["w"] + 1)
+    assert found.source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert (found.source.samples, found.source.used, set(found.source.dropped.values())) == (N, N, {0})
+    assert found.source.words == f"{path}: {N} samples; dropped: nothing"
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "start", "end"),
+    [
+        ("a.csv", "a.csv", None, None),
+        ("a.csv@10:60", "a.csv", 10, 60),
+        ("a@b.csv@1.5:", "a@b.csv", 1.5, None),
+        ("a.csv@:.5", "a.csv", None, 0.5),
+        ("a.csv@:", "a.csv", None, None),
+        ("me@home/a.csv", "me@home/a.csv", None, None),
+        ("a.csv@x:1", "a.csv@x:1", None, None),
+    ],
+)
+def test_ranges(text: str, path: str, start: float | None, end: float | None) -> None:
+    assert wanted(text) == Wanted(Path(path), start, end)
+
+
+def test_a_file_that_is_called_like_a_range(tmp_path: Path) -> None:
+    (tmp_path / "a@1:2").touch()
+    assert wanted(str(tmp_path / "a@1:2")) == Wanted(tmp_path / "a@1:2")
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"), [("a.csv@5:2", "ends before it begins"), ("a.csv@1.2.3:", "a range is @START")]
+)
+def test_ranges_that_are_none(text: str, problem: str) -> None:
+    with pytest.raises(RecordError, match=f"^{re.escape(text)}: .*{problem}"):
+        wanted(text)
+
+
+def test_a_range_counts_from_the_first_sample(tmp_path: Path, seed: int) -> None:
+    columns = table(seed)
+    path = write(tmp_path / "a.csv", columns)
+    found = load(f"{path}@10:60", timed(tmp_path), "r.one")
+    assert np.array_equal(found.record.u, columns["torque_one"][2000:12001])
+    assert (found.source.used, found.source.start_s, found.source.end_s) == (10001, 10.0, 60.0)
+    assert found.source.words == f"{path}: {N} samples, 10001 of them from 10 to 60 s; dropped: nothing"
+    with pytest.raises(
+        RecordError, match=rf"{path}: record a.csv has no two samples from 500 s on: it is 99.995 s long"
+    ):
+        load(f"{path}@500:", timed(tmp_path), "r.one")
+
+
+def test_rows_that_are_no_samples_are_dropped_by_reason(tmp_path: Path, seed: int) -> None:
+    columns = table(seed, 100)
+    columns["torque_one"][3] = np.nan
+    columns["angle_one"][[4, 5]] = 1e293, 1e9
+    columns["torque_one"][6] = -1e7
+    columns["w"][7] = 1e200
+    columns["t"][9] = columns["t"][8]
+    columns["t"][11] = columns["t"][2]
+    path = write(tmp_path / "a.parquet", columns)
+    found = load(str(path), timed(tmp_path), "r.one")
+    dropped = {reason: count for reason, count in found.source.dropped.items() if count}
+    assert dropped == {"not_finite": 1, "absurd": 4, "repeated": 1, "out_of_order": 1, "missing": 7}
+    kept = np.delete(np.arange(100), [3, 4, 5, 6, 7, 9, 11])
+    assert np.array_equal(found.record.u, columns["torque_one"][kept])
+    assert np.array_equal(found.record.signals["speed"], 2 * columns["w"][kept] + 1)
+    assert "1 not finite, 1 repeated, 1 out of order, 7 missing, 4 absurd" in found.source.words
+
+
+def nameless(folder: Path) -> Config:
+    axis = axis1(time={"column": "0"})
+    axis["torque"]["column"], axis["angle"]["column"] = "2", "1"
+    return make_config(folder, axis)
+
+
+def test_a_torn_row_of_a_file_without_names_is_refused_as_a_whole(tmp_path: Path, seed: int) -> None:
+    """Its own torque and angle look harmless; another cell gives it away."""
+    rng = np.random.default_rng(seed)
+    cells = np.column_stack((0.005 * np.arange(50, dtype=float), rng.normal(size=(50, 4))))
+    cells[[7, 8], [3, 4]] = 5.9e293, -1e66
+    path = tmp_path / "a.csv"
+    np.savetxt(path, cells, delimiter=",")
+    found = load(str(path), nameless(tmp_path), "r.one")
+    assert found.record.u == pytest.approx(np.delete(cells[:, 2], [7, 8]))
+    assert found.source.dropped["absurd"] == 2
+
+
+def test_a_signal_that_a_table_lacks_or_that_no_table_has(tmp_path: Path, seed: int) -> None:
+    columns = table(seed, 100)
+    del columns["w"]
+    path = write(tmp_path / "a.csv", columns)
+    with pytest.raises(RecordError, match=r'no column "w" for the signal speed of axis r\.one'):
+        load(str(path), timed(tmp_path), "r.one")
+    only_on_the_bus = make_config(tmp_path, axis1(signal=[{**SPEED, "column": None}]))
+    assert load(str(path), only_on_the_bus, "r.one").record.signals == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "problem"),
+    [
+        ("there.csv", "r.two", "no axis r.two in the configuration; there is r.one"),
+        ("no.csv", "r.one", "cannot read .*no.csv: No such file"),
+        ("a.xlsx", "r.one", "no such kind of record; there is .csv .parquet .mat .log"),
+        ("short.csv", "r.one", "1 samples of axis r.one in it; dropped: 1 not_finite"),
+        ("text.csv", "r.one", "text.csv, line 3: column \"w\" holds 'x', which is no number"),
+    ],
+)
+def test_mistakes_in_words(tmp_path: Path, name: str, axis: str, problem: str) -> None:
+    head = "t,torque_one,angle_one,w\n"
+    (tmp_path / "there.csv").write_text(head)
+    (tmp_path / "short.csv").write_text(f"{head}0,1,1,1\n1,nan,1,1\n")
+    (tmp_path / "text.csv").write_text(f"{head}0,1,1,1\n1,1,1,x\n")
+    with pytest.raises(RecordError, match=problem):
+        load(str(tmp_path / name), timed(tmp_path), axis)
+
+
+def test_an_axis_that_is_in_no_table(tmp_path: Path, seed: int) -> None:
+    axis = axis1()
+    del axis["torque"]["column"]
+    path = write(tmp_path / "a.csv", table(seed, 10))
+    with pytest.raises(RecordError, match=r"axis r\.one: torque\.column is missing in the configuration"):
+        load(str(path), make_config(tmp_path, axis), "r.one")
+
+
+def log_of(path: Path, count: int = 200) -> Path:
+    """Torque and angle of axis one each cycle, the speed every tenth: 2 ms after the sample, and first in cycle 5."""
+    start = 1_760_000_000.25
+    with can.Logger(str(path)) as writer:
+        for k in range(count):
+            t = start + 0.005 * k
+            torque, angle = (k % 50) * 2, k * 3
+            frames = [(0x100, torque.to_bytes(2, "little") + bytes(2), False, t)]
+            frames.append((2566848768 & 0x1FFFFFFF, angle.to_bytes(4, "little") + bytes(4), True, t + 1e-4))
+            if k % 10 == 5:
+                speed = (k * 65536).to_bytes(4, "little")
+                frames.append((272, bytes(2) + speed + bytes(2), False, t + 2e-3))
+            for can_id, data, extended, when in frames:
+                message = can.Message(
+                    timestamp=when, arbitration_id=can_id, is_extended_id=extended, data=data, channel="bus0"
+                )
+                writer.on_message_received(message)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf", ".asc", ".trc"])
+def test_a_can_log_becomes_the_samples_of_replay(tmp_path: Path, suffix: str) -> None:
+    config = make_config(tmp_path, axis1(signal=[SPEED]), axis2())
+    path = log_of(tmp_path / f"a{suffix}")
+    found = load(str(path), config, "r.one")
+    blocks = [step.samples["r.one"] for step in read_record(path, config).steps() if "r.one" in step.samples]
+    t_us = np.concatenate([block.t_us for block in blocks])
+    assert found.record.t == pytest.approx((t_us - t_us[0]) / 1e6, abs=1e-12)
+    assert np.array_equal(found.record.u, np.concatenate([block.torque for block in blocks]))
+    assert np.array_equal(found.record.y, np.concatenate([block.motion for block in blocks]))
+    assert len(found.record) == 200
+    speed = found.record.signals["speed"]
+    assert np.isnan(speed[:5]).all()
+    assert speed[5:].tolist() == [2.0 * ((k - 5) // 10 * 10 + 5) + 1 for k in range(5, 200)]
+
+
+def test_a_signal_that_never_comes(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1(signal=[{"name": "x", "message": "Other", "signal": "Something"}]))
+    found = load(str(log_of(tmp_path / "a.log")), config, "r.one")
+    assert np.isnan(found.record.signals["x"]).all()
+
+
+@pytest.mark.parametrize(
+    ("signals", "problem"),
+    [
+        ([{"name": "a", "column": "x"}, {"name": "a", "column": "y"}], "must differ from the name of"),
+        ([{"name": "a", "message": "Both2"}], "missing: message and signal go together"),
+        ([{"name": "a", "signal": "Speed", "column": "x"}], "missing: message and signal go together"),
+        ([{"name": "a"}], "missing: it is either in a column or in a message and signal"),
+        ([{"name": "a", "column": "x"}, SPEED], None),
+    ],
+)
+def test_rules_of_further_signals(tmp_path: Path, signals: list[dict[str, Any]], problem: str | None) -> None:
+    config = make_config(tmp_path, axis1(signal=signals))
+    found = [finding.message for finding in further_signals(config.axes[0].config)]
+    assert found == ([] if problem is None else [problem])
+
+
+def real(
+    folder: Path, torque: str, motion: str, output: str, time: str | None, interval_s: float
+) -> tuple[Config, str]:
+    make = axis1 if output == "angle" else axis2
+    axis = make(
+        sample_interval_s=interval_s,
+        pairing_tolerance_s=interval_s / 3,
+        time={"column": time} if time else {},
+    )
+    axis["torque"]["column"], axis[output]["column"] = torque, motion
+    return make_config(folder, axis), f"r.{axis['name']}"
+
+
+def kinds(found: Loaded) -> list[tuple[str, str]]:
+    return [(f.kind, f.severity) for f in suspicions(found.record, Known(parameters=10))]
+
+
+@pytest.mark.records
+def test_the_records_of_real_axes_are_healthy(tmp_path: Path, records_dir: Path) -> None:
+    irb = load(
+        str(records_dir / "irb/robot_arm.mat"), *real(tmp_path, "torque", "speed", "speed", None, 0.0005)
+    )
+    assert len(irb.record) == 19838
+    assert irb.record.interval_s == pytest.approx(0.0005)
+    assert kinds(irb) == []
+    emps = load(str(records_dir / "emps/DATA_EMPS.mat"), *real(tmp_path, "vir", "qm", "angle", "t", 0.001))
+    assert len(emps.record) == 24841
+    assert emps.record.duration_s == pytest.approx(24.84)
+    assert kinds(emps) == []
+
+
+@pytest.mark.records
+@pytest.mark.parametrize(("joint", "samples"), [(1, 5889), (2, 6030)])
+def test_the_jittered_record_of_a_real_axis(
+    tmp_path: Path, records_dir: Path, joint: int, samples: int
+) -> None:
+    config = real(tmp_path, str(12 + joint), str(joint), "angle", "0", 0.0105)
+    found = load(str(records_dir / f"ur10e/ur-20_01_22-joint_{joint}.csv"), *config)
+    assert (found.source.samples, sum(found.source.dropped.values())) == (samples, 0)
+    assert found.record.jitter_s == pytest.approx(0.95e-3, rel=0.02)
+    assert kinds(found) == [("jitter", "warn")]  # its stamps are multiples of 2 ms
+
+
+@pytest.mark.records
+def test_the_corrupt_record_of_a_real_axis(tmp_path: Path, records_dir: Path) -> None:
+    path, config = (
+        records_dir / "ur10e/ur-19_09_27-11_32_02.csv",
+        real(tmp_path, "13", "1", "angle", "0", 0.0105),
+    )
+    found = load(str(path), *config)
+    assert (found.source.samples, found.source.dropped["absurd"]) == (1129, 10)
+    assert abs(found.record.y).max() == 253
+    assert ("outliers", "warn") in kinds(found)
+    sound = load(f"{path}@0.22:", *config)
+    assert abs(sound.record.y).max() < 3
+    assert kinds(sound) == []
