@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.identification.record import Bools, Record
-from monitor_core.kernel.tables import Floats
+from monitor_core.kernel.tables import Floats, Ints
 
 _TOLERANCE = 0.05
 """Of an interval: what a sample may be away from its place.  A tenth of one biases an inertia by 3 %."""
@@ -27,6 +27,7 @@ class Regular:
     u_known: Bools  # (N,)
     y_known: Bools  # (N,)
     name: str = ""
+    reference: Floats | None = None  # (N,) what the loop was excited with, NaN where not known
 
     @property
     def known(self) -> Bools:
@@ -38,7 +39,7 @@ class Regular:
         """Less the means of what is known."""
         u = np.where(self.u_known, self.u - self.u[self.u_known].mean(), 0.0)
         y = np.where(self.y_known, self.y - self.y[self.y_known].mean(), 0.0)
-        return Regular(self.interval_s, u, y, self.u_known, self.y_known, self.name)
+        return replace(self, u=u, y=y)
 
 
 def of_size_one(series: Sequence[Regular]) -> tuple[tuple[Regular, ...], float, float]:
@@ -67,21 +68,28 @@ def common_interval(records: Sequence[Record]) -> float:
     return h
 
 
-def on_grid(records: Sequence[Record] | Sequence[Regular]) -> tuple[Regular, ...]:
+def on_grid(
+    records: Sequence[Record] | Sequence[Regular], reference: str | None = None
+) -> tuple[Regular, ...]:
     """The records on a common grid; those that are on one already stay as they are.
 
+    Args:
+        records: one or several.
+        reference: name of the signal of the records that excites their loop.
+
     Raises:
-        ValueError: no record, intervals that differ, or samples that are not on a grid; the text says how far off.
+        ValueError: no record, intervals that differ, samples that are not on a grid (the text says how far off), or
+            no such signal.
     """
     given = [record for record in records if isinstance(record, Regular)]
     if given:
         return tuple(given)
     rest = [record for record in records if isinstance(record, Record)]
     h = common_interval(rest)
-    return tuple(_on_grid(record, h) for record in rest)
+    return tuple(_on_grid(record, h, reference) for record in rest)
 
 
-def _on_grid(record: Record, h: float) -> Regular:
+def _on_grid(record: Record, h: float, reference: str | None) -> Regular:
     # Stamps drift by the last digits of the interval: each step is judged by itself.
     steps = record.intervals / h
     whole = np.maximum(np.rint(steps), 1).astype(np.int64)
@@ -97,7 +105,18 @@ def _on_grid(record: Record, h: float) -> Regular:
     u_known, y_known = np.zeros(u.size, np.bool_), np.zeros(u.size, np.bool_)
     u[place], u_known[place] = record.u, True
     y[place], y_known[place] = np.where(record.measured, record.y, 0.0), record.measured
-    return Regular(h, u, y, u_known, y_known, record.name)
+    grid = Regular(h, u, y, u_known, y_known, record.name)
+    return grid if reference is None else replace(grid, reference=_signal(record, reference, place))
+
+
+def _signal(record: Record, name: str, place: Ints) -> Floats:
+    if name not in record.signals:
+        raise ValueError(
+            f"record {record.name or '(no name)'} has no signal {name!r}; it has {', '.join(record.signals) or 'none'}"
+        )
+    out = np.full(int(place[-1]) + 1, np.nan)
+    out[place] = record.signals[name]
+    return out
 
 
 def _size(parts: Sequence[Floats]) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import lfilter
+from scipy.signal import lfilter, ss2tf
 
 from monitor_core.discretize import zero_order_hold
 from monitor_core.identification.frequency import Complexes, on_circle
@@ -94,13 +94,17 @@ def innovations_record(
     rng: np.random.Generator, drive: Discrete, K: Floats, u: Floats, sd: float, feedback: float = 0.0
 ) -> Record:
     """y = C x + e, the torque u (N,) less the feedback of y."""
-    x, N = np.zeros(len(drive.A)), len(u)
-    e, y, torque = sd * rng.normal(size=N), np.empty(N), np.empty(N)
-    for k in range(N):
-        y[k] = drive.C[0] @ x + e[k]
-        torque[k] = u[k] - feedback * y[k]
-        x = drive.A @ x + drive.B[:, 0] * torque[k] + K * e[k]
+    N, (B, C) = len(u), (drive.B[:, 0], drive.C)
+    e, closed = sd * rng.normal(size=N), drive.A - feedback * drive.B @ drive.C
+    y = _filtered(closed, B, C, u) + _filtered(closed, K - feedback * B, C, e) + e
+    torque = u - feedback * y
     return Record(times(N), torque, y, "speed", signals={"reference": u})
+
+
+def _filtered(A: Floats, B: Floats, C: Floats, u: Floats) -> Floats:
+    """C (zI - A)^-1 B u by its difference equation."""
+    b, a = ss2tf(A, B[:, None], C, np.zeros((1, 1)))
+    return np.asarray(lfilter(b[0], a, u))
 
 
 def small_drive() -> tuple[Discrete, Floats]:

@@ -1,0 +1,152 @@
+"""The type of a frequency response, and responses of drives against simulations and finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from monitor_core.excitation import multisine
+from monitor_core.identification.drive_response import drive_response
+from monitor_core.identification.frequency import (
+    DECIBEL,
+    Complexes,
+    by_gradient,
+    circular,
+    response_of,
+    root_of,
+)
+from monitor_core.identification.periodic import periodic_response
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.simulation import simulate_linear
+from tests.core.identification.systems import INTERVAL_S, times
+
+law = settings(deadline=None, max_examples=15)
+seeds = st.integers(0, 2**32 - 1)
+
+# --- the type ----------------------------------------------------------------------------------------------
+
+
+def test_gain_and_phase_from_a_gradient() -> None:
+    """A parameter that is a gain moves only that; one that is a delay only the phase."""
+    f, gain, delay = np.array([1.0, 10.0, 40.0]), 2.0, 0.003
+
+    def function(theta: Floats, f: Floats) -> tuple[Complexes, Complexes]:
+        G = theta[0] * np.exp(-2j * np.pi * f * theta[1])
+        return G, np.stack([G / theta[0], -2j * np.pi * f * G], axis=1)
+
+    covariance = np.diag([0.02**2, 1e-4**2])
+    response = response_of(function, np.array([gain, delay]), covariance, f, name="delay")
+    assert response.sd_db == pytest.approx(np.full(3, DECIBEL * 0.01))
+    assert response.sd_phase == pytest.approx(2 * np.pi * f * 1e-4)
+    assert response.db == pytest.approx(np.full(3, 20 * np.log10(2)))
+    assert response.phase == pytest.approx(-2 * np.pi * f * delay)
+    low, high = response.band_db(2.0)
+    assert high - low == pytest.approx(np.full(3, 4 * DECIBEL * 0.01))
+
+
+@law
+@given(seeds, st.integers(1, 6))
+def test_deviations_are_those_of_samples(seed: int, p: int) -> None:
+    """The delta method against small random steps along the gradient."""
+    rng = np.random.default_rng(seed)
+    G, dG = np.array([1 + 2j]), rng.normal(size=(1, p)) + 1j * rng.normal(size=(1, p))
+    root = 1e-5 * rng.normal(size=(p, p))
+    steps = rng.normal(size=(20000, p)) @ root.T
+    w = np.log((G + steps @ dG[0]) / G)
+    found = by_gradient(np.array([1.0]), G, dG, root_of(root @ root.T), 5)
+    assert found.sd_db[0] == pytest.approx(DECIBEL * w.real.std(), rel=0.03)
+    assert found.sd_phase[0] == pytest.approx(w.imag.std(), rel=0.03)
+
+
+def test_type_refuses_what_does_not_fit() -> None:
+    f = np.array([1.0, 2.0])
+    with pytest.raises(ValueError, match=r"\(3,\) values for \(2,\) frequencies"):
+        circular(f, np.ones(3, dtype=np.complex128), np.ones(3), 4)
+    unknown = circular(f, np.array([0j, 1 + 0j]), np.array([1.0, np.inf]), 4)
+    assert np.isinf(unknown.sd_db).all()
+
+
+# --- drives ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.0015, INTERVAL_S])
+def test_drive_is_what_a_simulation_shows(seed: int, delay_s: float) -> None:
+    """Periods of a simulated multisine, its torque late by splitting each interval, against the drive's response."""
+    drive, rng = three_mass("speed"), np.random.default_rng(seed)
+    u = np.tile(multisine(rng, 2000, INTERVAL_S, (0.5, 60.0), 1.0), 3)
+    fine = round(INTERVAL_S / 5e-4)
+    shift = round(delay_s / 5e-4)
+    slow = np.repeat(u, fine)
+    late = np.concatenate([np.zeros(shift), slow[: slow.size - shift]])
+    y = simulate(late, 5e-4)[::fine]
+    measured = periodic_response([Record(times(6000), u, y, "speed")], 2000)
+    model = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, measured.frequency_hz, delay_s=delay_s)
+    assert pytest.approx(model.G, rel=1e-3, abs=1e-3 * float(np.median(abs(model.G)))) == measured.G
+
+
+def simulate(u: Floats, h: float) -> Floats:
+    """The reference drive; its slowest mode is gone after the period that is skipped."""
+    drive = three_mass("speed")
+    return simulate_linear(drive, REFERENCE_VALUES, u[:, None], h)[0][:, 0]
+
+
+NAMES = ("Jm", "1/Ja", "fm", "kg", "delay")
+
+
+def moved(i: int, step: float) -> tuple[dict[str, float], float]:
+    values, delay = dict(REFERENCE_VALUES), 0.002
+    name = NAMES[i]
+    if name == "delay":
+        return values, delay + step
+    base = name.removeprefix("1/")
+    values[base] = 1 / (1 / values[base] + step) if base != name else values[base] + step
+    return values, delay
+
+
+def size(i: int) -> float:
+    values, delay = moved(i, 0.0)
+    base = NAMES[i].removeprefix("1/")
+    return delay if base == "delay" else 1 / values[base] if base != NAMES[i] else values[base]
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("i", range(len(NAMES)))
+def test_deviations_of_a_drive_are_its_derivatives(output: str, i: int) -> None:
+    f = np.array([0.5, 3.0, 8.0, 13.0, 45.0])
+    drive, sd = three_mass("speed" if output == "speed" else "angle"), 0.01 * size(i)
+    covariance = np.zeros((5, 5))
+    covariance[i, i] = sd**2
+    values, delay = moved(i, 0.0)
+    found = drive_response(drive, values, INTERVAL_S, f, names=NAMES, covariance=covariance, delay_s=delay)
+    ends = []
+    for step in (1e-5 * size(i), -1e-5 * size(i)):
+        values, delay = moved(i, step)
+        ends.append(drive_response(drive, values, INTERVAL_S, f, delay_s=delay).G)
+    w = (np.log(ends[0]) - np.log(ends[1])) / 2e-5 * 0.01
+    assert found.sd_db == pytest.approx(DECIBEL * abs(w.real), rel=1e-4, abs=1e-7)
+    assert found.sd_phase == pytest.approx(abs(w.imag), rel=1e-4, abs=1e-8)
+
+
+def test_what_is_not_told_makes_the_band_infinite() -> None:
+    drive, f = three_mass("speed"), np.array([1.0, 20.0])
+    covariance = np.array([[np.inf, np.nan, 0.0], [np.nan, 1e-8, 0.0], [0.0, 0.0, np.inf]])
+    names = ("kT", "Jm", "fm per temperature")
+    lost = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, names=names, covariance=covariance)
+    assert np.isinf(lost.sd_db).all()
+    told = drive_response(
+        drive, REFERENCE_VALUES, INTERVAL_S, f, names=names[1:], covariance=covariance[1:, 1:]
+    )
+    assert np.isfinite(told.sd_db).all()
+    assert (told.sd_db > 0).all()
+
+
+def test_mistakes_are_told() -> None:
+    drive = three_mass("speed")
+    with pytest.raises(ValueError, match=r"delay 0\.01 s: need 0 to the interval"):
+        drive_response(drive, REFERENCE_VALUES, INTERVAL_S, [1.0], delay_s=0.01)
+    with pytest.raises(ValueError, match=r"covariance \(1, 1\) for 2 names"):
+        drive_response(drive, REFERENCE_VALUES, INTERVAL_S, [1.0], names=("Jm", "fm"), covariance=np.eye(1))
