@@ -37,6 +37,7 @@ def _code(error: Exception) -> int | None:
     from monitor_core.modeling.flat import ModelError
     from service.app import DaemonFailedError
     from service.axes import AxisError
+    from service.identification.errors import IdentificationError
     from service.ingest.dbc import DbcError
     from service.ingest.errors import BusError, IngestError
     from service.simulation.robot import FaultError
@@ -45,7 +46,7 @@ def _code(error: Exception) -> int | None:
 
     codes: list[tuple[tuple[type[Exception], ...], int]] = [
         ((BusError,), NO_BUS),
-        ((IngestError, DbcError, AxisError, FaultError, ModelError), MISTAKE),
+        ((IngestError, DbcError, AxisError, FaultError, ModelError, IdentificationError), MISTAKE),
         ((StoreError, CannotListenError), UNAVAILABLE),
         ((DaemonFailedError,), FAULT),
     ]

@@ -11,7 +11,19 @@ from service.commands.exits import EXIT_CODES
 from service.kernel_cache import choose
 from service.words import did_you_mean
 
-COMMANDS = ("demo", "check", "model", "listen", "run", "simulate", "play", "replay", "warm", "version")
+COMMANDS = (
+    "demo",
+    "check",
+    "model",
+    "identify",
+    "listen",
+    "run",
+    "simulate",
+    "play",
+    "replay",
+    "warm",
+    "version",
+)
 """In the order of the help: look around, commission, run, try, install."""
 
 

@@ -82,10 +82,15 @@ def axis_of(config: Path, wanted: str | None) -> NamedAxis:
     """
     from service.commands.configuration import configuration
 
-    return _axis(configuration(config).axes, wanted)
+    return axis_named(configuration(config).axes, wanted)
 
 
-def _axis(axes: tuple[NamedAxis, ...], wanted: str | None) -> NamedAxis:
+def axis_named(axes: tuple[NamedAxis, ...], wanted: str | None) -> NamedAxis:
+    """The one of these axes that is wanted: by its name, or the only one.
+
+    Raises:
+        typer.BadParameter: there is none, or several.
+    """
     names = ", ".join(a.id for a in axes)
     if wanted is None and len(axes) > 1:
         raise typer.BadParameter(f"say which axis: there is {names}", param_hint="--axis")

@@ -1,0 +1,196 @@
+"""``axiswatch identify``: from records of the healthy axis to its nominal values, and a report about them."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from service.commands.configuration import ConfigPath, configuration
+from service.commands.exits import MISTAKE, explained
+from service.commands.identify_files import Files
+from service.commands.optional_value import OptionalValueCommand
+from service.commands.which_drive import axis_named
+
+if TYPE_CHECKING:
+    from monitor_core.identification.problem import Predictor
+    from service.config import NamedAxis
+    from service.identification.found import Provenance
+    from service.identification.task import Wishes
+
+
+class Command(OptionalValueCommand):
+    """--json alone writes to standard output."""
+
+    options = ("--json",)
+
+    @staticmethod
+    def is_value(word: str) -> bool:
+        """Whether the word after the option is a file to write to, and not a record."""
+        return word == "-" or word.endswith(".json") or word.startswith("/dev/")
+
+
+class Kind(StrEnum):
+    """How the motion is predicted."""
+
+    INNOVATIONS = "innovations"
+    OUTPUT_ERROR = "output-error"
+
+
+Records = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="RECORD...",
+        help="Tables (.csv .parquet .mat) or CAN logs (.log .asc .blf .trc) of the healthy axis; FILE@10:60 are its"
+        " seconds 10 to 60.",
+    ),
+]
+Axis = Annotated[
+    str | None,
+    typer.Option("--axis", metavar="NAME", help="Which axis, if there are several; its name, or robot.axis."),
+]
+Free = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--free",
+        metavar="NAMES",
+        help='Only these parameters, "Jm,fm,1/Ja". Default: all that can be told with kT and r held.',
+    ),
+]
+Fix = Annotated[
+    list[str] | None,
+    typer.Option("--fix", metavar="NAMES", help="These stay at their nominal values, beside kT and r."),
+]
+PredictorOption = Annotated[
+    Kind | None, typer.Option("--predictor", help="How the motion is predicted. Default: as configured.")
+]
+Validate = Annotated[
+    list[str] | None,
+    typer.Option("--validate", metavar="RECORD", help="Also predict this record, which is not fitted."),
+]
+Delay = Annotated[bool, typer.Option("--delay", help="Also find by how much the torque acts late.")]
+Slow = Annotated[
+    float | None,
+    typer.Option(
+        "--disturbance",
+        metavar="SECONDS",
+        min=1e-3,
+        help="What disturbs the torque also has a slow part with this time constant, a state of the model.",
+    ),
+]
+Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
+Folder = Annotated[
+    Path | None,
+    typer.Option("--output-dir", metavar="DIR", help="Where nominal.toml and report.html go. Default: here."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="The nominal values; default nominal.toml."),
+]
+Report = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE", help="The report; default report.html beside them.")
+]
+JsonFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--json", metavar="[FILE]", help="Also write everything here; - or nothing is standard output."
+    ),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite nominal values that are there already.")]
+
+
+def identify(
+    config: ConfigPath,
+    records: Records,
+    axis: Axis = None,
+    free: Free = None,
+    fix: Fix = None,
+    predictor: PredictorOption = None,
+    validate: Validate = None,
+    delay: Delay = False,
+    disturbance: Slow = None,
+    robust: Robust = False,
+    output_dir: Folder = None,
+    output: Output = None,
+    report: Report = None,
+    json: JsonFile = None,
+    force: Force = False,
+) -> None:
+    """Find the nominal values of an axis in records of it, while it is healthy.
+
+    Writes nominal.toml, which the configuration of the daemon points at, and report.html. Where a parameter cannot be
+    told or the fit does not converge, the report says so, there are no nominal values, and the exit code is 2.
+    """
+    files = Files.of(output_dir, output, report, json)
+    files.check(force)
+    read = configuration(config)
+    chosen = axis_named(read.axes, axis)
+    wishes = _wishes(free, fix, predictor, delay, disturbance, robust)
+    with explained():
+        from service.identification.running import run
+        from service.identification.task import task_of
+
+        task = task_of(read, chosen, records, validate or [], wishes)
+        with _shown(chosen.id) as progress:
+            found = run(task, _provenance(chosen), progress)
+    files.write(found)
+    if why_not := found.trustworthy():
+        print(f"axiswatch: no nominal values: {why_not}", file=sys.stderr)
+        raise typer.Exit(MISTAKE)
+
+
+def _wishes(
+    free: list[str] | None,
+    fix: list[str] | None,
+    predictor: Kind | None,
+    delay: bool,
+    disturbance: float | None,
+    robust: bool,
+) -> Wishes:
+    from service.identification.task import Wishes
+
+    kinds: dict[Kind, Predictor] = {Kind.INNOVATIONS: "innovations", Kind.OUTPUT_ERROR: "output-error"}
+    kind = None if predictor is None else kinds[predictor]
+    return Wishes(_names(free), _names(fix), kind, delay, disturbance, robust)
+
+
+def _names(given: list[str] | None) -> tuple[str, ...]:
+    """Names with commas between them, or an option for each; those of merged parameters hold blanks."""
+    return tuple(name.strip() for part in given or [] for name in part.split(",") if name.strip())
+
+
+def _provenance(axis: NamedAxis) -> Provenance:
+    from service.identification.found import Provenance
+    from service.identification.provenance import drawing_of
+
+    command = shlex.join(["axiswatch", *sys.argv[1:]])
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return Provenance(version("axiswatch"), date, command, drawing_of(axis.config))
+
+
+@contextmanager
+def _shown(name: str) -> Iterator[Callable[[int, float], None]]:
+    """A bar of the evaluations, on the error stream where that is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from service.identification.running import MOST_ITERATIONS
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(name, total=MOST_ITERATIONS)
+
+        def told(evaluations: int, cost: float) -> None:
+            words = f"{name}: evaluation {evaluations}, sum of squares {cost:.4g}"
+            progress.update(task, completed=min(evaluations, MOST_ITERATIONS), description=words)
+
+        yield told

@@ -1,0 +1,102 @@
+"""Where ``axiswatch identify`` writes to: nominal values, report, JSON, terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import typer
+
+from service.commands.exits import MISTAKE
+from service.files import replace_text
+
+if TYPE_CHECKING:
+    from service.identification.found import Found
+
+STDOUT = Path("-")
+
+
+class Files(NamedTuple):
+    """Where each result goes; no ``json``: not wanted."""
+
+    nominal: Path
+    report: Path
+    json: Path | None
+
+    @classmethod
+    def of(cls, folder: Path | None, nominal: Path | None, report: Path | None, json: Path | None) -> Files:
+        """Nominal values in the folder, the report beside them, unless told otherwise."""
+        nominal = nominal or (folder or Path()) / "nominal.toml"
+        return cls(nominal, report or (folder or nominal.parent) / "report.html", json)
+
+    def check(self, force: bool) -> None:
+        """That they can be written, before anything is computed.
+
+        Raises:
+            typer.BadParameter: nominal values are there already, or a folder is not.
+        """
+        if self.nominal.exists() and not force:
+            raise typer.BadParameter(
+                f"{self.nominal} is there already; --force overwrites it", param_hint="--output"
+            )
+        paths = [path for path in self if path is not None and path != STDOUT]
+        for path in paths:
+            if not path.parent.is_dir() or path.is_dir():
+                raise typer.BadParameter(
+                    f"{path} cannot be written: {path.parent} is no folder"
+                    if not path.is_dir()
+                    else f"{path} is a folder"
+                )
+        if len({path.resolve() for path in paths}) < len(paths):
+            raise typer.BadParameter("nominal values, report and JSON need files of their own")
+
+    def write(self, found: Found) -> None:
+        """All of them, the nominal values only if they can be trusted; and the tables to the terminal.
+
+        Raises:
+            typer.Exit: a file cannot be written.
+        """
+        texts = list(self._texts(found))  # all before the first is written
+        if self.json != STDOUT:
+            from rich.console import Console
+
+            from service.reports.identification_text import print_text
+
+            print_text(found, Console(highlight=False))
+        for path, text in texts:
+            _write(path, text)
+        written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
+        print(f"written: {written}", file=sys.stderr)
+
+    def _texts(self, found: Found) -> Iterator[tuple[Path, str]]:
+        if not found.trustworthy():
+            from service.reports.identification_toml import as_toml
+
+            yield self.nominal, as_toml(found)
+        from service.reports.identification_html import as_html
+
+        yield self.report, as_html(found)
+        if self.json is not None:
+            from service.reports.identification_json import as_json
+
+            yield self.json, as_json(found)
+
+
+def _write(path: Path, text: str) -> None:
+    """All of it or nothing: what reads the file never sees half of it.
+
+    Raises:
+        typer.Exit: it cannot be written.
+    """
+    try:
+        if path == STDOUT:
+            sys.stdout.write(text)
+        elif path.exists() and not path.is_file():  # a device
+            path.write_text(text, encoding="utf-8")
+        else:
+            replace_text(path, text)
+    except OSError as error:
+        typer.echo(f"axiswatch: cannot write {path}: {error.strerror}", err=True)
+        raise typer.Exit(MISTAKE) from None

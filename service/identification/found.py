@@ -1,0 +1,99 @@
+"""All that an identification found: what every report is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.drive import split_name
+from monitor_core.identification.problem import DELAY
+from monitor_core.identification.result import Estimate
+from service.identification.bode import Bode
+from service.identification.task import Task
+from service.identification.traces import Trace
+
+
+class Row(NamedTuple):
+    """One parameter: estimate and deviation, and the value before; a held one has no deviation."""
+
+    name: str
+    unit: str
+    meaning: str
+    value: float
+    sd: float | None
+    before: float | None
+    held: str = ""
+
+    @property
+    def relative_sd(self) -> float | None:
+        """Of the value; None where that is zero."""
+        return None if self.sd is None or self.value == 0 else self.sd / abs(self.value)
+
+    @property
+    def change(self) -> float | None:
+        """Of the value before."""
+        return None if not self.before else self.value / self.before - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Provenance:
+    """Where it comes from: ``date`` in ISO 8601, ``drawing`` the file of the drive with its sha256, if it has one."""
+
+    version: str
+    date: str
+    command: str
+    drawing: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """``estimation`` and ``validation`` are the traces of the records of the task, ``bode`` the pictures' responses."""
+
+    task: Task
+    estimate: Estimate
+    estimation: tuple[Trace, ...]
+    validation: tuple[Trace, ...]
+    bode: Bode
+    provenance: Provenance
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All doubts, in sentences: of the records, then of the fit."""
+        return (*self.task.warnings, *self.estimate.words)
+
+    def rows(self) -> Iterator[Row]:
+        """Of the free parameters in their order, then of what is held."""
+        e, start = self.estimate, self.task.problem
+        values = dict(zip(e.names, zip(e.theta.tolist(), e.sd.tolist(), strict=True), strict=True))
+        for name, (value, sd) in values.items():
+            if name == DELAY:
+                yield Row(name, "s", "delay of the torque", value, sd, start.delay_s)
+            else:
+                p = e.drive.parameter(name)
+                yield Row(name, p.unit, p.meaning, value, sd, _value(start.nominal, name))
+        for name, reason in self.task.choice.held.items():
+            p = e.drive.parameter(name)
+            yield Row(name, p.unit, p.meaning, e.values[name], None, start.nominal[name], reason)
+
+    def trustworthy(self) -> str:
+        """Why no nominal values should be made of it; empty if they may."""
+        lost = [
+            n
+            for n, sd in zip(self.estimate.names, self.estimate.sd.tolist(), strict=True)
+            if not np.isfinite(sd)
+        ]
+        if not self.estimate.converged:
+            return f"the fit has not converged after {self.estimate.iterations} evaluations"
+        if lost:
+            return f"{', '.join(lost)} cannot be told from these records: hold one of them with --fix"
+        return ""
+
+
+def _value(values: Mapping[str, float], name: str) -> float | None:
+    base, inverse = split_name(name)
+    if base not in values:
+        return None
+    return 1 / values[base] if inverse else values[base]

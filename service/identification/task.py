@@ -1,0 +1,140 @@
+"""What is to be identified: an axis, its drive, the values to start from, the records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from monitor_core.drive import Drive
+from monitor_core.identification.problem import Disturbance, Predictor, Problem
+from monitor_core.identification.suspicion import Finding, Known, known_of, suspicions
+from monitor_core.model import AxisModel
+from monitor_core.modeling.statespace import StateSpace
+from service.config import Config, NamedAxis, given_values, predictor_of
+from service.identification.errors import IdentificationError
+from service.identification.free import Choice, choose
+from service.ingest.identification_records import Loaded, load
+from service.modeling import model_of_axis
+
+_SLOW = 0.1
+"""Where the level of the slow disturbance starts, as part of the torque's standard deviation."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user says beside the axis.
+
+    Args:
+        free: names of parameters; empty: all that can be told.
+        fix: names of those that stay.
+        predictor: None: that of the configuration.
+        delay: find the skew between torque and motion, too.
+        disturbance_s: time constant of a slow torque disturbance; None: there is none.
+        robust: outliers count less.
+    """
+
+    free: tuple[str, ...] = ()
+    fix: tuple[str, ...] = ()
+    predictor: Predictor | None = None
+    delay: bool = False
+    disturbance_s: float | None = None
+    robust: bool = False
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything that a fit needs, checked."""
+
+    axis: NamedAxis
+    space: StateSpace
+    choice: Choice
+    problem: Problem
+    estimation: tuple[Loaded, ...]
+    validation: tuple[Loaded, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def drive(self) -> Drive:
+        """As it is drawn."""
+        return self.problem.drive
+
+
+def task_of(
+    config: Config, axis: NamedAxis, records: Sequence[str], validation: Sequence[str], wishes: Wishes
+) -> Task:
+    """The task, all records read and looked at.
+
+    Args:
+        config: says where the axis is in the records.
+        axis: of that configuration.
+        records: files, each with a range or without, see ``service.ingest.identification_records``.
+        validation: the same, for records that are only predicted.
+        wishes: what the user wants.
+
+    Raises:
+        IdentificationError: a name that is not there, parameters that cannot be told, a record that is refused.
+        ModelError: the axis has no drive.
+        RecordError, DbcError, IngestError: a record cannot be read.
+    """
+    space, drive, *_ = model_of_axis(axis.config)
+    nominal = _start(axis, drive)
+    choice = choose(space, drive, nominal, wishes.free, wishes.fix)
+    used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
+    speed_scale = predictor_of(axis.config).friction_speed_scale
+    known = known_of(drive, nominal, len(choice.free), speed_scale)
+    warnings = _looked_at([*used, *kept_aside], known)
+    problem = _problem(axis, drive, nominal, choice, used, wishes)
+    return Task(axis, space, choice, problem, tuple(used), tuple(kept_aside), warnings)
+
+
+def _start(axis: NamedAxis, drive: Drive) -> dict[str, float]:
+    """Values of all parameters, as configured or as found before."""
+    names = {p.name for p in (*drive.parameters, *drive.drawn)}
+    given = {name: value for name, value in given_values(axis.config).items() if name in names}
+    return dict(AxisModel(drive, given, ()).nominal)
+
+
+def _problem(
+    axis: NamedAxis,
+    drive: Drive,
+    nominal: dict[str, float],
+    choice: Choice,
+    used: Sequence[Loaded],
+    wishes: Wishes,
+) -> Problem:
+    predictor = predictor_of(axis.config)
+    configured: Predictor = "output-error" if predictor.kind == "output-error" else "innovations"
+    kind = wishes.predictor or configured
+    if wishes.disturbance_s is not None and kind == "output-error":
+        raise IdentificationError(
+            "an output-error predictor has no torque disturbance: leave out one of them"
+        )
+    noise = None
+    if wishes.disturbance_s is not None:
+        torque = max(float(one.record.u.std()) for one in used)
+        noise = Disturbance(slow=_SLOW * torque, time_constant_s=wishes.disturbance_s)
+    try:
+        return Problem(
+            drive, nominal, choice.free, kind,
+            speed_scale=predictor.friction_speed_scale, delay_s=predictor.torque_delay_s, free_delay=wishes.delay,
+            disturbance=noise, loss="huber" if wishes.robust else "squares",
+        )  # fmt: skip
+    except ValueError as error:
+        raise IdentificationError(str(error)) from None
+
+
+def _looked_at(loaded: Sequence[Loaded], known: Known) -> tuple[str, ...]:
+    """What is suspicious about the records.
+
+    Raises:
+        IdentificationError: one of them is refused.
+    """
+    found = [(one.record.name, finding) for one in loaded for finding in suspicions(one.record, known)]
+    refused = [_said(name, finding) for name, finding in found if finding.severity == "refuse"]
+    if refused:
+        raise IdentificationError("refused: " + "\n".join(refused))
+    return tuple(_said(name, finding) for name, finding in found)
+
+
+def _said(name: str, finding: Finding) -> str:
+    return f"{name}: {finding.sentence}."

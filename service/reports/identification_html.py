@@ -1,0 +1,124 @@
+"""What an identification found, as one page that needs nothing else: for the screen, light or dark, and for paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from monitor_core.identification.residuals import LEVEL
+from service.identification.found import Found
+from service.reports.identification_pages import (
+    correlation_table,
+    drive_picture,
+    parameter_table,
+    provenance,
+    record_table,
+)
+from service.reports.identification_plots import bode_picture, residual_picture, trace_picture
+from service.reports.identification_style import STYLE
+from service.reports.identification_words import escaped, predictor_words, residual_words
+
+
+def as_html(found: Found) -> str:
+    """The whole page."""
+    title = f"Identification of {found.task.axis.id}"
+    return "\n".join(
+        (
+            "<!doctype html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escaped(title)}</title>",
+            f"<style>{STYLE}</style></head><body>",
+            f"<header><h1>{escaped(title)}</h1>{_subtitle(found)}</header>",
+            _verdict(found),
+            _tiles(found),
+            *_sections(found),
+            "</body></html>",
+            "",
+        )
+    )
+
+
+def _sections(found: Found) -> Iterator[str]:
+    doubts = (*found.warnings, *found.bode.words)
+    if doubts:
+        yield _section("What to look at", _list(doubts))
+    yield _section("Parameters", parameter_table(found))
+    yield _section("Drive", drive_picture(found.task.space))
+    yield _section("Measured and predicted", record_table(found), *_traces(found))
+    yield _section("Frequency response", *_bode(found))
+    yield _section(
+        "Prediction errors",
+        *(f"<p>{escaped(test.words)}</p>" for test in residual_words(found)),
+        *_residuals(found),
+    )
+    yield _section("Correlations of the estimates", correlation_table(found))
+    yield _section("Where it comes from", provenance(found))
+
+
+def _subtitle(found: Found) -> str:
+    p = found.provenance
+    drive = f"drive {found.task.drive.name}, {predictor_words(found)}"
+    return f'<p class="sub">{escaped(drive)}<br>{escaped(p.date[:10])}, axiswatch {escaped(p.version)}</p>'
+
+
+def _verdict(found: Found) -> str:
+    why_not = found.trustworthy()
+    if why_not:
+        return f'<p class="verdict bad"><b>No nominal values:</b> {escaped(why_not)}.</p>'
+    if found.warnings:
+        count = len(found.warnings)
+        words = f"{count} thing{'s' if count > 1 else ''} to look at first, below"
+        return f'<p class="verdict warn"><b>Nominal values found,</b> with {words}.</p>'
+    return '<p class="verdict good"><b>Nominal values found,</b> and nothing speaks against them.</p>'
+
+
+def _tiles(found: Found) -> str:
+    e = found.estimate
+    worst = max((row.relative_sd or 0.0 for row in found.rows() if row.sd is not None), default=0.0)
+    validation = min((trace.fit_simulation for trace in found.validation), default=None)
+    tiles = [
+        (f"{min(t.fit_simulation for t in found.estimation):.1f} %", "fit of the simulation"),
+        ("-" if validation is None else f"{validation:.1f} %", "the same, on records kept aside"),
+        (f"{100 * worst:.2g} %", "largest standard deviation of a parameter"),
+        (
+            "yes" if e.independence.p_value >= 1 - LEVEL else "no",
+            "does the drive explain all that the torque does?",
+        ),
+    ]
+    cells = (f'<div class="tile"><b>{escaped(value)}</b><span>{words}</span></div>' for value, words in tiles)
+    return f'<div class="tiles">{"".join(cells)}</div>'
+
+
+def _section(title: str, *content: str) -> str:
+    return f"<section><h2>{title}</h2>{''.join(content)}</section>"
+
+
+def _list(sentences: Iterable[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escaped(s)}</li>' for s in sentences)}</ul>"
+
+
+def _traces(found: Found) -> Iterator[str]:
+    output = found.task.drive.output
+    for number, (purpose, trace) in enumerate(
+        [("estimation", t) for t in found.estimation] + [("validation", t) for t in found.validation]
+    ):
+        caption = escaped(f"{trace.name} ({purpose})")
+        picture = trace_picture(trace, output, f"trace{number}")
+        yield f"<figure><figcaption>{caption}</figcaption>{picture}</figure>"
+
+
+def _bode(found: Found) -> Iterator[str]:
+    yield f"<figure>{bode_picture(found.bode)}</figure>"
+    yield (
+        '<p class="legend">From torque to speed, over the band in which the records have torque. The black box (ARX)'
+        " and the response of the record know nothing of masses and springs: where the drive lies on them, its"
+        " structure is right. Coulomb friction acts on them, not on the drive's curve.</p>"
+    )
+
+
+def _residuals(found: Found) -> Iterator[str]:
+    yield f"<figure>{residual_picture(found)}</figure>"
+    yield (
+        '<p class="legend">Shaded: where 99 of 100 values lie if there is nothing left to explain. Negative lags on the'
+        " right show feedback from the motion to the torque.</p>"
+    )

@@ -1,0 +1,132 @@
+"""What an identification found, as JSON: numbers that are not finite are null."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from monitor_core.identification.frequency import FrequencyResponse
+from monitor_core.identification.residuals import Correlation
+from monitor_core.kernel.tables import Floats
+from service.identification.found import Found, Row
+from service.identification.traces import Trace
+from service.ingest.identification_records import Loaded
+from service.reports.identification_words import residual_words
+
+Json = dict[str, Any]
+
+
+def as_json(found: Found) -> str:
+    """The whole document."""
+    e, p = found.estimate, found.provenance
+    content = {
+        "axis": found.task.axis.id,
+        "drive": found.task.drive.name,
+        "output": found.task.drive.output,
+        "trustworthy": not found.trustworthy(),
+        "why_not": found.trustworthy() or None,
+        "parameters": [_parameter(row) for row in found.rows()],
+        "names": list(e.names),
+        "covariance": _numbers(e.covariance),
+        "correlation": _numbers(e.correlation),
+        "predictor": _predictor(found),
+        "noise": dict(e.noise),
+        "records": [
+            *(
+                _record("estimation", *pair)
+                for pair in zip(found.task.estimation, found.estimation, strict=True)
+            ),
+            *(
+                _record("validation", *pair)
+                for pair in zip(found.task.validation, found.validation, strict=True)
+            ),
+        ],
+        "residuals": {
+            "whiteness": _correlation(e.whiteness),
+            "independence": _correlation(e.independence),
+            "words": [test.words for test in residual_words(found)],
+        },
+        "warnings": list(found.warnings),
+        "bode": _bode(found),
+        "provenance": {"axiswatch": p.version, "date": p.date, "command": p.command, "drawing": p.drawing},
+    }
+    return json.dumps(_finite(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _parameter(row: Row) -> Json:
+    return {
+        "name": row.name,
+        "unit": row.unit,
+        "meaning": row.meaning,
+        "value": row.value,
+        "standard_deviation": row.sd,
+        "nominal_before": row.before,
+        "change": row.change,
+        "held": row.held or None,
+    }
+
+
+def _predictor(found: Found) -> Json:
+    e = found.estimate
+    return {
+        "kind": e.problem.predictor,
+        "interval_s": e.interval_s,
+        "torque_delay_s": e.delay_s,
+        "innovation_variance": e.lam0,
+        "states": [{"name": s.name, "unit": s.unit} for s in e.drive.states],
+        "gain": _numbers(e.K),
+        "friction_speed_scale": e.problem.speed_scale,
+        "converged": e.converged,
+        "evaluations": e.iterations,
+        "cost": e.cost,
+    }
+
+
+def _record(purpose: str, loaded: Loaded, trace: Trace) -> Json:
+    s = loaded.source
+    return {
+        "purpose": purpose,
+        "file": str(s.path),
+        "sha256": s.sha256,
+        "samples": s.samples,
+        "used": s.used,
+        "range_s": [s.start_s, s.end_s],
+        "dropped": dict(s.dropped),
+        "fit": trace.fit,
+        "fit_simulation": trace.fit_simulation,
+    }
+
+
+def _correlation(c: Correlation) -> Json:
+    return {"lags": _numbers(c.lags), "values": _numbers(c.values), "limit": c.limit, "p_value": c.p_value}
+
+
+def _bode(found: Found) -> Json:
+    b = found.bode
+    named = {"drive": b.drive, "before": b.before, "black_box": b.black_box, "measured": b.measured}
+    return {**{key: _response(one) if one else None for key, one in named.items()}, "words": list(b.words)}
+
+
+def _response(one: FrequencyResponse) -> Json:
+    return {
+        "name": one.name,
+        "frequency_hz": _numbers(one.frequency_hz),
+        "db": _numbers(one.db),
+        "sd_db": _numbers(one.sd_db),
+        "phase_rad": _numbers(one.phase),
+        "sd_phase_rad": _numbers(one.sd_phase),
+    }
+
+
+def _numbers(values: Floats) -> list[Any]:
+    found: list[Any] = values.tolist()
+    return found
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,139 @@
+"""The tables of the report of an identification, and its picture of the drive, as HTML."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from monitor_core.modeling.flat import ModelError
+from monitor_core.modeling.statespace import StateSpace
+from service.identification.found import Found, Row
+from service.ingest.identification_records import Source
+from service.reports.identification_words import deviation, escaped, fits, number, percent
+from service.reports.model_svg import as_svg
+
+_LEAST, _MOST = 1e-4, 1.0
+"""Standard deviations at the ends of their bars, which are logarithmic."""
+_POOR = 0.1
+_STRONG = 0.9
+HELD, NUMBER = ' class="held"', ' class="number"'
+
+
+def drive_picture(space: StateSpace) -> str:
+    """Masses and springs; as an image of its own, so that its styles stay its own."""
+    try:
+        svg = as_svg(space)
+    except ModelError as error:
+        return f"<p>{escaped(str(error))}</p>"
+    data = base64.b64encode(svg.encode()).decode()
+    name = escaped(f"{space.name}: masses and springs")
+    return f'<figure><img alt="{name}" src="data:image/svg+xml;base64,{data}"></figure>'
+
+
+def parameter_table(found: Found) -> str:
+    """All parameters, with bars of their standard deviations."""
+    titles = ("", "value", "unit", "sd", "sd", "", "before", "change", "meaning")
+    rows = "".join(map(_parameter, found.rows()))
+    legend = (
+        f'<p class="legend">sd: standard deviation; bars: it as part of the value, on a logarithmic scale from'
+        f" {percent(_LEAST)} to {percent(_MOST)}.</p>"
+    )
+    return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+
+
+def _parameter(row: Row) -> str:
+    if row.held:
+        middle = f'<td colspan="3">held: {escaped(row.held)}</td>'
+    else:
+        middle = (
+            f"{_number(deviation(row))}{_number(percent(row.relative_sd))}<td>{_bar(row.relative_sd)}</td>"
+        )
+    change = "" if row.held else percent(row.change, signed=True)
+    return (
+        f"<tr{HELD if row.held else ''}><th>{escaped(row.name)}</th>{_number(number(row.value))}"
+        f'<td class="unit">{escaped(row.unit)}</td>{middle}{_number(number(row.before))}{_number(change)}'
+        f'<td class="meaning">{escaped(row.meaning)}</td></tr>'
+    )
+
+
+def _bar(sd: float | None) -> str:
+    if sd is None or not math.isfinite(sd):
+        return ""
+    part = math.log(max(sd, _LEAST) / _LEAST) / math.log(_MOST / _LEAST)
+    poor = " poor" if sd > _POOR else ""
+    return f'<span class="bar{poor}"><i style="width: {100 * min(max(part, 0.03), 1):.0f}%"></i></span>'
+
+
+def record_table(found: Found) -> str:
+    """What each record gave."""
+    rows = "".join(
+        f"<tr><th>{escaped(trace.name)}</th><td>{purpose}</td>{_number(f'{trace.fit:.2f} %')}"
+        f"{_number(f'{trace.fit_simulation:.2f} %')}</tr>"
+        for purpose, _, trace in fits(found)
+    )
+    titles = ("record", "for", "fit one step ahead", "fit of the simulation")
+    legend = (
+        '<p class="legend">Fit: 100 (1 - |y - yhat| / |y - mean y|). One step ahead the measured motion corrects the'
+        " state at each sample; the simulation never looks at it again.</p>"
+    )
+    return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+
+
+def correlation_table(found: Found) -> str:
+    """The whole matrix, coloured by size."""
+    names, R = found.estimate.names, found.estimate.correlation
+    rows = "".join(
+        f"<tr><th>{escaped(name)}</th>{''.join(_correlation(float(r)) for r in R[i, : i + 1])}</tr>"
+        for i, name in enumerate(names)
+    )
+    legend = (
+        '<p class="legend">Between two parameters whose estimates correlate near 1 or -1 these records can hardly tell:'
+        " read an alarm of one as an alarm of both.</p>"
+    )
+    return f'<div class="scroll"><table class="matrix">{_head(("", *names))}<tbody>{rows}</tbody></table></div>{legend}'
+
+
+def _correlation(r: float) -> str:
+    if not np.isfinite(r):
+        return "<td>?</td>"
+    kind = " ".join(["minus"] * (r < 0) + ["strong"] * (abs(r) > _STRONG))
+    return f'<td class="{kind}"><i style="opacity: {0.75 * abs(r):.2f}"></i><b>{r:.2f}</b></td>'
+
+
+def provenance(found: Found) -> str:
+    """Records with their hashes, program, and how to do it again."""
+    p = found.provenance
+    sources = [one.source for one in (*found.task.estimation, *found.task.validation)]
+    drawing = (
+        f"<p>Drive drawn in {escaped(p.drawing[0])} <span class='hash'>{p.drawing[1]}</span></p>"
+        if p.drawing
+        else ""
+    )
+    program = f"<p>axiswatch {escaped(p.version)}, {escaped(p.date)}. To do it again:</p>"
+    program += f"<pre>{escaped(p.command)}</pre>"
+    return f"{_list(map(_source, sources))}{drawing}{program}"
+
+
+def _source(source: Source) -> str:
+    return f"{escaped(source.words)}<br><span class='hash'>sha256 {source.sha256}</span>"
+
+
+def _list(items: Iterable[str]) -> str:
+    return f"<ul>{''.join(f'<li>{item}</li>' for item in items)}</ul>"
+
+
+def _head(titles: Iterable[str]) -> str:
+    return f"<thead><tr>{''.join(_titles(titles))}</tr></thead>"
+
+
+def _titles(titles: Iterable[str]) -> Iterator[str]:
+    right = {"value", "before", "change", "sd", "fit one step ahead", "fit of the simulation"}
+    for title in titles:
+        yield f"<th{NUMBER if title in right else ''}>{escaped(title)}</th>"
+
+
+def _number(text: str) -> str:
+    return f'<td class="number">{escaped(text)}</td>'

@@ -1,0 +1,170 @@
+"""The pictures of an identification: measured against predicted, tests of the errors, Bode plot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monitor_core.identification.frequency import FrequencyResponse
+from monitor_core.identification.record import UNITS
+from monitor_core.identification.residuals import Correlation
+from monitor_core.kernel.tables import Floats
+from service.identification.bode import Bode
+from service.identification.found import Found
+from service.identification.traces import Trace
+from service.reports.plot_style import (
+    BEFORE,
+    FOUND,
+    INK,
+    MEASURED,
+    OTHER,
+    SIMULATED,
+    as_svg,
+    figure,
+    thinned,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.ticker import MultipleLocator
+
+_ZOOM_S = 2.0
+_SIGMAS = 2.0
+_FLOOR_DB = 15.0
+"""Room below and above the drive's own curve."""
+
+
+def trace_picture(trace: Trace, output: str, salt: str) -> str:
+    """The whole record, some seconds of it in detail, and the errors."""
+    quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
+    with figure(6.4) as drawn:
+        whole, detail, errors = drawn.subplots(3, 1, height_ratios=(2, 2, 1.4))
+        _lines(whole, trace, slice(None))
+        whole.set(title="Whole record", ylabel=quantity)
+        whole.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2)
+        part = _lively(trace)
+        _lines(detail, trace, part)
+        detail.set(title="In detail", ylabel=quantity)
+        _errors(errors, trace)
+        errors.set(title="Errors", ylabel=quantity, xlabel="time [s]")
+        for axes in (whole, errors):
+            axes.set_xlim(trace.t[0], trace.t[-1])
+        return as_svg(drawn, f"{quantity} measured, predicted and simulated", salt)
+
+
+def _lines(axes: Axes, trace: Trace, part: slice) -> None:
+    t = trace.t[part]
+    axes.plot(*thinned(t, trace.y[part]), color=MEASURED, lw=2.6, label="measured")
+    axes.plot(*thinned(t, trace.simulated[part]), color=SIMULATED, lw=1.2, label="simulated")
+    axes.plot(
+        *thinned(t, trace.predicted[part]),
+        color=FOUND,
+        lw=1.0,
+        ls=(0, (4, 2)),
+        label="predicted one step ahead",
+    )
+
+
+def _errors(axes: Axes, trace: Trace) -> None:
+    axes.plot(*thinned(trace.t, trace.y - trace.simulated), color=SIMULATED, lw=0.9)
+    axes.plot(*thinned(trace.t, trace.y - trace.predicted), color=FOUND, lw=0.9)
+
+
+def _lively(trace: Trace) -> slice:
+    """The seconds in which the output moves most."""
+    h = float(np.median(np.diff(trace.t)))
+    count = min(trace.t.size, max(20, round(_ZOOM_S / h)))
+    moves = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(np.nan_to_num(trace.simulated), 2)))))
+    if moves.size <= count:
+        return slice(0, count)
+    start = int(np.argmax(moves[count:] - moves[:-count]))
+    return slice(start, start + count)
+
+
+def residual_picture(found: Found) -> str:
+    """Autocorrelation of the prediction errors, and their correlation with the torque, with 99 % limits."""
+    e = found.estimate
+    with figure(2.9) as drawn:
+        left, right = drawn.subplots(1, 2)
+        _stems(left, e.whiteness, "Errors with earlier errors")
+        _stems(right, e.independence, "Errors with torque so much earlier")
+        return as_svg(drawn, "correlations of the prediction errors, with their limits", "residuals")
+
+
+def _stems(axes: Axes, c: Correlation, title: str) -> None:
+    axes.axhspan(-c.limit, c.limit, color=FOUND, alpha=0.16, lw=0)
+    outside = np.abs(c.values) > c.limit
+    for which, colour in ((~outside, FOUND), (outside, SIMULATED)):
+        axes.vlines(c.lags[which], 0, c.values[which], color=colour, lw=2)
+    axes.axhline(0, color=INK, lw=0.8)
+    largest = max(4 * c.limit, 1.15 * float(np.abs(c.values).max(initial=0.0)), 1e-3)
+    axes.set(title=title, xlabel="lag [samples]", ylabel="correlation", ylim=(-largest, largest))
+    axes.grid(axis="x", visible=False)
+
+
+def bode_picture(bode: Bode) -> str:
+    """Gain and phase from torque to speed over the excited band: drive with its band, black box, record."""
+    with figure(6.2) as drawn:
+        gain, phase = drawn.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        if bode.measured is not None:
+            _measured(gain, phase, bode.measured, bode.drive)
+        _dashed(gain, phase, bode.before, BEFORE, (0, (1, 2)))
+        if bode.black_box is not None:
+            _dashed(gain, phase, bode.black_box, OTHER, (0, (5, 2)))
+        _banded(gain, phase, bode.drive)
+        gain.set(ylabel="gain [dB, rad/s per N m]", xscale="log", ylim=_limits(bode.drive.db))
+        phase.set(ylabel="phase [degrees]", xlabel="frequency [rad/s]")
+        phase.yaxis.set_major_locator(_quarters())
+        _limit_phase(phase, bode.drive)
+        gain.set_xlim(_omega(bode.drive)[[0, -1]])
+        hertz = gain.secondary_xaxis("top", functions=(lambda w: w / (2 * np.pi), lambda f: f * 2 * np.pi))
+        hertz.set_xlabel("frequency [Hz]")
+        gain.legend(loc="lower left")
+        return as_svg(drawn, "frequency responses from torque to speed", "bode")
+
+
+def _omega(one: FrequencyResponse) -> Floats:
+    return 2 * np.pi * one.frequency_hz
+
+
+def _banded(gain: Axes, phase: Axes, one: FrequencyResponse) -> None:
+    w, sd = _omega(one), np.degrees(_SIGMAS * one.sd_phase)
+    gain.fill_between(w, *one.band_db(_SIGMAS), color=FOUND, alpha=0.25, lw=0)
+    gain.plot(w, one.db, color=FOUND, lw=1.8, label=f"{one.name} (band: {_SIGMAS:g} standard deviations)")
+    degrees = np.degrees(one.phase)
+    phase.fill_between(w, degrees - sd, degrees + sd, color=FOUND, alpha=0.25, lw=0)
+    phase.plot(w, degrees, color=FOUND, lw=1.8)
+
+
+def _dashed(
+    gain: Axes, phase: Axes, one: FrequencyResponse, colour: str, dashes: tuple[float, tuple[float, ...]]
+) -> None:
+    gain.plot(_omega(one), one.db, color=colour, ls=dashes, label=one.name)
+    phase.plot(_omega(one), np.degrees(one.phase), color=colour, ls=dashes)
+
+
+def _measured(gain: Axes, phase: Axes, one: FrequencyResponse, near: FrequencyResponse) -> None:
+    """Points with their deviations; the phase by whole turns nearest to the drive's."""
+    w = _omega(one)
+    low, high = one.band_db(_SIGMAS)
+    gain.vlines(w, low, high, color=MEASURED, lw=0.8, alpha=0.5)
+    gain.plot(w, one.db, ".", color=MEASURED, ms=3.5, label=one.name)
+    degrees = np.degrees(np.angle(one.G))
+    expected = np.interp(w, _omega(near), np.degrees(near.phase))
+    phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=MEASURED, ms=3.5)
+
+
+def _limits(db: Floats) -> tuple[float, float]:
+    return float(np.nanmin(db)) - _FLOOR_DB, float(np.nanmax(db)) + _FLOOR_DB
+
+
+def _quarters() -> MultipleLocator:
+    from matplotlib.ticker import MultipleLocator
+
+    return MultipleLocator(90)
+
+
+def _limit_phase(axes: Axes, one: FrequencyResponse) -> None:
+    degrees = np.degrees(one.phase)
+    axes.set_ylim(float(degrees.min()) - 60, float(degrees.max()) + 60)

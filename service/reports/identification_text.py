@@ -1,0 +1,58 @@
+"""What an identification found, for the terminal."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from service.identification.found import Found
+from service.reports.identification_words import (
+    deviation,
+    fits,
+    number,
+    percent,
+    predictor_words,
+    residual_words,
+)
+
+
+def print_text(found: Found, console: Console) -> None:
+    """Parameters, fits, tests, doubts."""
+    console.print(_parameters(found))
+    console.print(f"Predictor: {escape(predictor_words(found))}\n", soft_wrap=True)
+    console.print(_fits(found))
+    for test in residual_words(found):
+        if test.passed:  # else it is among the warnings
+            console.print(escape(test.words), soft_wrap=True)
+    for words in (*found.warnings, *found.bode.words):
+        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+
+
+def _parameters(found: Found) -> Table:
+    table = Table("parameter", title=f"{found.task.axis.id}: {found.task.drive.name}", title_justify="left")
+    for name in ("value", "unit", "sd", "sd", "before", "change"):
+        table.add_column(name, justify="left" if name == "unit" else "right")
+    for row in found.rows():
+        style = "dim" if row.held else None
+        cells = (
+            row.name,
+            number(row.value),
+            row.unit,
+            "held" if row.held else deviation(row),
+            percent(row.relative_sd),
+            number(row.before),
+            percent(row.change, signed=True) if not row.held else "",
+        )
+        table.add_row(*map(escape, cells), style=style)
+    return table
+
+
+def _fits(found: Found) -> Table:
+    table = Table("record", "for", title="Fit, 100 (1 - |y - yhat| / |y - mean y|)", title_justify="left")
+    for name in ("one step ahead", "simulated"):
+        table.add_column(name, justify="right")
+    for purpose, _, trace in fits(found):
+        table.add_row(escape(trace.name), purpose, f"{trace.fit:.2f} %", f"{trace.fit_simulation:.2f} %")
+    return table

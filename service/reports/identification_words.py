@@ -1,0 +1,92 @@
+"""What an identification found, in the words that all its reports use."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from monitor_core.identification.residuals import LEVEL
+from service.identification.found import Found, Row
+from service.identification.traces import Trace
+
+_NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def escaped(text: str) -> str:
+    """Text for HTML."""
+    return html.escape(_NOT_XML.sub("", text))
+
+
+def number(value: float | None) -> str:
+    """Five digits."""
+    return "" if value is None else f"{value:.5g}"
+
+
+def percent(value: float | None, signed: bool = False) -> str:
+    """``0.12 %``, two digits."""
+    if value is None:
+        return ""
+    digits = float(f"{100 * value:.2g}")
+    return f"{digits:+g} %" if signed else f"{digits:g} %"
+
+
+def deviation(row: Row) -> str:
+    """The standard deviation, or why there is none."""
+    return f"{row.sd:.2g}" if row.sd is not None else f"held: {row.held}"
+
+
+class Tested(NamedTuple):
+    """One test of the prediction errors."""
+
+    passed: bool
+    words: str
+
+
+def residual_words(found: Found) -> Iterator[Tested]:
+    """The two tests of the prediction errors; output error need not be white."""
+    e = found.estimate
+    white, p = e.whiteness.p_value >= 1 - LEVEL, e.whiteness.p_value
+    if e.problem.predictor == "innovations":
+        verdict = (
+            "look like white noise, as they should"
+            if white
+            else "are not white: the noise model is not right"
+        )
+    else:
+        verdict = (
+            "are white"
+            if white
+            else "are not white, which output error allows: what disturbs the axis is slow"
+        )
+    fine = white or e.problem.predictor == "output-error"
+    yield Tested(fine, f"The prediction errors {verdict} (p = {p:.2g}).")
+    independent, p = e.independence.p_value >= 1 - LEVEL, e.independence.p_value
+    if independent:
+        verdict = "do not depend on past torque: the drive explains all that the torque does"
+    else:
+        verdict = "depend on past torque: the drive does not describe all that the record shows"
+    yield Tested(independent, f"The prediction errors {verdict} (p = {p:.2g}).")
+
+
+def fits(found: Found) -> Iterator[tuple[str, str, Trace]]:
+    """Purpose, line about the source, and trace of each record."""
+    for purpose, loaded, traces in (
+        ("estimation", found.task.estimation, found.estimation),
+        ("validation", found.task.validation, found.validation),
+    ):
+        for one, trace in zip(loaded, traces, strict=True):
+            yield purpose, one.source.words, trace
+
+
+def predictor_words(found: Found) -> str:
+    """One line about the predictor."""
+    e = found.estimate
+    unit = "rad" if e.drive.output == "angle" else "rad/s"
+    kind = "innovations form" if e.problem.predictor == "innovations" else "output error"
+    delay = f", torque {1e3 * e.delay_s:.3g} ms late" if e.delay_s else ""
+    return (
+        f"{kind}, every {1e3 * e.interval_s:g} ms{delay}; prediction errors of {e.lam0**0.5:.3g} {unit} (standard"
+        f" deviation), {e.iterations} evaluations"
+    )

@@ -1,0 +1,97 @@
+"""Pictures by matplotlib as SVG inside a page: colours are the page's, so they are right in the light and the dark."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monitor_core.kernel.tables import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INK, GRID, MEASURED, FOUND, SIMULATED, OTHER, BEFORE = (f"#01010{k}" for k in range(1, 8))
+"""Stand for colours of the page, which COLOURS names."""
+COLOURS = {
+    INK: "ink",
+    GRID: "line",
+    MEASURED: "measured",
+    FOUND: "found",
+    SIMULATED: "simulated",
+    OTHER: "other",
+    BEFORE: "before",
+}
+WIDTH = 9.0
+"""Of a picture, inches; the page scales it."""
+_MOST_POINTS = 1200
+_HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
+_METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
+_DIGITS = re.compile(r"(\d+\.\d\d)\d+")
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.size": 9.5,
+    "text.color": INK,
+    "axes.edgecolor": GRID,
+    "axes.labelcolor": INK,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "figure.facecolor": "none",
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+}
+
+
+@contextmanager
+def figure(height: float) -> Iterator[Figure]:
+    """An empty picture of that height, inches, in the style of the reports."""
+    # Without pyplot: no window system is looked for, and nothing is left behind.
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):
+        yield Figure(figsize=(WIDTH, height), layout="constrained")
+
+
+def as_svg(drawn: Figure, label: str, salt: str) -> str:
+    """The picture as an SVG element; ``label`` says what it shows to who cannot see it, ``salt`` keeps its names apart.
+
+    To be called inside ``figure``.
+    """
+    import matplotlib as mpl
+
+    out = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": salt}):
+        drawn.savefig(out, format="svg", metadata={"Date": None})
+    text = _METADATA.sub("", _HEAD.sub("", out.getvalue()))
+    for colour, name in COLOURS.items():
+        text = text.replace(colour, f"var(--{name})")
+    text = _DIGITS.sub(r"\1", text)
+    return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
+
+
+def thinned(t: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """A long line by its least and largest values in short stretches: it looks the same, with far fewer points."""
+    if t.size <= 2 * _MOST_POINTS:
+        return t, y
+    edges = np.linspace(0, t.size, _MOST_POINTS + 1).astype(int)
+    keep: list[int] = []
+    for start, end in itertools.pairwise(edges.tolist()):
+        part = y[start:end]
+        if np.isfinite(part).any():
+            keep += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
+    return t[keep], y[keep]
