@@ -8,9 +8,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from service.shipping import shipped
 from service.config import Config, load
 from service.monitoring.banks import Block, Change, Monitors
+from service.shipping import shipped
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 
 pytestmark = pytest.mark.soak

@@ -20,6 +20,8 @@ from monitor_core.modeling.statespace import StateSpace
 
 MOST_RATIONAL = 120
 """Parameters of a drive that needs rational functions: beyond, sympy would take minutes."""
+MOST_RATIONAL_EQUATIONS = 900
+"""Flat equations, the same: some sixty masses."""
 
 
 def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
@@ -38,10 +40,12 @@ def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
 
 
 def _with_rational_functions(flat: FlatModel, output: Output | None) -> StateSpace:
-    if len(flat.parameters) > MOST_RATIONAL:
+    parameters, equations = len(flat.parameters), len(flat.equations)
+    if parameters > MOST_RATIONAL or equations > MOST_RATIONAL_EQUATIONS:
         raise ModelError(
-            f"flanges without inertia between springs or dampers, and {len(flat.parameters)} parameters: "
-            f"that is solved for up to {MOST_RATIONAL}; give each such flange an inertia, or leave parts out",
+            f"flanges without inertia between springs or dampers, {parameters} parameters and {equations} equations: "
+            f"that is solved for up to {MOST_RATIONAL} and {MOST_RATIONAL_EQUATIONS}; give each such flange an "
+            "inertia, or leave parts out",
             flat.origin,
         )
     try:
