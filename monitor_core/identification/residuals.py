@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import toeplitz
 from scipy.signal import fftconvolve
 from scipy.stats import chi2, norm
 
+from monitor_core.identification.colour import scores_covariance
 from monitor_core.kernel.tables import Floats
 
 LAGS = 25
 LEVEL = 0.99
 """Of confidence limits."""
 
-_SEEN = 1e-4
+_SEEN = 1e-8
 
 
 class Correlation(NamedTuple):
@@ -41,21 +41,17 @@ def whiteness(eps: Sequence[Floats], lags: int = LAGS) -> Correlation:
 def independence(u: Sequence[Floats], eps: Sequence[Floats], lags: int = LAGS) -> Correlation:
     """Correlation of eps(t) with u(t - l) for lags -L .. L.
 
-    Negative lags show feedback.  The test takes 1 .. L together; it knows that neighbouring values go together
-    where the input is not white, and that eps need not be white.
+    Negative lags show feedback.  The test takes 1 .. L together; it knows that neighbouring values go together where
+    the input is not white, and that eps need not be white (colour.py).
     """
-    N = _counts(eps)
     u = [part - part.mean() for part in u]
-    Ru, Re = _correlation(u, u, lags) / N, _correlation(eps, eps, lags) / N
-    size = math.sqrt(Ru[lags] * Re[lags])
-    r = _correlation(eps, u, lags) / N
+    r = _correlation(eps, u, lags)
+    size = math.sqrt(_power(u) * _power(eps))
     if size == 0:
         return Correlation(np.arange(-lags, lags + 1.0), 0 * r, 0.0, 1.0)
-    sd = math.sqrt(max(float(Ru @ Re), 1e-12 * size**2) / N)
-    limit = float(norm.ppf((1 + LEVEL) / 2)) * sd / size
-    positive = r[lags + 1 :]
-    p_value = _p_value(positive, toeplitz([_lagged(Ru, Re, k) for k in range(lags)]) / N)
-    return Correlation(np.arange(-lags, lags + 1.0), r / size, limit, p_value)
+    covariance, _ = scores_covariance(eps, [_past(part, lags) for part in u])
+    limit = float(norm.ppf((1 + LEVEL) / 2)) * math.sqrt(float(np.mean(np.diag(covariance)))) / size
+    return Correlation(np.arange(-lags, lags + 1.0), r / size, limit, _p_value(r[lags + 1 :], covariance))
 
 
 def _p_value(r: Floats, covariance: Floats) -> float:
@@ -64,6 +60,16 @@ def _p_value(r: Floats, covariance: Floats) -> float:
     seen = values > _SEEN * values[-1]
     Q = float(np.sum((vectors[:, seen].T @ r) ** 2 / values[seen]))
     return float(chi2.sf(Q, int(seen.sum())))
+
+
+def _past(u: Floats, lags: int) -> Floats:
+    """u(t - 1) .. u(t - L), zero before the record (N, L)."""
+    padded = np.concatenate([np.zeros(lags), u])
+    return np.stack([padded[lags - l : padded.size - l] for l in range(1, lags + 1)], axis=1)
+
+
+def _power(parts: Sequence[Floats]) -> float:
+    return sum(float(part @ part) for part in parts)
 
 
 def _counts(eps: Sequence[Floats]) -> int:
@@ -79,8 +85,3 @@ def _correlation(left: Sequence[Floats], right: Sequence[Floats], lags: int) -> 
         middle = b.size - 1
         total[lags - most : lags + most + 1] += full[middle - most : middle + most + 1]
     return total
-
-
-def _lagged(Ru: Floats, Re: Floats, k: int) -> float:
-    """Covariance of values k lags apart, N times: sum_l Ru(l) Re(l + k)."""
-    return float(Ru[: Ru.size - k] @ Re[k:]) if k else float(Ru @ Re)

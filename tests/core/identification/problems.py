@@ -1,0 +1,68 @@
+"""Problems and records that the tests of the grey-box fit share, and gradients by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from monitor_core.identification.predictor import Predictor
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import Output
+from monitor_core.reference import experiment
+from tests.core.cases import Case, record
+
+EIGHT = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
+TRUE = np.array([REFERENCE_VALUES[name] for name in EIGHT])
+
+
+def reference_record(seed: int, samples: int, output: Output = "speed", noise: float | None = None) -> Record:
+    t_us, u, y = experiment(seed, samples=samples, fault_at=samples, output=output, noise=noise)
+    return Record(t_us * 1e-6, u, y, output)
+
+
+def case_record(seed: int, case: Case, samples: int, **how: float) -> Record:
+    t_us, u, y = record(seed, case, samples, **how)  # type: ignore[arg-type]
+    return Record(t_us * 1e-6, u, y, case.output)
+
+
+def reference_problem(**settings: object) -> Problem:
+    """Eight free parameters, kT held; output error unless told otherwise."""
+    given = {"free": EIGHT, "nominal": REFERENCE_VALUES, "predictor": "output-error", **settings}
+    return Problem(three_mass("speed"), **given)  # type: ignore[arg-type]
+
+
+def perturbed(rng: np.random.Generator, spread: float) -> dict[str, float]:
+    """Start values."""
+    return dict(zip(EIGHT, TRUE * np.exp(spread * rng.standard_normal(len(EIGHT))), strict=True))
+
+
+def all_errors(predictor: Predictor, xi: Floats) -> Floats:
+    found = predictor.errors(xi)
+    assert all(e.good for e in found)
+    return np.concatenate([e.eps for e in found])
+
+
+def all_gradients(predictor: Predictor, xi: Floats) -> Floats:
+    """d eps / d xi (all samples, P)."""
+    found = predictor.errors(xi)
+    out = np.zeros((sum(e.eps.size for e in found), xi.size))
+    row = 0
+    for i, e in enumerate(found):
+        out[row : row + e.eps.size, predictor.columns(i)] = -e.psi
+        row += e.eps.size
+    return out * predictor.layout.rates(xi)
+
+
+def by_differences(predictor: Predictor, xi: Floats, steps: Sequence[float]) -> Floats:
+    """The same by differences of fourth order."""
+    columns = []
+    for j, h in enumerate(steps):
+        e = h * np.eye(xi.size)[j]
+        near = all_errors(predictor, xi + e) - all_errors(predictor, xi - e)
+        far = all_errors(predictor, xi + 2 * e) - all_errors(predictor, xi - 2 * e)
+        columns.append((8 * near - far) / (12 * h))
+    return np.stack(columns, axis=1)

@@ -1,0 +1,79 @@
+"""The search: curves that are known, bounds, directions that nothing tells."""
+
+import numpy as np
+import pytest
+
+from monitor_core.identification.descent import Normal, minimise
+from monitor_core.kernel.tables import Floats
+
+ENDLESS = np.full(2, np.inf)
+
+
+def rosenbrock(xi: Floats) -> Normal:
+    eps = np.array([10 * (xi[1] - xi[0] ** 2), 1 - xi[0]])
+    J = -np.array([[-20 * xi[0], 10], [-1, 0]])
+    return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
+
+
+def test_a_bent_valley() -> None:
+    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), ENDLESS, 200)
+    assert end.converged
+    np.testing.assert_allclose(end.xi, [1, 1], rtol=1e-6)
+
+
+def test_a_bound_that_holds_one_lets_the_other_go_on() -> None:
+    upper = np.array([0.5, np.inf])
+    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, upper), ENDLESS, 200)
+    assert end.converged
+    np.testing.assert_allclose(end.xi, [0.5, 0.25], rtol=1e-6)
+
+
+def test_no_step_is_longer_than_it_may_be() -> None:
+    seen: list[Floats] = []
+
+    def watched(xi: Floats) -> Normal:
+        seen.append(xi)
+        return rosenbrock(xi)
+
+    minimise(watched, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), np.array([0.1, np.inf]), 500)
+    accepted = [seen[0]]
+    for xi in seen[1:]:
+        assert abs(xi[0] - accepted[-1][0]) <= 0.1 * (1 + 1e-12)
+        if rosenbrock(xi).cost < rosenbrock(accepted[-1]).cost:
+            accepted.append(xi)
+
+
+def test_what_nothing_tells_stays() -> None:
+    """The sum of two numbers: their difference remains what it was."""
+
+    def summed(xi: Floats) -> Normal:
+        eps, J = np.array([3.0 - xi.sum(), 1e-3]), np.array([[1.0, 1.0], [0.0, 0.0]])
+        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
+
+    end = minimise(summed, np.array([1.0, -4.0]), (-ENDLESS, ENDLESS), ENDLESS, 50)
+    assert end.converged
+    assert end.xi.sum() == pytest.approx(3)
+    assert end.xi[0] - end.xi[1] == pytest.approx(5)
+
+
+def test_a_cost_that_is_not_finite_is_only_a_step_refused() -> None:
+    """A wall of infinities in front of the minimum of the quadratic model."""
+
+    def walled(xi: Floats) -> Normal:
+        if xi[0] > 2:
+            return Normal(np.inf, np.zeros(1), np.zeros((1, 1)), 1)
+        eps, J = np.array([np.exp(-xi[0]), xi[0] - 1.9]), np.array([[np.exp(-xi[0])], [-1.0]])
+        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
+
+    one = np.full(1, np.inf)
+    end = minimise(walled, np.array([-3.0]), (-one, one), one, 100)
+    assert end.converged
+    assert 1.9 < end.xi[0] < 2
+
+
+def test_a_start_that_makes_no_sense() -> None:
+    def nowhere(xi: Floats) -> Normal:
+        return Normal(np.nan, xi, np.eye(2), 1)
+
+    with pytest.raises(ValueError, match="start values"):
+        minimise(nowhere, np.zeros(2), (-ENDLESS, ENDLESS), ENDLESS, 10)

@@ -1,0 +1,229 @@
+"""The fit as a whole: known truth comes back within the deviations it states, and it says what it cannot tell."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.identification.greybox import Disturbance, Estimate, Problem, compare, fit
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.simulation import simulate_linear
+from tests.core.identification.problems import EIGHT, TRUE, perturbed, reference_problem, reference_record
+
+SAMPLES = 2000
+
+
+def pulls(found: Estimate, true: Floats = TRUE) -> Floats:
+    """Errors in standard deviations."""
+    return np.asarray((found.theta[: true.size] - true) / found.sd[: true.size])
+
+
+@pytest.mark.parametrize("predictor", ["output-error", "innovations"])
+def test_the_truth_within_the_stated_deviations(predictor: str, seed: int) -> None:
+    """Twelve records of the reference experiment, each from a start of its own."""
+    all_pulls, noise = [], Disturbance(torque=0.01) if predictor == "innovations" else None
+    for k in range(12):
+        rng = np.random.default_rng(seed + k)
+        problem = reference_problem(predictor=predictor, disturbance=noise)
+        found = fit(problem, [reference_record(seed + k, SAMPLES)], perturbed(rng, 0.05))
+        assert found.converged
+        all_pulls.append(pulls(found))
+        assert found.lam0 == pytest.approx(1, abs=6 * np.sqrt(2 / SAMPLES))
+    # Twelve draws of eight numbers that go together, each a standard normal one.
+    assert np.abs(all_pulls).max() < 4.5
+    assert np.abs(np.mean(all_pulls, axis=0)).max() < 4.5 / np.sqrt(12)
+    assert 0.6 < np.sqrt(np.mean(np.square(all_pulls))) < 1.5
+
+
+def test_deviations_are_cramer_and_raos(seed: int) -> None:
+    """At the optimum of white errors: lambda_0 (J'J)^-1, J by differences of the whole simulation."""
+    rec = reference_record(seed, 600)
+    found = fit(reference_problem(initial="rest"), [rec])
+    columns = []
+    for i in range(len(EIGHT)):
+        ends = []
+        for sign in (1, -1):
+            moved = found.theta * np.exp(sign * 1e-4 * np.eye(len(EIGHT))[i])
+            values = {**REFERENCE_VALUES, **dict(zip(EIGHT, moved.tolist(), strict=True))}
+            drive = three_mass("speed")
+            start = drive.matrix("rest", values) * rec.y[0]
+            ends.append(simulate_linear(drive, values, rec.u[:, None], 0.005, start)[0][:, 0])
+        columns.append((ends[0] - ends[1]) / 2e-4 / found.theta[i])
+    J = np.stack(columns, axis=1)
+    if found.coloured == 0:
+        np.testing.assert_allclose(found.covariance, found.lam0 * np.linalg.inv(J.T @ J), rtol=2e-3)
+    assert found.coloured <= 2
+
+
+def test_kT_free_is_singular_and_said(seed: int) -> None:
+    found = fit(reference_problem(free=("kT", *EIGHT)), [reference_record(seed, SAMPLES)])
+    assert found.converged
+    assert np.isinf(found.sd).all()
+    assert "singular" in found.words[0]
+    assert "best kT" in found.words[0]
+    held = fit(reference_problem(), [reference_record(seed, SAMPLES)])
+    assert found.cost == pytest.approx(held.cost, rel=1e-6)
+    np.testing.assert_allclose(found.theta[1:] / found.theta[0], held.theta, rtol=1e-3)
+    assert not any("singular" in word for word in held.words)
+
+
+def test_lost_samples_jitter_and_missing_outputs_cost_no_accuracy(seed: int) -> None:
+    """The plant's output at irregular times; a fifth of it not measured."""
+    rng = np.random.default_rng(seed)
+    fine = reference_record(seed, 10_000, noise=0.0)
+    u, k = np.empty(fine.u.size), np.sort(rng.choice(10_000, 5000, replace=False))
+    for start, end in zip(k, [*k[1:], 10_000], strict=True):
+        u[start:end] = fine.u[start]
+    u[: k[0]] = 0.0
+    y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, u[:, None], 0.0025)
+    rec = Record(
+        k * 0.0025, u[k], y[k, 0] + rng.standard_normal(k.size), "speed", valid=rng.random(k.size) > 0.2
+    )
+    found = fit(reference_problem(), [rec], perturbed(rng, 0.05))
+    assert np.abs(pulls(found)).max() < 4.5
+    assert (found.sd / TRUE < 0.15).all()
+
+
+def test_the_skew_is_estimated(seed: int) -> None:
+    """A torque that acts 1.6 ms late; left out, it is put into the motor's inertia."""
+    h, parts, late = 0.005, 25, 8
+    rec = reference_record(seed, SAMPLES, noise=0.0)
+    fine = np.concatenate([np.full(late, rec.u[0]), np.repeat(rec.u, parts)[:-late]])
+    y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, fine[:, None], h / parts)
+    y = y[::parts, 0] + np.random.default_rng(seed).standard_normal(SAMPLES)
+    rec = Record(rec.t, rec.u, y, "speed")
+    found = fit(reference_problem(free_delay=True), [rec])
+    assert found.names[-1] == "delay"
+    assert found.delay_s == pytest.approx(0.0016, abs=4.5 * found.sd[-1])
+    assert found.sd[-1] < 2e-4
+    assert np.abs(pulls(found)).max() < 4.5
+    ignored = fit(reference_problem(), [rec])
+    assert ignored.values["Jm"] > found.values["Jm"] + 2 * found.sd[0]
+    assert ignored.cost > found.cost + 30 * found.lam0
+
+
+def test_outliers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rec = reference_record(seed, SAMPLES)
+    rec = replace(
+        rec, y=rec.y + np.where(rng.random(SAMPLES) < 0.03, 60.0, 0.0) * rng.standard_normal(SAMPLES)
+    )
+    squares, huber = (fit(reference_problem(loss=loss), [rec]) for loss in ("squares", "huber"))
+    assert np.abs(pulls(huber)).max() < 4.5
+    assert (huber.sd < 0.3 * squares.sd).all()
+    assert huber.lam0 == pytest.approx(1, abs=0.25)
+
+
+def test_several_records_tell_more_than_one(seed: int) -> None:
+    records = [reference_record(seed + k, 1000) for k in range(4)]
+    one, all_ = fit(reference_problem(), records[:1]), fit(reference_problem(), records)
+    assert len(all_.fit) == 4
+    assert np.abs(pulls(all_)).max() < 4.5
+    np.testing.assert_allclose(all_.sd / one.sd, 0.5, atol=0.15)
+
+
+def test_a_slope_on_a_signal_is_found(seed: int) -> None:
+    """Friction that falls with the temperature, in four records."""
+    b, records = -5e-4, []
+    for k, temperature in enumerate((20.0, 30.0, 45.0, 60.0)):
+        rec = reference_record(seed + k, 1500, noise=0.0)
+        values = {**REFERENCE_VALUES, "fm": REFERENCE_VALUES["fm"] + b * temperature}
+        y, _ = simulate_linear(three_mass("speed"), values, rec.u[:, None], 0.005)
+        y = y[:, 0] + np.random.default_rng(seed + k).standard_normal(1500)
+        records.append(Record(rec.t, rec.u, y, "speed", signals={"temperature": np.full(1500, temperature)}))
+    found = fit(reference_problem(varying={"fm": ("temperature",)}), records)
+    assert found.names == (*EIGHT, "fm per temperature")
+    assert np.abs(pulls(found, np.append(TRUE, b))).max() < 4.5
+    assert found.sd[-1] < 1e-4
+
+
+def test_bounds_hold_and_are_said(seed: int) -> None:
+    low, high = 0.9 * REFERENCE_VALUES["Jm"], 0.95 * REFERENCE_VALUES["Jm"]
+    problem = reference_problem(
+        nominal={**REFERENCE_VALUES, "Jm": 0.92 * REFERENCE_VALUES["Jm"]}, bounds={"Jm": (low, high)}
+    )
+    found = fit(problem, [reference_record(seed, SAMPLES)])
+    assert found.values["Jm"] == pytest.approx(high)
+    assert any(word.startswith("Jm ended at its bound") for word in found.words)
+
+
+def test_a_noise_level_that_is_not_there_is_said(seed: int) -> None:
+    problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.1))
+    found = fit(problem, [reference_record(seed, SAMPLES)])
+    assert found.converged
+    assert found.noise["torque"] < 0.1
+    assert (
+        any("white torque noise cannot be told" in word for word in found.words) or found.noise["torque"] > 0
+    )
+
+
+def test_the_noise_levels_are_found(seed: int) -> None:
+    """Torque noise of 0.3 N m and output noise of 0.5 rad/s: K is then that of the monitor."""
+    rng, N, truth = np.random.default_rng(seed), 8000, (0.3, 0.5)
+    u = reference_record(seed, N, noise=0.0).u
+    noisy = u + truth[0] * rng.standard_normal(N)
+    y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, noisy[:, None], 0.005)
+    rec = Record(np.arange(N) * 0.005, u, y[:, 0] + truth[1] * rng.standard_normal(N), "speed")
+    found = fit(reference_problem(predictor="innovations"), [rec])
+    assert found.noise["torque"] == pytest.approx(truth[0], rel=0.2)
+    assert found.noise["output"] == pytest.approx(truth[1], rel=0.05)
+    assert np.abs(pulls(found)).max() < 4.5
+    assert found.whiteness.p_value > 1e-4
+    simulated = fit(reference_problem(), [rec])
+    assert (found.sd < simulated.sd).all()
+    assert simulated.coloured > 0
+    assert np.abs(pulls(simulated)).max() < 4.5
+
+
+def test_what_the_drive_leaves_out_is_said(seed: int) -> None:
+    """An arm that is not there: the errors depend on the torque."""
+    free = ("Jm", "Jg", "kg", "dg", "fm")
+    stiff = {**REFERENCE_VALUES, "ka": 50 * REFERENCE_VALUES["ka"]}
+    found = fit(reference_problem(free=free, nominal=stiff), [reference_record(seed, SAMPLES)])
+    assert any("depend on past torque" in word for word in found.words)
+
+
+def test_validation_on_another_record(seed: int) -> None:
+    found = fit(reference_problem(), [reference_record(seed, SAMPLES)])
+    other = reference_record(seed + 1, 1000)
+    (right,) = compare(found.problem, [other])
+    (wrong,) = compare(replace(found.problem, nominal={**found.problem.nominal, "Jm": 0.012}), [other])
+    assert right.simulation == pytest.approx(found.fit_simulation[0], abs=3)
+    assert wrong.simulation < right.simulation - 10
+
+
+def test_random_starts_reach_the_optimum_where_one_does_not(seed: int) -> None:
+    rec = reference_record(seed, 1000)
+    best = fit(reference_problem(), [rec])
+    bad = {
+        name: value * factor
+        for name, value, factor in zip(EIGHT, TRUE, (1, 3, 0.4, 0.4, 3, 1, 1, 1), strict=True)
+    }
+    many = fit(reference_problem(), [rec], [bad, {}], tries=2)
+    assert many.cost == pytest.approx(best.cost, rel=1e-6)
+
+
+def test_mistakes() -> None:
+    rec = reference_record(0, 100)
+    with pytest.raises(ValueError, match="no record"):
+        fit(reference_problem(), [])
+    with pytest.raises(ValueError, match="holds the speed, the drive's output is the angle"):
+        fit(Problem(three_mass("angle"), REFERENCE_VALUES, EIGHT), [rec])
+    with pytest.raises(ValueError, match="no output was measured"):
+        fit(reference_problem(), [replace(rec, valid=np.zeros(100, bool))])
+    with pytest.raises(KeyError, match="has no parameter 'Jx'"):
+        reference_problem(free=("Jx",))
+    with pytest.raises(ValueError, match="Ja is free twice"):
+        reference_problem(free=("Ja", "1/Ja"))
+    with pytest.raises(KeyError, match="start of kT: it is not free"):
+        fit(reference_problem(), [rec], {"kT": 2.0})
+    with pytest.raises(ValueError, match="no signal 'temperature'"):
+        fit(reference_problem(varying={"fm": ("temperature",)}), [rec])
+    with pytest.raises(ValueError, match="K has 2 entries, the drive 5 states"):
+        reference_problem(predictor="innovations", K=(1.0, 2.0))
+    with pytest.raises(ValueError, match=r"Jm starts at .* outside its bounds"):
+        fit(reference_problem(bounds={"Jm": (1.0, 2.0)}), [rec])
+    with pytest.raises(ValueError, match="unstable at the start"):
+        fit(reference_problem(nominal={**REFERENCE_VALUES, "fm": -50.0}), [reference_record(0, 2000)])

@@ -1,0 +1,114 @@
+"""Inputs held over an interval, and derivatives: against scipy's exponentials and against each other."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm_frechet
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.identification.held import hold, hold_late
+from monitor_core.identification.structure import Linear, Structure
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel, Drive
+from tests.core.chains import chain, values
+
+FREE = ("Jm", "1/Ja", "kg", "da", "r", "fc")
+VALUES = {**REFERENCE_VALUES, "fc": 0.0, "tau0": -0.1}
+DRIVES = [three_mass("speed"), three_mass("angle"), three_mass("angle").with_disturbance()]
+
+
+def at(drive: Drive, free: tuple[str, ...] = FREE, given: dict[str, float] = VALUES) -> Linear:
+    complete = {**given, "Td": 0.7}
+    kept = {p.name: complete[p.name] for p in drive.parameters}
+    return Structure(drive, free, AxisModel(drive, kept, ()).balance()).at(kept)
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=lambda d: f"{d.output}-{len(d.states)}")
+def test_matrices_and_slopes_by_the_complex_step(drive: Drive) -> None:
+    complete = {p.name: {**VALUES, "Td": 0.7}[p.name] for p in drive.parameters}
+    d = AxisModel(drive, complete, ()).balance()
+    of = at(drive)
+    unit = {"A": d / d[:, None], "B": 1 / d[:, None], "C": d[None], "rest": 1 / d[:, None], "ratio": 1.0}
+    for which, value, slopes in zip(("A", "B", "C", "rest", "ratio"), of[:5], of[5:], strict=True):
+        matrix = drive.matrix(which, complete) * unit[which]  # type: ignore[arg-type]
+        np.testing.assert_allclose(value, matrix.reshape(value.shape), rtol=1e-14)
+        for i, name in enumerate(FREE):
+            moved: dict[str, complex] = dict(complete)
+            base = name.removeprefix("1/")
+            moved[base] = complete[base] + 1e-30j if base == name else 1 / (1 / complete[base] + 1e-30j)
+            slope = np.imag(drive.matrix(which, moved)) / 1e-30 * unit[which]  # type: ignore[arg-type]
+            np.testing.assert_allclose(slopes[..., i], slope.reshape(value.shape), rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("drive", DRIVES, ids=lambda d: f"{d.output}-{len(d.states)}")
+@pytest.mark.parametrize("interval_s", [1e-4, 0.005, 0.05, 0.7])
+def test_exponentials_and_their_derivatives_are_those_of_scipy(drive: Drive, interval_s: float) -> None:
+    of = at(drive)
+    n, m = of.B.shape
+    X, dX = hold(of, np.array([0.001, interval_s]))
+    Ad, Bd = zero_order_hold(of.A, of.B, interval_s)
+    np.testing.assert_allclose(X[1], np.hstack([Ad, Bd]), rtol=0, atol=1e-12 * abs(X[1]).max())
+    F = np.zeros((n + m, n + m))
+    F[:n, :n], F[:n, n:] = of.A, of.B
+    for i in range(len(FREE)):
+        E = np.zeros_like(F)
+        E[:n, :n], E[:n, n:] = of.dA[..., i], of.dB[..., i]
+        L = expm_frechet(F * interval_s, E * interval_s, compute_expm=False)[:n]
+        np.testing.assert_allclose(dX[1, i], L, rtol=0, atol=1e-11 * abs(L).max())
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(1e-5, 0.05), st.floats(1e-5, 0.05))
+def test_two_intervals_are_one(first: float, second: float) -> None:
+    of = at(DRIVES[0])
+    n = len(of.A)
+    X, _ = hold(of, np.array([first, second, first + second]))
+    A1, A2 = X[0, :, :n], X[1, :, :n]
+    np.testing.assert_allclose(A2 @ A1, X[2, :, :n], atol=1e-12 * abs(X[2]).max())
+    np.testing.assert_allclose(A2 @ X[0, :, n:] + X[1, :, n:], X[2, :, n:], atol=1e-12 * abs(X[2]).max())
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.0013, 0.0049])
+def test_delayed_torque_is_two_pieces(delay_s: float) -> None:
+    """By a plain product of the two pieces; the derivative by central differences."""
+    drive = three_mass("angle")
+    of, torque, h = at(drive), np.array([k == TORQUE for k in drive.inputs]), 0.005
+    n, m = of.B.shape
+    X, dX = hold_late(of, torque, np.array([h]), delay_s)
+    A1, B1 = zero_order_hold(of.A, of.B, delay_s)
+    A2, B2 = zero_order_hold(of.A, of.B, h - delay_s)
+    rng = np.random.default_rng(0)
+    x, u, before = rng.standard_normal(n), rng.standard_normal(m), 1.7
+    first = A1 @ x + B1 @ np.where(torque, before, u)
+    expected = A2 @ first + B2 @ u
+    got = X[0] @ np.concatenate([x, u, [before]])
+    np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-13 * abs(expected).max())
+    step = 1e-5
+    ends = [
+        hold_late(of, torque, np.array([h]), abs(delay_s) + s).X[0]
+        for s in ((0, step, 2 * step) if delay_s == 0 else (-step, 0, step))
+    ]
+    slope = (
+        (4 * ends[1] - 3 * ends[0] - ends[2]) / (2 * step)
+        if delay_s == 0
+        else (ends[2] - ends[0]) / (2 * step)
+    )
+    np.testing.assert_allclose(dX[0, -1], slope, atol=1e-5 * abs(slope).max())
+
+
+def test_a_delay_beyond_the_interval_ends_with_it() -> None:
+    drive = three_mass("speed")
+    of, torque = at(drive), np.array([k == TORQUE for k in drive.inputs])
+    X, dX = hold_late(of, torque, np.array([0.002, 0.005]), 0.003)
+    n, m = of.B.shape
+    assert (X[0, :, n : n + m][:, torque] == 0).all()
+    assert (dX[0, -1] == 0).all()
+    assert (dX[1, -1] != 0).any()
+
+
+def test_a_chain_of_five_masses_with_gravity() -> None:
+    of = at(chain(5, "angle"), ("J1", "k1", "gc"), values(5))
+    X, _ = hold(of, np.array([0.004]))
+    np.testing.assert_allclose(X[0], np.hstack(zero_order_hold(of.A, of.B, 0.004)), atol=1e-12 * abs(X).max())

@@ -1,0 +1,156 @@
+"""Prediction errors and their gradient: against the monitor's recursion, the transcribed paper, and differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.identification.predictor import Predictor
+from monitor_core.identification.problem import Disturbance, Problem
+from monitor_core.identification.record import Record
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.monitor import AxisMonitor
+from monitor_core.simulation import simulate_linear
+from tests.core import oracle
+from tests.core.cases import BY_NAME, CASES, Case
+from tests.core.identification.problems import (
+    EIGHT,
+    all_errors,
+    all_gradients,
+    by_differences,
+    case_record,
+    reference_record,
+)
+
+
+def at_rest(case: Case, **changes: object) -> Problem:
+    """The case as a problem: its gain, from rest, as the monitor does it."""
+    settings, model = case.settings(), case.model
+    given = {
+        "predictor": "innovations" if settings.K else "output-error",
+        "K": settings.K or None,
+        "delay_s": case.delay_s,
+        "speed_scale": case.speed_scale,
+        "initial": "rest",
+        **changes,
+    }
+    return Problem(model.drive, model.nominal, case.monitored, **given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_errors_and_gradients_are_those_of_the_monitor(name: str, seed: int) -> None:
+    """Its recursion with theta pinned.  What hangs on the gear ratio at the flanges is constant there, not here."""
+    case = BY_NAME[name]
+    rec = case_record(seed, case, 400, jitter=0.3)
+    pinned = case.settings(settle_s=0.0, P0=tuple(1e-60 * case.model.scale**2))
+    t_us = np.rint(rec.t * 1e6).astype(np.int64)
+    _, trace = AxisMonitor.alone(case.model, pinned).run_traced(t_us, rec.u, rec.y)
+    predictor = Predictor(at_rest(case), [rec], None)
+    (found,) = predictor.errors(predictor.start())
+    scale = np.nanstd(trace.eps)
+    np.testing.assert_allclose(found.eps[1:], trace.eps[1:], rtol=0, atol=1e-9 * scale)
+    if "r" not in case.monitored:
+        size = abs(trace.psi[1:]).max(axis=0)
+        np.testing.assert_allclose(found.psi[1:] / size, trace.psi[1:] / size, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["paper", "angle-friction", "gravity"])
+def test_errors_are_those_of_the_paper_transcribed(name: str, seed: int) -> None:
+    case = BY_NAME[name]
+    rec = case_record(seed, case, 120, jitter=0.3)
+    t_us = np.rint(rec.t * 1e6).astype(np.int64)
+    settings = case.settings()
+    yhat = oracle.prediction(case.model, settings, case.model.theta0, t_us, rec.u, rec.y)
+    eps = all_errors(predictor := Predictor(at_rest(case), [rec], None), predictor.start())
+    np.testing.assert_allclose(eps, rec.y - yhat.real, rtol=0, atol=1e-9 * np.std(eps))
+
+
+@pytest.mark.parametrize("name", [case.name for case in CASES])
+@pytest.mark.parametrize("motion", ["measured", "simulated"])
+def test_gradients_of_every_case(name: str, motion: str, seed: int) -> None:
+    """All kinds of input, jitter, samples that are missing, free initial state, free delay."""
+    case = BY_NAME[name]
+    rec = case_record(seed, case, 300, jitter=0.2)
+    rec = replace(rec, valid=np.random.default_rng(seed).random(300) > 0.1)
+    problem = at_rest(case, motion=motion, initial="free", free_delay=True, delay_s=0.0004)
+    predictor = Predictor(problem, [rec], None)
+    _check_gradients(predictor, 1e-6)
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("initial", ["free", "rest"])
+def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> None:
+    """K follows theta, the noise levels and their time constant; two records."""
+    case = Case("", output, ("Jm", "1/Ja", "kg", "da", "r", "fc"))  # type: ignore[arg-type]
+    records = [case_record(seed, case, 300), case_record(seed + 1, case, 200, jitter=0.1)]
+    ratio = 0.3 if output == "speed" else 100.0
+    noise = Disturbance(
+        torque=ratio, slow=ratio, time_constant_s=0.1, free=("torque", "slow", "time_constant")
+    )
+    problem = at_rest(case, K=None, initial=initial, predictor="innovations", free_delay=True, delay_s=0.001)
+    predictor = Predictor(problem, records, noise)
+    assert predictor.layout.levels == ("torque", "slow")
+    assert predictor.layout.names[-2:] == ("Td", "delay")
+    _check_gradients(predictor, 3e-6)
+
+
+def _check_gradients(predictor: Predictor, tolerance: float) -> None:
+    xi = predictor.start()
+    analytic = all_gradients(predictor, xi)
+    size = abs(analytic).max(axis=0)
+    moved = np.sqrt(np.mean(all_errors(predictor, xi) ** 2)) / np.where(size > 0, size, 1.0)
+    steps = 1e-3 * np.minimum(moved, 1.0)
+    delay = [k for k, name in enumerate(predictor.layout.names) if name == "delay"]
+    steps[delay] = np.minimum(steps[delay], 1e-5)
+    numeric = by_differences(predictor, xi, steps)
+    scale = np.where(size > 0, size, 1.0)
+    np.testing.assert_allclose(analytic / scale, numeric / scale, rtol=0, atol=tolerance)
+
+
+def test_parameters_that_follow_a_signal(seed: int) -> None:
+    """fm = fm0 + b s, of a signal that is now this, now that: two drives in turn."""
+    signal, b = np.where(np.arange(600) < 300, 20.0, 50.0), -1e-3
+    rec = reference_record(seed, 600, noise=0.0)
+    x, y = None, []
+    for half, value in ((slice(0, 300), 20.0), (slice(300, 600), 50.0)):
+        values = {**REFERENCE_VALUES, "fm": REFERENCE_VALUES["fm"] + b * value}
+        out, x = simulate_linear(three_mass("speed"), values, rec.u[half, None], 0.005, x)
+        y.append(out[:, 0])
+    rec = Record(rec.t, rec.u, np.concatenate(y), "speed", signals={"temperature": signal})
+    problem = Problem(
+        three_mass("speed"),
+        REFERENCE_VALUES,
+        EIGHT,
+        predictor="output-error",
+        varying={"fm": ("temperature",)},
+        slopes={"fm per temperature": b},
+    )
+    predictor = Predictor(problem, [rec], None)
+    assert predictor.layout.names == (*EIGHT, "fm per temperature")
+    errors = all_errors(predictor, predictor.start())
+    assert abs(errors).max() < 1e-10 * np.std(rec.y)
+    _check_gradients(Predictor(problem, [replace(rec, y=rec.y + 1)], None), 1e-6)
+
+
+def test_a_missing_sample_is_not_looked_at(seed: int) -> None:
+    """Whatever stands where nothing was measured, and with friction and gravity of the measured motion."""
+    case = BY_NAME["gravity"]
+    rec = case_record(seed, case, 300)
+    valid = np.random.default_rng(seed).random(300) > 0.2
+    other = np.where(valid, rec.y, 1e3)
+    found = [
+        all_errors(p := Predictor(at_rest(case), [replace(rec, y=y, valid=valid)], None), p.start())
+        for y in (rec.y, other)
+    ]
+    np.testing.assert_array_equal(found[0], found[1])
+    assert (found[0][~valid] == 0).all()
+
+
+def test_values_that_make_no_sense_are_not_good(seed: int) -> None:
+    rec = reference_record(seed, 2000)
+    predictor = Predictor(
+        Problem(three_mass("speed"), {**REFERENCE_VALUES, "fm": -50.0}, ("fm",), predictor="output-error"),
+        [rec],
+        None,
+    )
+    assert [e.good for e in predictor.errors(predictor.start())] == [False]

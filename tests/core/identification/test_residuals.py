@@ -1,0 +1,101 @@
+"""Tests of prediction errors, their spectrum, and the covariance that reckons with it."""
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+from scipy.stats import kstest
+
+from monitor_core.identification.colour import autoregression, scores_covariance
+from monitor_core.identification.covariance import information
+from monitor_core.identification.residuals import independence, whiteness
+
+N = 3000
+
+
+def test_white_errors_pass_at_the_stated_rate(seed: int) -> None:
+    """p values are uniform; single correlations exceed their limit once in a hundred."""
+    rng = np.random.default_rng(seed)
+    found = [whiteness([rng.standard_normal(400), rng.standard_normal(300)]) for _ in range(300)]
+    assert kstest([w.p_value for w in found], "uniform").pvalue > 1e-4
+    beyond = np.mean([np.abs(w.values) > w.limit for w in found])
+    assert beyond == pytest.approx(0.01, abs=0.005)
+
+
+@pytest.mark.parametrize("colour", [0.1, 0.9])
+def test_coloured_errors_do_not(colour: float, seed: int) -> None:
+    eps = lfilter([1], [1, -colour], np.random.default_rng(seed).standard_normal(N))
+    found = whiteness([eps])
+    assert found.p_value < 1e-3
+    assert found.values[0] == pytest.approx(colour, abs=5 / np.sqrt(N))
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.8])
+@pytest.mark.parametrize("band", [0.0, 0.95])
+def test_independence_at_the_stated_rate(colour: float, band: float, seed: int) -> None:
+    """Whatever the colour of errors and input."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(200):
+        u, e = rng.standard_normal((2, 1000))
+        found.append(independence([lfilter([1], [1, -band], u)], [lfilter([1], [1, -colour], e)]))
+    assert np.mean([f.p_value < 0.01 for f in found]) < 0.05
+    assert np.mean([f.p_value < 0.5 for f in found]) == pytest.approx(0.5, abs=0.2)
+    beyond = np.mean([np.abs(f.values) > f.limit for f in found])
+    assert beyond == pytest.approx(0.01, abs=0.008)
+
+
+def test_what_the_model_left_out_shows_at_its_lag(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal(N)
+    found = independence([u], [rng.standard_normal(N) + 0.2 * np.roll(u, 3)])
+    assert found.p_value < 1e-6
+    assert found.lags[np.argmax(found.values)] == 3
+    feedback = independence([u], [rng.standard_normal(N) + 0.2 * np.roll(u, -3)])
+    assert feedback.p_value > 1e-4
+    assert feedback.lags[np.argmax(feedback.values)] == -3
+
+
+def test_autoregression_finds_the_model(seed: int) -> None:
+    e = np.random.default_rng(seed).standard_normal(20_000)
+    a, variance = autoregression([lfilter([1], [1, -1.2, 0.5], e)])
+    np.testing.assert_allclose(a[:3], [1, -1.2, 0.5], atol=0.05)
+    assert variance == pytest.approx(1, abs=0.06)
+    assert autoregression([e])[0].size <= 2
+
+
+def test_covariance_of_the_scores_is_the_double_sum(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    psi, eps = rng.standard_normal((500, 3)), lfilter([1], [1, -0.7], rng.standard_normal(500))
+    S, order = scores_covariance([eps], [psi])
+    a, variance = autoregression([eps])
+    assert order == a.size - 1 > 0
+    impulse = lfilter([1], a, np.eye(1, 5000)[0])
+    R = variance * np.array([impulse[: 5000 - l] @ impulse[l:] for l in range(500)])
+    np.testing.assert_allclose(S, psi.T @ toeplitz(R) @ psi, rtol=1e-6, atol=1e-6 * abs(S).max())
+
+
+def test_deviations_with_coloured_errors_are_those_that_occur(seed: int) -> None:
+    """Linear regression, so that all of it is known: least squares on slow regressors with slow errors."""
+    rng = np.random.default_rng(seed)
+    psi = lfilter([1], [1, -0.95], rng.standard_normal((1000, 2)), axis=0)
+    ends, reported, naive = [], [], []
+    for _ in range(150):
+        v = lfilter([1], [1, -0.9], rng.standard_normal(1100))[100:]
+        theta = np.linalg.lstsq(psi, v, rcond=None)[0]
+        eps = v - psi @ theta
+        told = information(("a", "b"), np.ones(2), [psi], [np.zeros((1000, 0))], [eps], float(eps.var()))
+        ends.append(theta)
+        reported.append(np.sqrt(np.diag(told.covariance)))
+        naive.append(np.sqrt(np.diag(told.accuracy.covariance)))
+    ratio = np.std(ends, axis=0) / np.mean(reported, axis=0)
+    assert ratio == pytest.approx(1, abs=0.3)
+    assert (np.std(ends, axis=0) / np.mean(naive, axis=0) > 2).all()
+
+
+def test_initial_states_are_left_out_of_what_is_told(seed: int) -> None:
+    """The covariance of some parameters of a regression with all of them."""
+    rng = np.random.default_rng(seed)
+    J = rng.standard_normal((50, 5)) @ rng.standard_normal((5, 5))
+    told = information(("a", "b"), np.ones(2), [J[:, :2]], [J[:, 2:]], [np.zeros(50)], 4.0)
+    np.testing.assert_allclose(told.covariance, 4 * np.linalg.inv(J.T @ J)[:2, :2], rtol=1e-8)
