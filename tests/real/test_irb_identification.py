@@ -1,0 +1,127 @@
+"""A real robot axis, identified off line at 2 kHz as recorded: three masses, Coulomb friction, torque offset.
+
+Published for this record: a model with 13 parameters, friction among them with a Stribeck part, simulates it with
+79 % at its start values and with 88.6 % fitted.  Here there are ten, and the friction is fc tanh(w).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.parts import between
+from monitor_core.identification.problem import Motion, Predictor
+from monitor_core.identification.record import Record
+from monitor_core.library import three_mass
+from tests.real import irb
+
+pytestmark = pytest.mark.records
+
+FREE = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0")
+J, A_M, A_G = 0.03291699877416, 0.17910964111956, 0.61206166914114
+START = {
+    "Jm": J * A_M,
+    "Jg": J * A_G,
+    "Ja": J * (1 - A_M - A_G),
+    "kg": 20.59269827430799,
+    "ka": 20.23072060978318,
+    "dg": 0.0624181404729,
+    "da": 0.00987527995798,
+    "fm": 0.00986346744839,
+    "fc": 0.74302635727901,
+    "tau0": 0.0,
+    "kT": 1.0,
+    "r": 1.0,
+}
+"""The published start values; of the friction those parts that this drive has."""
+SIMULATES = 88.5
+FRICTION = ("fm", "fc")
+
+
+@pytest.fixture(scope="module")
+def record(records_dir: Path) -> Record:
+    t_us, u, y = irb.read(records_dir / "irb" / "robot_arm.mat")
+    return Record((t_us - t_us[0]) * 1e-6, u, y, "speed", "robot_arm.mat")
+
+
+@pytest.fixture(scope="module")
+def simulation(record: Record) -> Estimate:
+    return fit(problem("output-error"), [record])
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["first half", "second half"])
+def half(record: Record, request: pytest.FixtureRequest) -> Estimate:
+    middle = record.duration_s / 2
+    return fit(
+        problem("output-error"), [between(record, request.param * middle, (request.param + 1) * middle)]
+    )
+
+
+def problem(predictor: Predictor) -> Problem:
+    """Output error: a free run, its friction from the simulated speed, its initial state estimated."""
+    motion: Motion = "simulated" if predictor == "output-error" else "measured"
+    return Problem(three_mass("speed"), START, FREE, predictor=predictor, motion=motion)
+
+
+def test_simulation(simulation: Estimate) -> None:
+    print(f"irb simulated: {simulation.fit_simulation[0]:.2f} %, {simulation.iterations} evaluations")
+    for name, value, sd in zip(simulation.names, simulation.theta, simulation.sd, strict=True):
+        print(f"    {name} = {value:.5g} +- {sd:.2g}")
+    assert simulation.converged
+    assert simulation.interval_s == 0.0005
+    assert simulation.fit_simulation[0] >= SIMULATES
+
+
+def test_one_step_ahead(record: Record, simulation: Estimate) -> None:
+    """The innovations form predicts the next sample; what it has to say of the friction is not another thing."""
+    found = fit(problem("innovations"), [record])
+    print(
+        f"irb innovations: {found.fit[0]:.2f} % one step ahead, {found.fit_simulation[0]:.2f} % simulated;"
+        f" {' '.join(found.words)}"
+    )
+    assert found.converged
+    assert found.fit[0] > 97
+    assert found.fit_simulation[0] <= simulation.fit_simulation[0]
+
+
+def test_friction_of_half_a_record(half: Estimate) -> None:
+    """Viscous and Coulomb friction go together."""
+    value, sd, r = half.theta, half.sd, correlation(half)
+    i, j = (half.names.index(name) for name in FRICTION)
+    print(f"irb: fm = {value[i]:.4f} +- {sd[i]:.2g}, fc = {value[j]:.3f} +- {sd[j]:.2g}, correlation {r:.3f}")
+    assert r == pytest.approx(-0.98, abs=0.01)
+    assert sd[j] > 0.3 * abs(value[j])
+
+
+def test_it_is_said_of_the_whole_record(simulation: Estimate) -> None:
+    assert any(word.startswith("fm and fc cannot both be told") for word in simulation.words)
+
+
+def test_it_is_said_of_half_a_record(half: Estimate) -> None:
+    told = [word for word in half.words if all(name in word for name in FRICTION)]
+    print(half.words)
+    assert told
+
+
+@pytest.mark.xfail(
+    reason="half a record: named among four in one sentence (with Jg and tau0), the pair's correlation is not said"
+)
+def test_the_number_is_said_of_half_a_record(half: Estimate) -> None:
+    assert any("-0.98" in word or "-0.99" in word for word in half.words)
+
+
+@pytest.mark.xfail(
+    reason="the words reckon with white errors (3 % and 13 %), the estimates' deviations with what the errors are"
+)
+def test_deviations_in_words_are_those_of_the_estimates(simulation: Estimate) -> None:
+    i = simulation.names.index("fm")
+    assert simulation.accuracy.standard_deviations[i] == pytest.approx(
+        simulation.sd[i] / simulation.theta[i], rel=0.2
+    )
+
+
+def correlation(found: Estimate) -> float:
+    i, j = (found.names.index(name) for name in FRICTION)
+    return float(found.correlation[i, j])

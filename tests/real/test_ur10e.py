@@ -1,0 +1,118 @@
+"""Two joints of a UR10e, each moved alone: motor current as torque, 94 samples a second with all their jitter.
+
+One mass with friction and, for the shoulder, gravity; kT stands for the joint, so the values are in units of current:
+friction in A s/rad and A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.parts import between
+from monitor_core.identification.record import Record
+from monitor_core.identification.suspicion import suspicions
+from service.ingest.identification_records import Loaded
+from tests.real.drives import loaded, one_mass
+
+pytestmark = pytest.mark.records
+
+JOINTS = (1, 2)
+START: Mapping[str, float] = {"J": 5.0, "fv": 1.0, "fc": 1.0, "tau0": 0.0, "gc": 0.0, "gs": 0.0}
+SPEED_SCALE = 0.02
+"""rad/s, of tanh in place of the sign; the joints go up to 1 rad/s."""
+INTERVAL_S = 0.0105
+FRICTION = ("fv", "fc")
+TORN = "ur-19_09_27-11_32_02.csv"
+
+
+def read(records_dir: Path, name: str, folder: Path, joint: int) -> Loaded:
+    """Columns without names: t, six angles, six speeds, six currents, .."""
+    columns = {"time": 0, "angle": joint, "torque": 12 + joint}
+    return loaded(
+        records_dir / "ur10e" / name, folder, INTERVAL_S, {n: {"column": str(c)} for n, c in columns.items()}
+    )
+
+
+@pytest.fixture(scope="module", params=JOINTS, ids=lambda joint: f"joint {joint}")
+def halves(
+    records_dir: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> tuple[Estimate, Estimate]:
+    joint, folder = request.param, tmp_path_factory.mktemp("ur10e")
+    record = read(records_dir, f"ur-20_01_22-joint_{joint}.csv", folder, joint).record
+    assert set(np.rint(record.intervals * 1e3)) <= {2, 10, 12}  # the jitter is still there
+    assert record.jitter_s > 0.0009
+    middle = record.duration_s / 2
+    first, second = (between(record, k * middle, (k + 1) * middle) for k in range(2))
+    return estimate(first, joint), estimate(second, joint)
+
+
+def estimate(record: Record, joint: int) -> Estimate:
+    drive = one_mass(gravity=joint == 2)
+    free = tuple(p.name for p in drive.parameters if p.name in START)
+    nominal = {p.name: START.get(p.name, 1.0) for p in drive.parameters}
+    return fit(Problem(drive, nominal, free, speed_scale=SPEED_SCALE), [record])
+
+
+def test_friction_of_the_halves_agrees(
+    halves: tuple[Estimate, Estimate], request: pytest.FixtureRequest
+) -> None:
+    apart = differences(*halves)
+    for name, z in apart.items():
+        k = halves[0].names.index(name)
+        a, b = (f"{of.theta[k]:.3f} +- {of.sd[k]:.2g}" for of in halves)
+        print(f"UR10e {request.node.name}: {name} {a} and {b}, apart by {z:+.2f} deviations")
+    assert all(of.converged for of in halves)
+    assert max(abs(apart[name]) for name in FRICTION) < 2
+
+
+def test_friction_is_told(halves: tuple[Estimate, Estimate]) -> None:
+    """So that the agreement says something: viscous friction to 15 %, Coulomb friction to 10 %."""
+    for of in halves:
+        relative = dict(zip(of.names, of.sd / abs(of.theta), strict=True))
+        assert relative["fv"] < 0.15
+        assert relative["fc"] < 0.1
+
+
+def test_friction_of_joint_1_is_that_of_others(records_dir: Path, tmp_path: Path) -> None:
+    """2.24 A s/rad and 1.33 A were found before, on the same file, by another way: within 10 %."""
+    record = read(records_dir, "ur-20_01_22-joint_1.csv", tmp_path, 1).record
+    found = estimate(record, 1)
+    values = dict(zip(found.names, found.theta, strict=True))
+    print({name: round(float(value), 3) for name, value in values.items()}, found.sd.round(3))
+    assert values["fv"] == pytest.approx(2.24, rel=0.1)
+    assert values["fc"] == pytest.approx(1.33, rel=0.1)
+
+
+def differences(first: Estimate, second: Estimate) -> dict[str, float]:
+    """Of two estimates, in standard deviations of the difference."""
+    apart = (first.theta - second.theta) / np.hypot(first.sd, second.sd)
+    return dict(zip(first.names, apart.tolist(), strict=True))
+
+
+def test_torn_rows_are_refused_one_by_one(records_dir: Path, tmp_path: Path) -> None:
+    """Ten of 1139 rows hold numbers up to 1e293."""
+    path = records_dir / "ur10e" / TORN
+    rows = np.array([[float(cell) for cell in line.split(",")] for line in path.read_text().splitlines()])
+    sound = (abs(rows) < 1e30).all(axis=1)
+    assert (~sound).sum() == 10
+    record, source = read(records_dir, TORN, tmp_path, 1)
+    assert source.dropped["absurd"] == 10
+    assert "10 absurd" in source.words
+    assert np.array_equal(record.y, rows[sound, 1])
+    assert np.array_equal(record.u, rows[sound, 13])
+
+
+def test_what_remains_of_torn_rows_is_told(records_dir: Path, tmp_path: Path) -> None:
+    """Rows shifted among the torn ones hold numbers that might be angles: 253 rad, 30.8 rad.
+
+    They are read: no cell is absurd by itself.  The values that stand out are told, with the largest.
+    """
+    record = read(records_dir, TORN, tmp_path, 1).record
+    found = [f for f in suspicions(record) if f.kind == "outliers"]
+    assert len(found) == 1
+    assert "253 rad" in found[0].sentence
