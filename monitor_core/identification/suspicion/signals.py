@@ -26,6 +26,8 @@ _STUCK = 20
 """Samples in a row."""
 _UNUSUAL = 10.0
 """Times the mean run of equal values while the axis moves: a coarse encoder has runs, but of similar length."""
+_JUMP = 3.0
+"""Times the speed that is exceeded in a tenth of the steps."""
 _DIGITS = 3.0
 """Steps of the angle of so few last digits may be the beginning of a motion."""
 _REFUSE = 0.5
@@ -129,8 +131,9 @@ def _says_stuck(record: Record, t: Floats, found: Runs) -> Finding:
 def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     """Whether the axis moves in each run: by its speed there, or by the steps of the angle into and out of it.
 
-    Where the angle freezes while the axis moves, it stops from full speed and jumps when it comes back; an axis that
-    comes to rest and starts again is slower in the last step before and in the first one after.
+    Where the angle freezes while the axis moves, it stops from full speed, and when it comes back it goes on at full
+    speed or makes up for all in one jump.  An axis that comes to rest is slower in the last step before and in the
+    first one after.
     """
     if record.quantity == "speed":
         speed = abs(y[found.start])
@@ -141,7 +144,9 @@ def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     clear = (speed > _MOVING * np.median(speed)) & (steps > _DIGITS * steps.min())
     starts = clear & (speed > _ABRUPT * np.append(speed[1:], np.inf))
     stops = clear & (speed > _ABRUPT * np.append(np.inf, speed[:-1]))
-    return np.asarray(np.append(starts, False) | np.append(False, stops), np.bool_)
+    jumps = clear & (speed > _JUMP * np.quantile(speed, 0.9))
+    abrupt = np.append(starts, True) & np.append(False, stops)
+    return np.asarray(abrupt | np.append(jumps, False), np.bool_)
 
 
 def _torque_moves(u: Floats, found: Runs) -> Bools:

@@ -114,10 +114,11 @@ def test_output_that_never_moves(record: Record) -> None:
 
 
 def test_stuck_output(record: Record) -> None:
-    y = record.y.copy()
-    speed = y if record.quantity == "speed" else np.gradient(y)
-    start = 500 + int(np.argmax(abs(speed[500:900])))
-    y[start : start + 60] = y[start]
+    """At the largest speed, or where the angle goes far in the meantime."""
+    y, frozen = record.y.copy(), 60
+    missed = abs(y if record.quantity == "speed" else np.append(y[frozen:], np.full(frozen, y[-1])) - y)
+    start = 500 + int(np.argmax(missed[500:1200]))
+    y[start : start + frozen] = y[start]
     findings = [finding for finding in suspicions(with_y(record, y), KNOWN) if finding.kind == "stuck"]
     assert [(finding.severity, finding.number) for finding in findings] == [("warn", 60)]
     assert f"from {record.t[start] - record.t[0]:.3f} s on" in findings[0].sentence
@@ -133,7 +134,10 @@ def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
     t = np.concatenate((record.t[0] - H * np.arange(rest, 0, -1), record.t))
     start = record.y[0] if record.quantity == "angle" else 0.0
     y = np.round(np.concatenate((np.full(rest, start), record.y)), 4)
-    assert [k for k, _ in kinds(Record(t, u, y, record.quantity))] == []
+    assert kinds(Record(t, u, y, record.quantity)) == []
+    there_and_back = np.concatenate((y[rest:][::-1], y))
+    t = H * np.arange(len(there_and_back), dtype=float)
+    assert kinds(Record(t, np.concatenate((record.u, u)), there_and_back, record.quantity), Known()) == []
 
 
 def test_a_coarse_encoder_is_not_stuck(seed: int) -> None:
