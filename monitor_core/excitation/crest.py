@@ -17,8 +17,8 @@ from scipy.optimize import minimize
 from monitor_core.excitation.multisine import Complex, Multisine
 from monitor_core.kernel.tables import Floats
 
-_EXPONENTS = (2, 4, 8, 16, 32, 64, 128, 256)
-_STEPS = 150
+_EXPONENTS = (2, 4, 8, 16, 32, 64, 128)
+_STEPS = 100
 """Of L-BFGS, for each exponent."""
 _OVERSAMPLING = 16
 """Samples in a period of the highest line, from which on a peak between two of them does not count."""

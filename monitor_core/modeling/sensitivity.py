@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
+from numpy.typing import NDArray
 
 from monitor_core.discretize import zero_order_hold
 from monitor_core.drive import Drive, split_name
 from monitor_core.excitation import multisine
-from monitor_core.kernel.tables import Floats
+from monitor_core.kernel.tables import TORQUE, Floats
 from monitor_core.simulation import SimulatedAxis
 
 INTERVAL_S = 0.005
@@ -59,12 +60,58 @@ def sensitivities(
         KeyError: a name that the drive does not have, or a value that is missing.
         ValueError: a value that makes no sense; a parameter that is zero and has no scale.
     """
-    slopes = [_slopes(drive, _stepped(drive, values, name, scales or {})) for name in names]
     u = known_inputs(drive, values, torque, interval_s, speed_scale)
+    return sensitivities_to(u, drive, values, names, interval_s, scales)
+
+
+def sensitivities_to(
+    u: Floats,
+    drive: Drive,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    interval_s: float,
+    scales: Mapping[str, float] | None = None,
+) -> Floats:
+    """As ``sensitivities``, with all inputs u (N, m) of the drive known, each held over its interval."""
+    return _propagated(*_linearised(drive, values, names, scales or {}), u, interval_s)
+
+
+def sensitivity_responses(
+    drive: Drive,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    frequency_hz: Floats,
+    interval_s: float,
+    scales: Mapping[str, float] | None = None,
+) -> NDArray[np.complex128]:
+    """Frequency responses (L, p) from the torque, held over each interval, to the sensitivities of the output.
+
+    Raises:
+        KeyError, ValueError: as ``sensitivities``.
+    """
+    of, slopes = _linearised(drive, values, names, scales or {})
+    torque = np.array([kind == TORQUE for kind in drive.inputs], dtype=float)[:, np.newaxis]
+    Ad, Bd = zero_order_hold(of.A, of.B, interval_s)
+    z = np.exp(2j * np.pi * np.asarray(frequency_hz) * interval_s)[:, np.newaxis, np.newaxis]
+    resolvent = np.linalg.inv(z * np.eye(len(Ad)) - Ad)
+    x = resolvent @ (Bd @ torque)
+    held = [_held(of, slope, interval_s) for slope in slopes]
+    columns = [
+        of.C @ (resolvent @ (A @ x + B @ torque)) + slope.C @ x
+        for (A, B), slope in zip(held, slopes, strict=True)
+    ]
+    return np.asarray(np.hstack(columns) if columns else np.empty((len(z), 0), dtype=complex))
+
+
+def _linearised(
+    drive: Drive, values: Mapping[str, float], names: Sequence[str], scales: Mapping[str, float]
+) -> tuple[Linear, list[Linear]]:
+    """The drive and its slopes by name, in units of state in which no digits are lost."""
+    slopes = [_slopes(drive, _stepped(drive, values, name, scales)) for name in names]
     at = drive.complete(values)
     nominal = Linear(drive.matrix("A", at), drive.matrix("B", at), drive.matrix("C", at)[0])
     d = np.asarray(sla.matrix_balance(nominal.A, permute=False, separate=True)[1][0], dtype=float)
-    return _propagated(_in_units(nominal, d), [_in_units(s, d) for s in slopes], u, interval_s)
+    return _in_units(nominal, d), [_in_units(s, d) for s in slopes]
 
 
 def known_inputs(

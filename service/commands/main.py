@@ -15,6 +15,7 @@ COMMANDS = (
     "demo",
     "check",
     "model",
+    "excite",
     "identify",
     "listen",
     "run",

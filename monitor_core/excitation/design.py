@@ -1,0 +1,211 @@
+"""An experiment from what is asked: signal, motion within the limits, and what it will tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.drive import split_name
+from monitor_core.excitation.closed_loop import ClosedLoop
+from monitor_core.excitation.crest import crest_factor, flattened
+from monitor_core.excitation.limits import Fitted, Limits, fitted
+from monitor_core.excitation.multisine import Complex, Lines, Multisine, lines_in
+from monitor_core.excitation.open_loop import ExcitationError, OpenLoop
+from monitor_core.excitation.optimal import information, optimal_powers
+from monitor_core.excitation.plant import Controller, Motion, Plant
+from monitor_core.excitation.prediction import Estimation, linear_part, told_apart
+from monitor_core.excitation.schedule import Schedule
+from monitor_core.kernel.tables import Floats
+from monitor_core.modeling.accuracy import Accuracy
+
+Command = Literal["torque", "speed", "angle"]
+
+_PEAK = {"torque": 1.5, "speed": 2.5, "angle": 2.5}
+"""Peak over rms value, about: of the torque, whose phases are made for it, and of what follows from it."""
+_EVERYWHERE = 0.2
+"""Part of an optimal spectrum's power that is spread evenly: the drive may not be quite the nominal one."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is asked for.
+
+    Args:
+        plant: the drive that is moved.
+        estimation: how its parameters will be estimated.
+        limits: of torque, speed and angle.
+        period: samples in a period.
+        periods: to be evaluated, after one to warm up.
+        band_hz: of the lines.
+        lines: all of them, or the odd ones.
+        command: what is given to the axis: torque, or a reference for its controller.
+        controller: of the axis, where it is known.
+        free: what is estimated; default all that can be told apart.
+        find: for what of it the spectrum is to be the best; default a flat one.
+    """
+
+    plant: Plant
+    estimation: Estimation
+    limits: Limits
+    period: int
+    periods: int = 2
+    band_hz: tuple[float, float] = (0.0, 30.0)
+    lines: Lines = "odd"
+    command: Command = "torque"
+    controller: Controller | None = None
+    free: tuple[str, ...] = ()
+    find: tuple[str, ...] = ()
+
+    @cached_property
+    def grid(self) -> NDArray[np.intp]:
+        """Lines (L,).
+
+        Raises:
+            ExcitationError: there are none.
+        """
+        try:
+            return lines_in(self.period, self.plant.interval_s, self.band_hz, self.lines)
+        except ValueError as error:
+            raise ExcitationError(f"{error}: widen the band or lengthen the period") from None
+
+    @cached_property
+    def schedule(self) -> Schedule:
+        """The course of the record."""
+        return Schedule(self.period, self.periods, max(4, self.period // 4))
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """Of the lines (L,)."""
+        return np.asarray(self.grid / (self.period * self.plant.interval_s))
+
+    def over_limits(self, frequency_hz: Floats) -> dict[str, Complex]:
+        """Frequency responses (L,) from the torque to all that has a limit, over it."""
+        angle, speed = self.plant.response(frequency_hz)
+        each = {"torque": np.ones(len(angle), dtype=complex), "speed": speed, "angle": angle}
+        limits = self.limits.by_name()
+        return {name: each[name] / limits[name] for name in each if np.isfinite(limits[name])}
+
+    def costs(self, frequency_hz: Floats) -> Floats:
+        """Share of each limit that a power of 1 (N m)^2 in each line takes (J, L)."""
+        return np.array([np.abs(G * _PEAK[name]) ** 2 for name, G in self.over_limits(frequency_hz).items()])
+
+
+class Trial(NamedTuple):
+    """A signal in N m, before and after its peaks were lowered, its largest motion, the reference (2, samples)."""
+
+    random: Multisine
+    signal: Multisine
+    fitted: Fitted
+    reference: Floats | None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The planned experiment.
+
+    Args:
+        task: what was asked for.
+        trial: signal and motion.
+        accuracy: of the estimates.
+        flat: the same with a flat spectrum of equal limits; equal to ``accuracy`` where none was to be found.
+        held: parameters that are not estimated because nothing tells them apart from the others.
+    """
+
+    task: Task
+    trial: Trial
+    accuracy: Accuracy
+    flat: Accuracy
+    held: tuple[str, ...]
+
+    @property
+    def motion(self) -> Motion:
+        """Torque, angle and speed (samples, 1)."""
+        return self.trial.fitted.motion
+
+    @property
+    def used(self) -> dict[str, float]:
+        """Largest values over limits."""
+        return self.task.limits.used(self.motion)
+
+    @property
+    def crests(self) -> dict[str, float]:
+        """Crest factor of the signal's period with random phases, with Schroeder's, and as it is."""
+        random = self.trial.random
+        forms = {
+            "random": random,
+            "Schroeder": random.with_schroeder_phases(),
+            "optimised": self.trial.signal,
+        }
+        return {name: crest_factor(form.samples()) for name, form in forms.items()}
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Standard deviation with the flat spectrum over that with this one, of what was to be found."""
+        at = [self.accuracy.names.index(name) for name in self.task.find]
+        ratio = self.flat.standard_deviations[at] / self.accuracy.standard_deviations[at]
+        return dict(zip(self.task.find, ratio.tolist(), strict=True))
+
+
+def plan(task: Task, rng: np.random.Generator) -> Experiment:
+    """The experiment for a task.
+
+    Raises:
+        ExcitationError: there is none; the text says what would be right.
+        KeyError, ValueError: a parameter that the drive does not have, or that is zero and has no scale.
+    """
+    flat = _trial(task, Multisine.random(rng, task.period, task.plant.interval_s, task.grid))
+    inputs = flat.fitted.motion.inputs
+    names = task.free or told_apart(task.estimation, inputs, task.find)
+    if missing := [name for name in task.find if name not in names]:
+        raise ExcitationError(f"{missing[0]} is to be found, so it must be among the free parameters")
+    accuracy = task.estimation.accuracy(names, inputs)
+    bases = {split_name(name)[0] for name in names}
+    held = () if task.free else tuple(n for n in task.estimation.all_names if n not in bases)
+    experiment = Experiment(task, flat, accuracy, accuracy, held)
+    if not task.find:
+        return experiment
+    best = _trial(task, replace(flat.random, amplitudes=_best_amplitudes(task, names)))
+    found = task.estimation.accuracy(names, best.fitted.motion.inputs)
+    at = [names.index(name) for name in task.find]
+    if np.sum(found.standard_deviations[at] ** 2) >= np.sum(accuracy.standard_deviations[at] ** 2):
+        return experiment
+    return replace(experiment, trial=best, accuracy=found)
+
+
+def _trial(task: Task, random: Multisine) -> Trial:
+    """The signal with low peaks, as large as the limits allow."""
+    weights = task.over_limits(task.frequency_hz)
+    signal = flattened(random, list(weights.values()))
+    loop = (
+        OpenLoop(task.plant, task.schedule, signal)
+        if task.command == "torque"
+        else ClosedLoop(task.plant, task.schedule, signal, task.controller)
+    )
+    peak = max(np.abs(signal.through(G).samples()).max() for G in weights.values())
+    found = fitted(loop.move, task.limits, 0.9 / peak)
+    reference = loop.reference(found.size) if isinstance(loop, ClosedLoop) else None
+    return Trial(random.times(found.size), signal.times(found.size), found, reference)
+
+
+def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
+    """Of the lines (L,), for what is to be found."""
+    responses = task.estimation.responses(names, task.frequency_hz)
+    seen = linear_part(responses)
+    wanted = np.array([float(names[i] in task.find) for i in seen])
+    if not wanted.any():
+        raise ExcitationError(
+            f"the spectrum does not matter to {' and '.join(task.find)}: leave out what to find"
+        )
+    costs = task.costs(task.frequency_hz)
+    try:
+        best = optimal_powers(information(responses[:, seen]), costs, wanted).powers
+    except np.linalg.LinAlgError:
+        raise ExcitationError(
+            f"{len(task.grid)} lines do not tell {len(seen)} parameters apart: widen the band or lengthen the period"
+        ) from None
+    even = np.full(len(best), 1 / costs.sum(axis=1).max())
+    return np.asarray(np.sqrt(2 * ((1 - _EVERYWHERE) * best + _EVERYWHERE * even)))

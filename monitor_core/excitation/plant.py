@@ -1,0 +1,170 @@
+"""The drive that an experiment is planned for, at its nominal values: frequency responses, and motions from rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.drive import Drive
+from monitor_core.excitation.multisine import Complex
+from monitor_core.excitation.stepping import step_through
+from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, SINE, TORQUE, Floats
+
+_SUBSTEP_S = 1e-3
+"""Coulomb friction and gravity are held no longer than this while the drive is simulated."""
+_RIGID = np.array([0.1, 0.2])  # rad/s: so slow that nothing bends
+
+
+class Motion(NamedTuple):
+    """Torque [N m], angle [rad] and speed [rad/s] at each sample; the torque acts until the next: (N, W) each.
+
+    ``inputs`` (N, m) are all inputs of the drive, of the first column.
+    """
+
+    torque: Floats
+    angle: Floats
+    speed: Floats
+    inputs: Floats
+
+
+@dataclass(frozen=True)
+class Controller:
+    """u = forward + kp (reference - angle) + kd (its slope - speed), in N m/rad and N m s/rad."""
+
+    kp: float
+    kd: float
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A drive whose output is the angle, sampled with an interval.
+
+    ``speed_scale`` is that of Coulomb friction, rad/s.
+
+    Raises:
+        ValueError: the output of the drive is the speed.
+        KeyError: a value is missing.
+    """
+
+    drive: Drive
+    values: Mapping[str, float]
+    interval_s: float
+    speed_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.drive.output != "angle":
+            raise ValueError("an experiment is planned with the angle as output, whatever is measured")
+        object.__setattr__(self, "values", self.drive.complete(self.values))
+
+    @cached_property
+    def _balanced(self) -> tuple[Floats, Floats, Floats]:
+        """A, B and the rows of angle and speed (2, n), in states x_i / d_i."""
+        A, B, C = (self.drive.matrix(which, self.values) for which in ("A", "B", "C"))
+        d = np.asarray(sla.matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)
+        A, B, C = A / d[:, None] * d, B / d[:, None], C * d
+        return A, B, np.vstack([C, C @ A])
+
+    @cached_property
+    def of_torque(self) -> NDArray[np.bool_]:
+        """Which inputs are the motor torque (m,)."""
+        return np.array([kind == TORQUE for kind in self.drive.inputs])
+
+    @cached_property
+    def is_linear(self) -> bool:
+        """Nothing acts that depends on the motion."""
+        B = self._balanced[1]
+        return not (np.isin(self.drive.inputs, OF_MOTION) & B.any(axis=0)).any()
+
+    @property
+    def bears_weight(self) -> bool:
+        """Whether gravity acts on it."""
+        return COSINE in self.drive.inputs or SINE in self.drive.inputs
+
+    def response(self, frequency_hz: Floats) -> Complex:
+        """From the held torque to the samples of angle and speed (2, L)."""
+        A, B, C = self._balanced
+        Ad, Bd = zero_order_hold(A, B[:, self.of_torque].sum(axis=1, keepdims=True), self.interval_s)
+        z = np.exp(2j * np.pi * np.asarray(frequency_hz) * self.interval_s)
+        x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - Ad, np.broadcast_to(Bd, (len(z), *Bd.shape)))
+        return np.asarray((C @ x)[:, :, 0].T)
+
+    @cached_property
+    def _slowly(self) -> Complex:
+        """Angle over each input (2, m) at two low frequencies."""
+        A, B, C = self._balanced
+        s = 1j * _RIGID[:, None, None] * np.eye(len(A))
+        return np.asarray((C[:1] @ np.linalg.solve(s - A, np.broadcast_to(B, (2, *B.shape))))[:, 0])
+
+    @cached_property
+    def inertia(self) -> float:
+        """Of everything, as the motor feels it while nothing bends, kg m^2."""
+        low, high = (1 / self._slowly[:, self.of_torque].sum(axis=1)).real
+        return float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
+
+    def countered(self, angle: Floats, speed: Floats) -> Floats:
+        """The torque (N,) that bears friction, weights and offsets along a slow motion (N,)."""
+        forces = self.inputs(np.zeros_like(angle), angle, speed)
+        like_torque = self._slowly[0] / self._slowly[0, self.of_torque].sum()
+        return np.asarray(-(like_torque.real * ~self.of_torque) @ forces)
+
+    def inputs(self, torque: Floats, angle: Floats, speed: Floats) -> Floats:
+        """All inputs (m, W) of drives with that torque (W,) at that angle and speed of the sensor."""
+        out = np.ones((len(self.drive.inputs), len(torque)))
+        for i, (kind, ratio) in enumerate(zip(self.drive.inputs, self._ratio, strict=True)):
+            if kind == TORQUE:
+                out[i] = torque
+            elif kind == COULOMB:
+                out[i] = np.tanh(ratio * speed / self.speed_scale)
+            elif kind in (COSINE, SINE):
+                out[i] = (np.cos if kind == COSINE else np.sin)(ratio * angle)
+        return out
+
+    @cached_property
+    def _ratio(self) -> Floats:
+        return self.drive.matrix("ratio", self.values)[:, 0]
+
+    def held_together_by(self, controller: Controller) -> bool:
+        """Whether the linear part of the drive is stable with that controller."""
+        A, B, C = self._balanced
+        Ad, Bd = zero_order_hold(A, B[:, self.of_torque].sum(axis=1, keepdims=True), self.interval_s)
+        back = Bd @ (controller.kp * C[:1] + controller.kd * C[1:])
+        return bool(np.abs(np.linalg.eigvals(Ad - back)).max() < 1)
+
+    def moved(
+        self, forward: Floats, reference: Floats | None = None, controller: Controller | None = None
+    ) -> Motion:
+        """From rest at angle zero, W drives side by side.
+
+        Args:
+            forward: torque (N, W) beside that of the controller.
+            reference: angle and its slope (2, N), with a controller.
+            controller: of each drive.
+        """
+        A, B, C = self._balanced
+        parts = 1 if self.is_linear else max(1, round(self.interval_s / _SUBSTEP_S))
+        Ad, Bd = zero_order_hold(A, B, self.interval_s / parts)
+        follows = np.zeros((2, len(forward))) if reference is None else reference
+        gains = np.array([0.0, 0.0] if controller is None else [controller.kp, controller.kd])
+        out, inputs = np.empty((3, *forward.shape)), np.empty((len(forward), len(self.drive.inputs)))
+        step_through(
+            np.ascontiguousarray(Ad),
+            np.ascontiguousarray(Bd),
+            np.ascontiguousarray(C),
+            np.array(self.drive.inputs, dtype=float),
+            np.column_stack([self._ratio, self._ratio / self.speed_scale]),
+            parts,
+            np.ascontiguousarray(forward),
+            np.ascontiguousarray(follows.T),
+            gains,
+            out,
+            inputs,
+        )
+        torque, angle, speed = out
+        return Motion(torque, angle, speed, inputs)

@@ -1,0 +1,123 @@
+"""What an experiment will tell: the standard deviations that its estimates will have, Cramer and Rao's bound.
+
+They are those of the predictor that the axis has: of its output error, or of the innovations that the gain K leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.drive import Drive, split_name
+from monitor_core.excitation.multisine import Complex
+from monitor_core.excitation.open_loop import ExcitationError
+from monitor_core.kernel.tables import Floats
+from monitor_core.modeling.accuracy import Accuracy
+from monitor_core.modeling.identifiability.wording import listed
+from monitor_core.modeling.sensitivity import sensitivities_to, sensitivity_responses
+
+_UNSEEN = 1e-9
+"""A sensitivity so much smaller than the largest is none."""
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """How the parameters will be estimated.
+
+    Args:
+        drive: with the quantity as output that is measured.
+        values: of its parameters.
+        interval_s: between samples.
+        lam0: variance of the innovations, of the output noise where there is no gain.
+        K: filter gain (n,) in the drive's states, None for output error.
+        scales: sizes of parameters that are zero.
+
+    Raises:
+        ValueError: the variance is not positive, or the gain has another length.
+    """
+
+    drive: Drive
+    values: Mapping[str, float]
+    interval_s: float
+    lam0: float
+    K: Floats | None = None
+    scales: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", self.drive.complete(self.values))
+        if not 0 < self.lam0 < np.inf:
+            raise ValueError(f"innovation variance {self.lam0}: must be finite and greater than zero")
+        if self.K is not None and len(self.K) != len(self.drive.states):
+            raise ValueError(f"K has {len(self.K)} entries, the drive {len(self.drive.states)} states")
+
+    @property
+    def all_names(self) -> tuple[str, ...]:
+        """The parameters that have a size."""
+        return tuple(
+            p.name for p in self.drive.parameters if self.values[p.name] != 0 or p.name in self.scales
+        )
+
+    def accuracy(self, names: Sequence[str], inputs: Floats) -> Accuracy:
+        """Of estimates of these parameters from a record with these inputs (N, m) from rest."""
+        S = sensitivities_to(inputs, self.drive, self.values, names, self.interval_s, self.scales)
+        return Accuracy(tuple(names), self._innovations(S), float(np.sqrt(self.lam0)))
+
+    def responses(self, names: Sequence[str], frequency_hz: Floats) -> Complex:
+        """From the torque to sqrt(information) at each frequency (L, p), relative, for one sample."""
+        s = sensitivity_responses(self.drive, self.values, names, frequency_hz, self.interval_s, self.scales)
+        s = s / np.sqrt(self.lam0)
+        if self.K is None:
+            return np.asarray(s)
+        Ad, C = self._held
+        z = np.exp(2j * np.pi * frequency_hz * self.interval_s)[:, None, None] * np.eye(len(Ad))
+        K = np.asarray(self.K)[:, None]
+        x = np.linalg.solve(z - Ad + Ad @ K @ C, np.broadcast_to(Ad @ K, (len(z), *K.shape)))
+        return np.asarray(s * (1 - C @ x)[:, 0])
+
+    @property
+    def _held(self) -> tuple[Floats, Floats]:
+        A, B, C = (self.drive.matrix(which, self.values) for which in ("A", "B", "C"))
+        return zero_order_hold(A, B, self.interval_s)[0], C
+
+    def _innovations(self, S: Floats) -> Floats:
+        """What a predictor with gain K leaves of each column: eps = s - C x,  x+ = Ad (x + K eps)."""
+        if self.K is None:
+            return S
+        (Ad, C), K = self._held, np.asarray(self.K)[:, None]
+        x, out = np.zeros((len(Ad), S.shape[1])), np.empty_like(S)
+        for k, s in enumerate(S):
+            out[k] = s - (C @ x)[0]
+            x = Ad @ (x + K * out[k])
+        return out
+
+
+def told_apart(estimation: Estimation, inputs: Floats, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+    """All parameters that one record can tell, without those that must be held for it: pure numbers first.
+
+    Raises:
+        ExcitationError: one that is ``wanted`` cannot be told beside the others.
+    """
+    bases = {split_name(name)[0] for name in wanted}
+    names = [*wanted, *(name for name in estimation.all_names if name not in bases)]
+    while directions := [d for d in estimation.accuracy(names, inputs).directions() if d.size == 0]:
+        parts = directions[0].names
+        movable = [name for name in parts if name not in wanted]
+        pure = [name for name in movable if estimation.drive.parameter(name).unit == "1"]
+        if not pure and len(movable) < len(parts):
+            raise ExcitationError(_not_beside([name for name in parts if name in wanted], movable))
+        names.remove(pure[0] if pure else movable[-1])
+    return tuple(names)
+
+
+def _not_beside(wanted: Sequence[str], others: Sequence[str]) -> str:
+    beside = listed(others) if others else "one another"
+    return f"{listed(wanted)} cannot be told beside {beside}: say which are estimated (free), the others are held"
+
+
+def linear_part(responses: Complex) -> list[int]:
+    """Which parameters (p,) show in the linear response: not friction's, which only the simulation knows."""
+    sizes = np.abs(responses).max(axis=0)
+    return [int(i) for i in np.flatnonzero(sizes > _UNSEEN * sizes.max(initial=0.0))]

@@ -1,0 +1,75 @@
+"""What a planned experiment will not tell, and what would help, in plain sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from monitor_core.excitation.design import Experiment, Task
+from monitor_core.excitation.optimal import information, optimal_powers
+from monitor_core.excitation.prediction import linear_part
+from monitor_core.kernel.tables import Floats
+from monitor_core.modeling.accuracy import FAIR, percent
+
+_MOST_LINES = 80
+_WORTH_IT = 1.5
+"""A band that makes a standard deviation so much smaller is worth the words."""
+
+
+def warnings(experiment: Experiment) -> tuple[str, ...]:
+    """Sentences on each parameter that is not told well, and on pairs that are not told apart."""
+    return (*_poor(experiment), *experiment.accuracy.words())
+
+
+def _poor(experiment: Experiment) -> Iterator[str]:
+    task, accuracy = experiment.task, experiment.accuracy
+    seconds = task.schedule.samples * task.plant.interval_s
+    for name, sd in zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True):
+        if sd > FAIR and np.isfinite(sd):
+            yield (
+                f"{name} cannot be told to better than {percent(sd)} in {seconds:.3g} s:"
+                f" {_remedy(task, accuracy.names, name, sd)}."
+            )
+
+
+def _remedy(task: Task, names: tuple[str, ...], name: str, sd: float) -> str:
+    longer = f"{(sd / FAIR) ** 2:.2g} times as long a record would tell it to {percent(FAIR)}"
+    top = _better_band(task, names, name)
+    if top is not None:
+        return f"excite up to {top:.2g} Hz ({longer})"
+    if name not in task.find:
+        return f"put it among what is to be found, or widen the limits ({longer})"
+    return f"widen the limits ({longer})"
+
+
+def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
+    """How far up a spectrum made for that parameter would go, if that makes much of a difference."""
+    low, high = task.band_hz
+    nyquist = 0.5 / task.plant.interval_s
+    inside = np.linspace(max(low, task.frequency_hz[0]), high, _MOST_LINES)
+    wide = np.concatenate([inside, np.linspace(high, 0.8 * nyquist, _MOST_LINES)[1:]])
+    if high >= 0.8 * nyquist:
+        return None
+    here, there = (_best(task, names, name, lines) for lines in (inside, wide))
+    if here is None or there is None or here[0] < _WORTH_IT**2 * there[0]:
+        return None
+    below = np.cumsum(there[1]) / there[1].sum()
+    top = float(wide[np.searchsorted(below, 0.95)])
+    return top if top > high else None
+
+
+def _best(task: Task, names: tuple[str, ...], name: str, lines: Floats) -> tuple[float, Floats] | None:
+    """Smallest variance of that parameter, and the powers (L,) for it."""
+    responses = task.estimation.responses(names, lines)
+    seen = linear_part(responses)
+    wanted = np.array([float(names[i] == name) for i in seen])
+    if not wanted.any():
+        return None
+    M = information(responses[:, seen])
+    try:
+        powers = optimal_powers(M, task.costs(lines), wanted).powers
+        covariance = np.linalg.inv(np.tensordot(powers, M, axes=1))
+    except np.linalg.LinAlgError:
+        return None
+    return float(wanted @ np.diag(covariance)), powers
