@@ -59,14 +59,14 @@ class Files(NamedTuple):
             typer.Exit: a file cannot be written.
         """
         texts = list(self._texts(found))  # all before the first is written
+        for path, text in texts:
+            _write(path, text)
         if self.json != STDOUT:
             from rich.console import Console
 
             from service.reports.identification_text import print_text
 
             print_text(found, Console(highlight=False))
-        for path, text in texts:
-            _write(path, text)
         written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
         print(f"written: {written}", file=sys.stderr)
 

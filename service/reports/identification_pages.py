@@ -86,7 +86,8 @@ def correlation_table(found: Found) -> str:
     """The whole matrix, coloured by size."""
     names, R = found.estimate.names, found.estimate.correlation
     rows = "".join(
-        f"<tr><th>{escaped(name)}</th>{''.join(_correlation(float(r)) for r in R[i, : i + 1])}</tr>"
+        f"<tr><th>{escaped(name)}</th>{''.join(_correlation(float(r)) for r in R[i, :i])}"
+        "<td class='quiet'>1</td></tr>"
         for i, name in enumerate(names)
     )
     legend = (

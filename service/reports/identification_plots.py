@@ -27,6 +27,7 @@ from service.reports.plot_style import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import XAxis
     from matplotlib.ticker import MultipleLocator
 
 _ZOOM_S = 2.0
@@ -38,17 +39,19 @@ _FLOOR_DB = 15.0
 def trace_picture(trace: Trace, output: str, salt: str) -> str:
     """The whole record, some seconds of it in detail, and the errors."""
     quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
-    with figure(6.4) as drawn:
-        whole, detail, errors = drawn.subplots(3, 1, height_ratios=(2, 2, 1.4))
+    with figure(7.4) as drawn:
+        whole, detail, run, ahead = drawn.subplots(4, 1, height_ratios=(2, 2, 1.1, 1.1))
         _lines(whole, trace, slice(None))
         whole.set(title="Whole record", ylabel=quantity)
         whole.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2)
         part = _lively(trace)
         _lines(detail, trace, part)
-        detail.set(title="In detail", ylabel=quantity)
-        _errors(errors, trace)
-        errors.set(title="Errors", ylabel=quantity, xlabel="time [s]")
-        for axes in (whole, errors):
+        detail.set(title="In detail", ylabel=quantity, xlim=trace.t[part][[0, -1]])
+        run.plot(*thinned(trace.t, trace.y - trace.simulated), color=SIMULATED, lw=0.9)
+        run.set(title="Errors of the simulation", ylabel="error")
+        ahead.plot(*thinned(trace.t, trace.y - trace.predicted), color=FOUND, lw=0.9)
+        ahead.set(title="Errors one step ahead", ylabel="error", xlabel="time [s]")
+        for axes in (whole, run, ahead):
             axes.set_xlim(trace.t[0], trace.t[-1])
         return as_svg(drawn, f"{quantity} measured, predicted and simulated", salt)
 
@@ -64,11 +67,6 @@ def _lines(axes: Axes, trace: Trace, part: slice) -> None:
         ls=(0, (4, 2)),
         label="predicted one step ahead",
     )
-
-
-def _errors(axes: Axes, trace: Trace) -> None:
-    axes.plot(*thinned(trace.t, trace.y - trace.simulated), color=SIMULATED, lw=0.9)
-    axes.plot(*thinned(trace.t, trace.y - trace.predicted), color=FOUND, lw=0.9)
 
 
 def _lively(trace: Trace) -> slice:
@@ -120,6 +118,8 @@ def bode_picture(bode: Bode) -> str:
         gain.set_xlim(_omega(bode.drive)[[0, -1]])
         hertz = gain.secondary_xaxis("top", functions=(lambda w: w / (2 * np.pi), lambda f: f * 2 * np.pi))
         hertz.set_xlabel("frequency [Hz]")
+        for axis in (gain.xaxis, hertz.xaxis):
+            _plain_decades(axis)
         gain.legend(loc="lower left")
         return as_svg(drawn, "frequency responses from torque to speed", "bode")
 
@@ -157,6 +157,15 @@ def _measured(gain: Axes, phase: Axes, one: FrequencyResponse, near: FrequencyRe
 
 def _limits(db: Floats) -> tuple[float, float]:
     return float(np.nanmin(db)) - _FLOOR_DB, float(np.nanmax(db)) + _FLOOR_DB
+
+
+def _plain_decades(axis: XAxis) -> None:
+    """1, 2, 5, 10, 20, .. written as they are."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _quarters() -> MultipleLocator:

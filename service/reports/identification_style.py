@@ -43,7 +43,7 @@ tbody th { font-weight: 600; white-space: nowrap; }
 .bar i { position: absolute; inset: 0 auto 0 0; border-radius: 5px; background: var(--found); }
 .bar.poor i { background: var(--simulated); }
 .legend { color: var(--quiet); font-size: 13px; margin: 8px 0 0; }
-figure { margin: 0; } figure + figure { margin-top: 18px; } figcaption { font-weight: 600; margin-bottom: 4px; }
+figure { margin: 0; } * + figure { margin-top: 16px; } figcaption { font-weight: 600; margin-bottom: 4px; }
 figure svg, figure img { display: block; width: 100%; height: auto; }
 figure img { width: auto; max-width: 100%; }
 .matrix { width: auto; font-size: 13px; } .matrix th, .matrix td { border: 0; padding: 4px 7px; text-align: right; }
@@ -51,6 +51,7 @@ figure img { width: auto; max-width: 100%; }
 .matrix td i { position: absolute; inset: 1px; border-radius: 4px; background: var(--found); }
 .matrix td.minus i { background: var(--simulated); }
 .matrix td b { position: relative; font-weight: 400; } .matrix .strong b { font-weight: 700; }
+.quiet { color: var(--quiet); }
 ul { margin: 0; padding-left: 20px; } li { margin: 0 0 6px; }
 pre { margin: 0; padding: 12px 14px; border-radius: 8px; background: var(--page); font-size: 13px;
   white-space: pre-wrap; overflow-wrap: anywhere; }

@@ -14,6 +14,9 @@ from service.identification.traces import Trace
 _NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
+_FULL = 1e7
+
+
 def escaped(text: str) -> str:
     """Text for HTML."""
     return html.escape(_NOT_XML.sub("", text))
@@ -21,7 +24,13 @@ def escaped(text: str) -> str:
 
 def number(value: float | None) -> str:
     """Five digits."""
-    return "" if value is None else f"{value:.5g}"
+    return "" if value is None else plain(value, 5)
+
+
+def plain(value: float, digits: int) -> str:
+    """So many digits, large numbers in full: 281330, not 2.8133e+05."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:.0f}" if 10 ** (digits - 1) <= abs(rounded) < _FULL else f"{value:.{digits}g}"
 
 
 def percent(value: float | None, signed: bool = False) -> str:
@@ -34,7 +43,7 @@ def percent(value: float | None, signed: bool = False) -> str:
 
 def deviation(row: Row) -> str:
     """The standard deviation, or why there is none."""
-    return f"{row.sd:.2g}" if row.sd is not None else f"held: {row.held}"
+    return plain(row.sd, 2) if row.sd is not None else f"held: {row.held}"
 
 
 class Tested(NamedTuple):

@@ -33,6 +33,7 @@ _MOST_POINTS = 1200
 _HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
 _DIGITS = re.compile(r"(\d+\.\d\d)\d+")
+_PATH = re.compile(r' d="[^"]*"')
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -80,7 +81,7 @@ def as_svg(drawn: Figure, label: str, salt: str) -> str:
     text = _METADATA.sub("", _HEAD.sub("", out.getvalue()))
     for colour, name in COLOURS.items():
         text = text.replace(colour, f"var(--{name})")
-    text = _DIGITS.sub(r"\1", text)
+    text = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[0]), text)
     return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
 
 
