@@ -6,7 +6,9 @@ errors of neighbouring samples become correlated.  It is for methods that need a
 response), and for records sampled far faster than the axis moves.
 
 * The torque is held, so its mean over a new interval is exact: the integral of the torque is conserved, and so is the
-  momentum that it gives.
+  momentum that it gives.  Of the reference drive under a torque of 0 to 30 Hz, recorded each millisecond, the true
+  model simulates the new output with an error of 0.07, 0.7 and 3 % at 2, 5 and 10 ms; with every n-th torque instead
+  of the mean it would be 3, 14 and 32 %.
 * Output and signals pass a low-pass filter against aliasing: a Kaiser-windowed sinc, flat within 0.1 % up to 0.8 of
   the new Nyquist frequency and down by 60 dB at it.  It is symmetric and centred on each new sample, hence without
   phase: a delay would be read as inertia (half a millisecond as 3 %), and a recursive filter run both ways, the
