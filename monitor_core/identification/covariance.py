@@ -17,7 +17,7 @@ _SEEN = 1e-12
 class Information(NamedTuple):
     """What records tell."""
 
-    accuracy: Accuracy  # as if the errors were white; says what cannot be told
+    accuracy: Accuracy  # the same, relative to the sizes; says what cannot be told
     covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be told
     order: int  # of the errors' autoregressive model; 0: white
 
@@ -56,7 +56,19 @@ def information(
         known = np.isfinite(np.diag(accuracy.covariance))
         covariance = accuracy.covariance.copy()
         covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
-        return Information(accuracy, covariance * np.outer(sizes, sizes), order)
+        return Information(_as_told(accuracy, covariance), covariance * np.outer(sizes, sizes), order)
+
+
+def _as_told(accuracy: Accuracy, covariance: Floats) -> Accuracy:
+    """What white errors would have to tell to give that covariance; where some is infinite, no change."""
+    if not np.isfinite(covariance).all():
+        return accuracy
+    sd = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
+    if values[0] <= 0:
+        return accuracy
+    root = (vectors / np.sqrt(values)).T / sd
+    return Accuracy(accuracy.names, root * accuracy.noise, accuracy.noise)
 
 
 def _unexplained(psi: Floats, start: Floats) -> Floats:

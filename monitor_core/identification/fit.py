@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.identification.descent import STEP, End, Normal, minimise
-from monitor_core.identification.layout import LEVEL, Entry
+from monitor_core.identification.layout import LEVEL
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
@@ -17,7 +17,8 @@ from monitor_core.kernel.tables import Floats
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
 _ROUNDS = 3
-_LEVEL_STEP = 3.0
+_LEVEL_STEP = 1.5
+"""Where a noise level hardly shows, it may go anywhere; the other entries then need not wait for it."""
 _LEVELS = (1e-2, 1e-1, 1.0, 1e1, 1e2)
 """Of torque noise over output noise, tried in units of the signals' own ratio."""
 
@@ -57,7 +58,7 @@ def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
     own = xi[shared:]
     endless = np.full(own.size, np.inf)
     try:
-        found = minimise(evaluate, own, (-endless, endless), endless, most).xi
+        found = minimise(evaluate, own, (-endless, endless), endless, endless, most).xi
     except ValueError:
         found = own
     return np.concatenate([xi[:shared], found])
@@ -94,7 +95,7 @@ def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturban
     if given.torque is not None:
         return given
     unit = given.output * _ratio(records)
-    tried = [replace(given, torque=level * unit) for level in _LEVELS]
+    tried = [replace(given, torque=v * unit, slow=v * unit if given.slow else 0.0) for v in _LEVELS]
     costs = [_cost(problem, records[:1], noise) for noise in tried]
     return tried[int(np.argmin(costs))]
 
@@ -113,21 +114,17 @@ def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> fl
 
 
 def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> End:
-    longest = np.full(xi.size, np.inf)
-    entries = predictor.layout.entries
-    longest[: len(entries)] = [_step_limit(entry) for entry in entries]
+    longest, clipped = np.full((2, xi.size), np.inf)
+    for k, entry in enumerate(predictor.layout.entries):
+        if entry.name.startswith(LEVEL):
+            clipped[k] = _LEVEL_STEP
+        elif entry.log:
+            longest[k] = STEP
 
     def evaluate(at: Floats) -> Normal:
         return criterion(predictor, at, limit)
 
-    return minimise(evaluate, xi, predictor.bounds(), longest, most, progress)
-
-
-def _step_limit(entry: Entry) -> float:
-    """Noise levels may be far off, and hardly show where they are small."""
-    if not entry.log:
-        return np.inf
-    return _LEVEL_STEP if entry.name.startswith(LEVEL) else STEP
+    return minimise(evaluate, xi, predictor.bounds(), longest, clipped, most, progress)
 
 
 def _loss(eps: Floats, limit: float) -> float:

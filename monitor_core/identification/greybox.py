@@ -83,22 +83,33 @@ def compare(problem: Problem, records: Sequence[Record]) -> tuple[Comparison, ..
     Raises:
         ValueError: no record, another output than the drive's, no sample measured.
     """
-    disturbance = problem.disturbance if problem.K is None else None
-    ahead = Predictor(problem, records, disturbance)
+    held = replace(problem, free=tuple(problem.varying))
+    ahead = Predictor(held, records, problem.disturbance)
     one_step = _nrmse(ahead, ahead.errors(fit_starts(ahead)))
+    return tuple(Comparison(a, b) for a, b in zip(one_step, _simulated(problem, records), strict=True))
+
+
+def _simulated(problem: Problem, records: Sequence[Record]) -> tuple[float, ...]:
+    """NRMSE of the simulation, per cent."""
     free_run = replace(
-        problem, predictor="output-error", disturbance=None, K=None, motion="simulated", initial="free"
+        problem,
+        free=tuple(problem.varying),
+        predictor="output-error",
+        disturbance=None,
+        K=None,
+        motion="simulated",
+        initial="free",
+        free_delay=False,
     )
-    simulated = Predictor(free_run, records, None)
-    runs = _nrmse(simulated, simulated.errors(fit_starts(simulated)))
-    return tuple(Comparison(a, b) for a, b in zip(one_step, runs, strict=True))
+    predictor = Predictor(free_run, records, None)
+    return _nrmse(predictor, predictor.errors(fit_starts(predictor)))
 
 
 def _around(
     problem: Problem, start: Mapping[str, float], spread: float, rng: np.random.Generator, count: int
 ) -> list[Mapping[str, float]]:
     """Random starts around a given one; bounds hold."""
-    layout = Layout(_started(problem, start), problem.drive, None, np.inf)
+    layout = Layout(_started(problem, start), problem.drive, None, 1.0)
     lower, upper = layout.bounds()
     xi, log = layout.start(), layout.log
     drawn = [xi + spread * log * rng.standard_normal(xi.size) for _ in range(count)]
@@ -130,7 +141,6 @@ def _estimate(predictor: Predictor, end: End, limit: float) -> Estimate:
     theta = layout.numbers(xi)[:p]
     final = _final(predictor, xi)
     point, gain = layout.point(xi), predictor.gain(xi)
-    compared = compare(final, [s.record for s in predictor.series])
     output = float(np.sqrt(lam0 / gain.S)) if predictor.disturbance else float(np.sqrt(lam0))
     noise = {"torque": point.torque * output, "slow": point.slow * output, "output": output}
     if DISTURBANCE_TIME in point.values:
@@ -153,8 +163,8 @@ def _estimate(predictor: Predictor, end: End, limit: float) -> Estimate:
         independence=independence([s.u for s in predictor.series], eps),
         accuracy=told.accuracy,
         coloured=told.order,
-        fit=tuple(c.one_step for c in compared),
-        fit_simulation=tuple(c.simulation for c in compared),
+        fit=_nrmse(predictor, errors),
+        fit_simulation=_simulated(final, [s.record for s in predictor.series]),
         iterations=end.evaluations,
         converged=end.converged,
     )

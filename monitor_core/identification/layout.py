@@ -13,14 +13,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.discretize import zero_order_hold
 from monitor_core.drive import DISTURBANCE_TIME, Drive, split_name
 from monitor_core.identification.problem import DELAY, Disturbance, Problem
-from monitor_core.kernel.tables import Floats
+from monitor_core.kernel.tables import TORQUE, Floats
 
 _FARTHEST = 1e3
 """A positive parameter stays within this factor of its start, unless it has bounds."""
-_LEVELS = 1e6
-"""The same for a noise level."""
+_LEVELS = 1e4
+"""The same for a noise level, downwards.  Upwards:"""
+_LOUDEST = 100.0
+"""Torque noise moves the output within one interval by no more than so many standard deviations of the output's own:
+K then hardly depends on it any more, and the Riccati equation loses its digits."""
 
 
 LEVEL = "noise "
@@ -61,6 +65,7 @@ class Layout:
         self, problem: Problem, drive: Drive, disturbance: Disturbance | None, interval_s: float
     ) -> None:
         self._noise, self._nominal, self._delay_s = disturbance, dict(problem.nominal), problem.delay_s
+        self._interval_s = interval_s
         self.free = problem.free
         if disturbance and disturbance.slow:
             self._nominal[DISTURBANCE_TIME] = disturbance.time_constant_s
@@ -76,7 +81,7 @@ class Layout:
                 Entry(DELAY, problem.delay_s, *problem.bounds.get(DELAY, (0.0, interval_s)), False)
             )
         self.names = tuple(entry.name for entry in entries)
-        self.entries = (*entries, *self._levels())
+        self.entries = (*entries, *self._levels(drive))
         self.free_delay = problem.free_delay
 
     def _parameter(self, problem: Problem, drive: Drive, name: str) -> Entry:
@@ -84,6 +89,9 @@ class Layout:
         value = 1 / self._nominal[base] if inverse else self._nominal[base]
         positive = drive.parameter(name).positive
         usual = (value / _FARTHEST, value * _FARTHEST) if positive else (-math.inf, math.inf)
+        if base == DISTURBANCE_TIME:
+            # Faster than the samples it would be white noise.
+            usual = (min(value, self._interval_s), value * _FARTHEST)
         lower, upper = problem.bounds.get(name, usual)
         if not lower <= value <= upper:
             raise ValueError(f"{name} starts at {value}, outside its bounds {lower}, {upper}")
@@ -97,15 +105,23 @@ class Layout:
             name, problem.slopes.get(name, 0.0), *problem.bounds.get(name, (-math.inf, math.inf)), False
         )
 
-    def _levels(self) -> list[Entry]:
+    def _levels(self, drive: Drive) -> list[Entry]:
         noise = self._noise
         if noise is None:
             return []
+        loudest = self._loudest(drive)
         return [
-            Entry(LEVEL + name, level, level / _LEVELS, level * _LEVELS, True)
+            Entry(LEVEL + name, min(level, loudest), min(level, loudest) / _LEVELS, loudest, True)
             for name, level in self._ratios().items()
             if level and name in noise.free
         ]
+
+    def _loudest(self, drive: Drive) -> float:
+        A, B, C = (drive.matrix(which, self._nominal) for which in ("A", "B", "C"))
+        with np.errstate(all="ignore"):
+            _, Bd = zero_order_hold(A, B, self._interval_s)
+        moved = float(np.abs(C[0] @ Bd[:, [kind == TORQUE for kind in drive.inputs]]).max())
+        return _LOUDEST / moved if 0 < moved < math.inf else math.inf
 
     @property
     def levels(self) -> tuple[str, ...]:

@@ -28,7 +28,8 @@ class Disturbance:
     ``free`` are start values and are estimated with theta.
 
     Args:
-        torque: of white noise that enters like the torque, held over each interval, N m; None: tried out.
+        torque: of white noise that enters like the torque, held over each interval, N m; None: tried out, and
+            ``slow``, unless 0, starts from the same value.
         slow: of d, N m, where d' = -d / time_constant_s + w enters like the torque, too; 0: no such state.
         time_constant_s: of d.
         output: of the white noise on the output, rad/s or rad.

@@ -15,6 +15,7 @@ from monitor_core.modeling.identifiability.wording import listed
 
 _USUAL = ("kT", "r")
 """What one would rather hold than others: a data sheet has it."""
+_SMALL = 0.01
 
 
 def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
@@ -52,8 +53,18 @@ def _levels(found: Estimate, layout: Layout) -> Iterator[str]:
     sd = dict(zip(found.accuracy.names, found.accuracy.standard_deviations.tolist(), strict=True))
     for name in layout.levels:
         if not sd[LEVEL + name] < 1:
-            what = "white torque noise" if name == "torque" else "slow torque disturbance"
-            yield f"The {what} cannot be told from none: {found.noise[name]:.2g} N m."
+            yield _level(found, name)
+
+
+def _level(found: Estimate, name: str) -> str:
+    """Either there is hardly any torque noise, or so much that the output's own does not show."""
+    output = found.noise["output"]
+    if name == "torque" and output**2 < _SMALL * found.lam0:
+        return (
+            f"Noise on the output cannot be told from none: {output:.2g}; all errors are laid to the torque."
+        )
+    what = "white torque noise" if name == "torque" else "slow torque disturbance"
+    return f"The {what} cannot be told from none: {found.noise[name]:.2g} N m."
 
 
 def _residuals(found: Estimate) -> Iterator[str]:

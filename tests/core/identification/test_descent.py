@@ -16,14 +16,14 @@ def rosenbrock(xi: Floats) -> Normal:
 
 
 def test_a_bent_valley() -> None:
-    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), ENDLESS, 200)
+    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 200)
     assert end.converged
     np.testing.assert_allclose(end.xi, [1, 1], rtol=1e-6)
 
 
 def test_a_bound_that_holds_one_lets_the_other_go_on() -> None:
     upper = np.array([0.5, np.inf])
-    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, upper), ENDLESS, 200)
+    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, upper), ENDLESS, ENDLESS, 200)
     assert end.converged
     np.testing.assert_allclose(end.xi, [0.5, 0.25], rtol=1e-6)
 
@@ -35,7 +35,7 @@ def test_no_step_is_longer_than_it_may_be() -> None:
         seen.append(xi)
         return rosenbrock(xi)
 
-    minimise(watched, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), np.array([0.1, np.inf]), 500)
+    minimise(watched, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), np.array([0.1, np.inf]), ENDLESS, 500)
     accepted = [seen[0]]
     for xi in seen[1:]:
         assert abs(xi[0] - accepted[-1][0]) <= 0.1 * (1 + 1e-12)
@@ -50,7 +50,7 @@ def test_what_nothing_tells_stays() -> None:
         eps, J = np.array([3.0 - xi.sum(), 1e-3]), np.array([[1.0, 1.0], [0.0, 0.0]])
         return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
 
-    end = minimise(summed, np.array([1.0, -4.0]), (-ENDLESS, ENDLESS), ENDLESS, 50)
+    end = minimise(summed, np.array([1.0, -4.0]), (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 50)
     assert end.converged
     assert end.xi.sum() == pytest.approx(3)
     assert end.xi[0] - end.xi[1] == pytest.approx(5)
@@ -66,7 +66,7 @@ def test_a_cost_that_is_not_finite_is_only_a_step_refused() -> None:
         return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
 
     one = np.full(1, np.inf)
-    end = minimise(walled, np.array([-3.0]), (-one, one), one, 100)
+    end = minimise(walled, np.array([-3.0]), (-one, one), one, one, 100)
     assert end.converged
     assert 1.9 < end.xi[0] < 2
 
@@ -76,4 +76,4 @@ def test_a_start_that_makes_no_sense() -> None:
         return Normal(np.nan, xi, np.eye(2), 1)
 
     with pytest.raises(ValueError, match="start values"):
-        minimise(nowhere, np.zeros(2), (-ENDLESS, ENDLESS), ENDLESS, 10)
+        minimise(nowhere, np.zeros(2), (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 10)
