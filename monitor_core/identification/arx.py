@@ -2,7 +2,7 @@
 
     y(t) + a_1 y(t-1) + .. + a_na y(t-na) = b_1 u(t-k) + .. + b_nb u(t-k-nb+1) + c + e(t)
 
-k is the delay: 1 by the hold, since u(t) acts from t on; 0 with a direct term.  c is an offset of the equation.
+k is the delay: 1 by the hold, since u(t) acts from t on; 0 with a direct term.  c is an offset, of each record its own.
 Least squares over the rows in which everything is known (Ljung, System Identification, 2nd ed., 4.2 and 7.3).
 """
 
@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, by_gradient, on_circle
 from monitor_core.identification.gram import Lags
-from monitor_core.identification.normal import ONES, Criterion, factor, least_order, solve
+from monitor_core.identification.normal import ONES, Criterion, Factor, factor, least_order, solve
 from monitor_core.identification.record import Record
 from monitor_core.identification.regular import Regular, on_grid
 from monitor_core.kernel.tables import Floats, Ints
@@ -36,7 +36,7 @@ class Arx:
         a: (na,) a_1 .. a_na.
         b: (nb,) b_1 .. b_nb.
         delay: k, samples.
-        offset: c, in units of y.
+        offset: (records,) c, in units of y; zeros if it was not estimated.
         root: (na + nb, r) with lam0 root root' the covariance of (a, b).
         lam0: variance of e.
         rows: equations behind it.
@@ -47,7 +47,7 @@ class Arx:
     a: Floats
     b: Floats
     delay: int
-    offset: float
+    offset: Floats
     root: Floats
     lam0: float
     rows: int
@@ -84,17 +84,17 @@ class Arx:
         root = np.sqrt(self.lam0) * self.root
         return by_gradient(f, G, dG, root, self.rows, name or f"ARX, order {self.a.size}")
 
-    def simulate(self, u: Floats) -> Floats:
-        """Output (N,) for the torque (N,) from rest, without noise."""
+    def simulate(self, u: Floats, offset: float = 0.0) -> Floats:
+        """Output (N,) for the torque (N,) and c from rest, without noise."""
         B = np.concatenate([np.zeros(self.delay), self.b])
         A = np.concatenate([[1.0], self.a])
-        return np.asarray(lfilter(B, A, u) + lfilter([self.offset], A, np.ones(len(u))))
+        return np.asarray(lfilter(B, A, u) + lfilter([offset], A, np.ones(len(u))))
 
-    def predict(self, u: Floats, y: Floats) -> Floats:
-        """One-step prediction of y (N,) from what was before; the past of the record counts as zero."""
+    def predict(self, u: Floats, y: Floats, offset: float = 0.0) -> Floats:
+        """One-step prediction of y (N,) from what was before and c; what was before the record counts as zero."""
         past = np.concatenate([[0.0], -self.a])
         B = np.concatenate([np.zeros(self.delay), self.b])
-        return np.asarray(lfilter(past, [1.0], y) + lfilter(B, [1.0], u) + self.offset)
+        return np.asarray(lfilter(past, [1.0], y) + lfilter(B, [1.0], u) + offset)
 
     def stabilised(self) -> Arx:
         """With poles outside the unit circle reflected into it: the same gain at every frequency, another phase."""
@@ -125,7 +125,7 @@ def fit_arx(
         order: na = nb, or (na, nb), or the criterion that chooses na = nb.
         largest: order up to which the criterion looks; default 200 or a tenth of the samples.
         delay: samples from u to y; 1: by the hold, 0: with a direct term.
-        offset: estimate c, too.
+        offset: estimate c, one for each record.
         stable: reflect unstable poles.
 
     Raises:
@@ -135,15 +135,19 @@ def fit_arx(
     na, nb, chosen = _orders(order, series, largest)
     if na < 0 or nb < 1 or delay < 0:
         raise ValueError(f"order ({na}, {nb}), delay {delay}: need na >= 0, nb >= 1, delay >= 0")
-    blocks = [Lags(0, 0, na), Lags(1, delay, delay + nb - 1)] + ([Lags(ONES, 0, 0)] if offset else [])
-    columns = _interleaved(na, nb, offset)
+    constants = len(series) if offset else 0
+    blocks = [Lags(0, 0, na), Lags(1, delay, delay + nb - 1)] + [
+        Lags(ONES + k, 0, 0) for k in range(constants)
+    ]
+    columns = _interleaved(na, nb, constants)
     found = factor(series, blocks, columns)
     if found.rows <= columns.size:
         raise ValueError(_too_few(found.rows, columns.size - 1, na, nb))
-    n = least_order(found.R, found.rows, int(offset), chosen) if chosen else 0
+    n = least_order(found.R, found.rows, constants, chosen) if chosen else 0
     if chosen and n < na:
         return fit_arx(series, n, delay=delay, offset=offset, stable=stable)
-    model = _model(found.R, found.rows, columns, (na, nb, delay), offset, series[0].interval_s)
+    model = _model(found, columns, (na, nb, delay), series[0].interval_s)
+    model = model if offset else replace(model, offset=np.zeros(len(series)))
     return model.stabilised() if stable else model
 
 
@@ -158,16 +162,15 @@ def _orders(
     return na, nb, None
 
 
-def _interleaved(na: int, nb: int, offset: bool) -> Ints:
-    """Columns in the order (c), y1, u1, y2, u2, .., y0: then the factor holds all lower orders, too."""
+def _interleaved(na: int, nb: int, constants: int) -> Ints:
+    """Columns in the order c, y1, u1, y2, u2, .., y0: then the factor holds all lower orders, too."""
     pairs = [c for i in range(max(na, nb)) for c in ([1 + i] * (i < na) + [1 + na + i] * (i < nb))]
-    return np.array([1 + na + nb] * offset + pairs + [0], dtype=np.int64)
+    first = [1 + na + nb + k for k in range(constants)]
+    return np.array([*first, *pairs, 0], dtype=np.int64)
 
 
-def _model(
-    R: Floats, N: int, columns: Ints, orders: tuple[int, int, int], offset: bool, interval_s: float
-) -> Arx:
-    na, nb, delay = orders
+def _model(found: Factor, columns: Ints, orders: tuple[int, int, int], interval_s: float) -> Arx:
+    (na, nb, delay), (R, N, _) = orders, found
     p = R.shape[0] - 1
     theta, root = solve(R, p)
     rss = float(np.sum((R[:, -1] - R[:, :p] @ theta) ** 2))
@@ -176,8 +179,8 @@ def _model(
     theta, root = theta[place], root[place]
     root[:na] *= -1
     words = () if root.shape[1] == p else (_not_told(root.shape[1], p),)
-    c = float(theta[na + nb]) if offset else 0.0
-    return Arx(interval_s, -theta[:na], theta[na : na + nb], delay, c, root[: na + nb], lam0, N, words)
+    a, b, c = np.split(theta, [na, na + nb])
+    return Arx(interval_s, -a, b, delay, c, root[: na + nb], lam0, N, words)
 
 
 def _reflected(A: Complexes, p: complex) -> Complexes:

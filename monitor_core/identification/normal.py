@@ -22,7 +22,7 @@ _AT_ONCE = 4096
 Criterion = Literal["aic", "bic"]
 
 ONES = 2
-"""Signal 2 is the constant 1; 0 and 1 are y and u."""
+"""Signal 2 + k is 1 in record k and 0 in the others; 0 and 1 are y and u."""
 
 
 class Factor(NamedTuple):
@@ -50,7 +50,7 @@ def factor(records: Sequence[Regular], blocks: Sequence[Lags], order: Ints) -> F
 
     Args:
         records: on a regular grid.
-        blocks: columns of y (0), u (1) and ones (2) with their lags.
+        blocks: columns of y (0), u (1) and the constants of the records (2, 3, ..) with their lags.
         order: (c,) the columns are taken in this order.
     """
     c = sum(block.width for block in blocks)
@@ -97,10 +97,12 @@ def least_order(R: Floats, N: int, before: int, criterion: Criterion) -> int:
 
 
 def _parts(records: Sequence[Regular], blocks: Sequence[Lags]) -> Iterator[tuple[Floats, int, int]]:
-    """The signals (3, N) of each record with each range of rows in it."""
-    for record in records:
-        z = np.array([record.y, record.u, np.ones_like(record.y)])
-        known = [record.y_known, record.u_known, np.ones_like(record.y_known)]
+    """The signals (2 + records, N) of each record with each range of rows in it."""
+    own = np.eye(len(records))
+    for k, record in enumerate(records):
+        constants = np.repeat(own[k][:, None], record.y.size, axis=1)
+        z = np.vstack([record.y, record.u, constants])
+        known = [record.y_known, record.u_known, *np.ones_like(constants, dtype=np.bool_)]
         for a, b in rows(known, blocks):
             yield z, a, b
 

@@ -101,14 +101,15 @@ def boil_down(series: Sequence[Regular], past: int | None) -> Past:
     """
     known = sum(int(record.known.sum()) for record in series)
     p = past or max(2, min(_LONGEST, known // 10))
-    blocks = [Lags(0, 0, p), Lags(1, 0, p), Lags(ONES, 0, 0)]
+    blocks = [Lags(0, 0, p), Lags(1, 0, p), *(Lags(ONES + k, 0, 0) for k in range(len(series)))]
     pairs = [c for lag in range(1, p + 1) for c in (p + 1 + lag, lag)]
-    # The constant first: without its row and column, the rest is centred.
-    found = factor(series, blocks, np.array([2 * p + 2, *pairs, p + 1, 0]))
+    # The records' constants first: without their rows and columns, the rest is centred.
+    constants = [2 * p + 2 + k for k in range(len(series))]
+    found = factor(series, blocks, np.array([*constants, *pairs, p + 1, 0]))
     if found.rows <= 3 * p:
         raise ValueError(f"{found.rows} rows without a missing sample for a past of {p} samples: a longer record,"
                          " fewer gaps or a shorter past is needed")  # fmt: skip
-    R = found.R[1:, 1:]
+    R = found.R[len(series) :, len(series) :]
     z, now = R[:, : 2 * p], R[:, 2 * p :]
     return Past(z, np.hstack([now, z[:, :-2]]), now[:, 0], now[:, 1], found.rows)
 

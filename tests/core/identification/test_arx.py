@@ -26,10 +26,11 @@ A2, B2 = np.array([-1.5, 0.8]), np.array([0.6, -0.3])
 def tall(records: Sequence[Record], na: int, nb: int, delay: int) -> tuple[Floats, Floats]:
     """Regressors and right-hand side, row by row, as the formula says; rows that need a NaN are left out."""
     Phi, right = [], []
-    for record in records:
+    for k, record in enumerate(records):
+        own = np.eye(len(records))[k].tolist()
         for t in range(max(na, nb + delay - 1), len(record)):
             row = [-record.y[t - i] for i in range(1, na + 1)]
-            row += [record.u[t - delay - i] for i in range(nb)] + [1.0]
+            row += [record.u[t - delay - i] for i in range(nb)] + own
             if np.isfinite([*row, record.y[t]]).all():
                 Phi.append(row)
                 right.append(record.y[t])
@@ -37,7 +38,7 @@ def tall(records: Sequence[Record], na: int, nb: int, delay: int) -> tuple[Float
 
 
 def parameters(model: Arx) -> Floats:
-    return np.concatenate([model.a, model.b, [model.offset]])
+    return np.concatenate([model.a, model.b, model.offset])
 
 
 @law
@@ -51,7 +52,7 @@ def test_equals_least_squares(seed: int, na: int, nb: int, delay: int) -> None:
     assert model.rows == len(Phi)
     assert parameters(model) == pytest.approx(theta, rel=1e-8, abs=1e-8 * abs(theta).max())
     assert model.lam0 == pytest.approx(rss[0] / (len(Phi) - Phi.shape[1]), rel=1e-8)
-    covariance = model.lam0 * np.linalg.inv(Phi.T @ Phi)[:-1, :-1]
+    covariance = model.lam0 * np.linalg.inv(Phi.T @ Phi)[:-2, :-2]
     assert model.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-7 * abs(covariance).max())
 
 
@@ -105,12 +106,24 @@ def test_gram_slides_exactly(seed: int, size: float) -> None:
     )
 
 
-def test_ill_conditioned_rows_are_solved_by_qr(seed: int) -> None:
-    """Hardly any noise: the Gram matrix has no digits left for the weak directions, the tall matrix has."""
-    record = bench_record(np.random.default_rng(seed), 3000, noise_db=-170.0)
-    model = fit_arx([record], 7)
-    assert np.linalg.cond(tall([record], 7, 7, 1)[0]) > 1e6
-    assert abs(decibels(model.response(FREQUENCIES).G, bench_drive().response(FREQUENCIES))).max() < 1e-3
+def test_each_record_has_its_own_offset(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    records = [arx_record(rng, A2, B2, 600, 0.1) for _ in range(3)]
+    moved = [Record(r.t, r.u + k, r.y - 100.0 * k, "speed") for k, r in enumerate(records)]
+    one, two = fit_arx(records, 2), fit_arx(moved, 2)
+    assert np.concatenate([two.a, two.b]) == pytest.approx(np.concatenate([one.a, one.b]), rel=1e-6)
+    shift = np.arange(3) * (-100.0 * (1 + one.a.sum()) - one.b.sum())
+    assert two.offset - one.offset == pytest.approx(shift, rel=1e-6, abs=1e-6)
+    assert fit_arx(moved, 2, offset=False).offset.tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("noise_db", [-90.0, -120.0, -150.0])
+def test_ill_conditioned_rows_are_solved_by_qr(seed: int, noise_db: float) -> None:
+    """Hardly any noise: by the Gram matrix the parameters would be wrong by 1e-7, 1e-4 and 5 %."""
+    record = bench_record(np.random.default_rng(seed), 3000, noise_db)
+    Phi, right = tall([record], 7, 7, 1)
+    theta = np.linalg.lstsq(Phi, right)[0]
+    assert parameters(fit_arx([record], 7)) == pytest.approx(theta, abs=1e-8 * float(abs(theta).max()))
 
 
 def test_without_noise_the_rank_is_said(seed: int) -> None:
@@ -186,7 +199,9 @@ def test_the_bench_drive_is_found(seed: int) -> None:
 
 def test_unstable_poles_are_said_and_reflected() -> None:
     A = np.poly([1.05, 0.9 * np.exp(0.7j), 0.9 * np.exp(-0.7j), 1.02 * np.exp(1j), 1.02 * np.exp(-1j)]).real
-    model = Arx(INTERVAL_S, A[1:].astype(np.float64), np.array([1.0, 0.4]), 1, 0.3, np.eye(7), 0.01, 1000)
+    model = Arx(
+        INTERVAL_S, A[1:].astype(np.float64), np.array([1.0, 0.4]), 1, np.array([0.3]), np.eye(7), 0.01, 1000
+    )
     stable = model.stabilised()
     assert not model.stable
     assert stable.stable
@@ -204,14 +219,14 @@ def test_high_order_stays_exact(seed: int) -> None:
     y, u = record.y, record.u
     z = np.array([y, u, np.ones_like(y)])
     Phi = regressors(z, [Lags(0, 1, 300), Lags(1, 1, 300), Lags(2, 0, 0)], 300, 4000)
-    residual = y[300:] - Phi @ np.concatenate([-model.a, model.b, [model.offset]])
+    residual = y[300:] - Phi @ np.concatenate([-model.a, model.b, model.offset])
     cosines = Phi.T @ residual / np.linalg.norm(Phi, axis=0) / np.linalg.norm(residual)
     assert abs(cosines).max() < 1e-8
-    assert model.predict(u, y)[300:] == pytest.approx(y[300:] - residual, abs=1e-9)
+    assert model.predict(u, y, model.offset[0])[300:] == pytest.approx(y[300:] - residual, abs=1e-9)
 
 
 def test_simulation_is_that_of_the_system(seed: int) -> None:
-    model = Arx(INTERVAL_S, A2, B2, 1, 0.0, np.eye(4), 1.0, 100)
+    model = Arx(INTERVAL_S, A2, B2, 1, np.zeros(1), np.eye(4), 1.0, 100)
     u = np.random.default_rng(seed).normal(size=50)
     y = np.zeros(50)
     for t in range(50):
