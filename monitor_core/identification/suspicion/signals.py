@@ -29,7 +29,7 @@ _UNUSUAL = 10.0
 _JUMP = 3.0
 """Times the speed that is exceeded in a tenth of the steps."""
 _DIGITS = 3.0
-"""Steps of the angle of so few last digits may be the beginning of a motion."""
+"""A step of so few last digits may be the beginning of a motion, or the end of a constant speed."""
 _REFUSE = 0.5
 """Part of the samples."""
 _MOVING = 0.5
@@ -135,13 +135,14 @@ def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     speed or makes up for all in one jump.  An axis that comes to rest is slower in the last step before and in the
     first one after.
     """
+    steps = abs(np.diff(y[found.start]))
+    visible = steps > _DIGITS * steps.min()
     if record.quantity == "speed":
         speed = abs(y[found.start])
-        return np.asarray(speed > _MOVING * np.median(speed), np.bool_)
+        return np.asarray((speed > _MOVING * np.median(speed)) & np.append(visible, True), np.bool_)
     elapsed = t[found.start[1:]] - t[found.start[1:] - 1]
-    steps = abs(np.diff(y[found.start]))
     speed = steps / elapsed
-    clear = (speed > _MOVING * np.median(speed)) & (steps > _DIGITS * steps.min())
+    clear = (speed > _MOVING * np.median(speed)) & visible
     starts = clear & (speed > _ABRUPT * np.append(speed[1:], np.inf))
     stops = clear & (speed > _ABRUPT * np.append(np.inf, speed[:-1]))
     jumps = clear & (speed > _JUMP * np.quantile(speed, 0.9))

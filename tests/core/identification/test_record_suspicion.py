@@ -140,6 +140,16 @@ def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
     assert kinds(Record(t, np.concatenate((record.u, u)), there_and_back, record.quantity), Known()) == []
 
 
+def test_a_standstill_that_ends_with_a_jerk_is_not_stuck(seed: int) -> None:
+    """One end of it may be as abrupt as that of a frozen sensor, not both."""
+    rng = np.random.default_rng(seed)
+    angle = np.concatenate((np.zeros(100), np.cumsum(0.005 + 1e-4 * rng.standard_normal(900))))
+    t = H * np.arange(1000, dtype=float)
+    assert "stuck" not in [
+        kind for kind, _ in kinds(Record(t, rng.normal(size=1000), angle, "angle"), Known())
+    ]
+
+
 def test_a_coarse_encoder_is_not_stuck(seed: int) -> None:
     rng = np.random.default_rng(seed)
     t = 0.001 * np.arange(8000, dtype=float)
@@ -244,6 +254,17 @@ def test_outliers(record: Record, what: str, seed: int) -> None:
 def test_a_jump_is_no_outlier() -> None:
     assert not outliers(np.repeat([0.0, 1.0, -5.0, 7.0, 7.5], 20)).any()
     assert not outliers(np.array([1.0, 100.0, 1.0])).any()
+    stop = [
+        -6.96,
+        -0.31,
+        -5.06,
+        -9.6,
+        -11.6,
+        -11.7,
+        -11.5,
+        -11.6,
+    ]  # as a real drive swung when it was stopped
+    assert not outliers(np.concatenate((np.tile([9.3, 9.4], 50), stop, np.tile([-11.5, -11.6], 50)))).any()
 
 
 def test_missing_samples(record: Record) -> None:
