@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.discretize import zero_order_hold_slopes
 from monitor_core.identification.structure import Linear
-from monitor_core.kernel.exponential import hold_intervals
 from monitor_core.kernel.tables import Floats
 
 
@@ -21,12 +21,8 @@ class Held(NamedTuple):
 
 def hold(of: Linear, intervals_s: Floats) -> Held:
     """The drive over these intervals (G,), in s, exactly."""
-    n, m = of.B.shape
-    p, G = of.dA.shape[2], intervals_s.size
-    X, dX = np.empty((G, n, n + m)), np.empty((G, p, n, n + m))
-    dA, dB = (np.ascontiguousarray(np.moveaxis(slopes, 2, 0)) for slopes in (of.dA, of.dB))
-    hold_intervals(of.A, of.B, dA, dB, np.ascontiguousarray(intervals_s), X, dX)
-    return Held(X, dX)
+    dA, dB = (np.moveaxis(slopes, 2, 0) for slopes in (of.dA, of.dB))
+    return Held(*zero_order_hold_slopes(of.A, of.B, dA, dB, intervals_s))
 
 
 def hold_late(of: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> Held:

@@ -148,6 +148,19 @@ def _propagate(
 
 
 @entry
+def simulate_known(u: Floats, X: Floats, dX: Floats, C: Floats, dC: Floats, psi: Floats) -> None:
+    """Gradient psi (N, q) of the simulated output from rest, all inputs u (N, m) known, one held interval X, dX."""
+    n, q = dC.shape
+    x, Z, Znext, F = np.zeros(n), np.zeros((n, q)), np.empty((n, q)), np.empty(n * q)
+    w, none = np.zeros(X.shape[1]), np.zeros((0, q))
+    for k in range(u.shape[0]):
+        _output(C, dC, x, Z, psi[k])
+        w[:n] = x
+        w[n:] = u[k]
+        _propagate(X, dX, False, none, w, x, Z, F, Znext)
+
+
+@entry
 def predict_record(
     step: Ints,
     level: Ints,

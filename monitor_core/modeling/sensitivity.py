@@ -13,9 +13,10 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from monitor_core.discretize import zero_order_hold
+from monitor_core.discretize import zero_order_hold_slopes
 from monitor_core.drive import Drive, split_name
 from monitor_core.excitation import multisine
+from monitor_core.kernel.fixed import simulate_known
 from monitor_core.kernel.tables import TORQUE, Floats
 from monitor_core.simulation import SimulatedAxis
 
@@ -91,14 +92,15 @@ def sensitivity_responses(
     """
     of, slopes = _linearised(drive, values, names, scales or {})
     torque = np.array([kind == TORQUE for kind in drive.inputs], dtype=float)[:, np.newaxis]
-    Ad, Bd = zero_order_hold(of.A, of.B, interval_s)
+    n = len(of.A)
+    X, dX = _held(of, slopes, interval_s)
+    Ad, Bd = X[:, :n], X[:, n:]
     z = np.exp(2j * np.pi * np.asarray(frequency_hz) * interval_s)[:, np.newaxis, np.newaxis]
     resolvent = np.linalg.inv(z * np.eye(len(Ad)) - Ad)
     x = resolvent @ (Bd @ torque)
-    held = [_held(of, slope, interval_s) for slope in slopes]
     columns = [
-        of.C @ (resolvent @ (A @ x + B @ torque)) + slope.C @ x
-        for (A, B), slope in zip(held, slopes, strict=True)
+        of.C @ (resolvent @ (of_slope[:, :n] @ x + of_slope[:, n:] @ torque)) + slope.C @ x
+        for of_slope, slope in zip(dX, slopes, strict=True)
     ]
     return np.asarray(np.hstack(columns) if columns else np.empty((len(z), 0), dtype=complex))
 
@@ -157,22 +159,17 @@ def _in_units(of: Linear, d: Floats) -> Linear:
 def _propagated(of: Linear, slopes: Sequence[Linear], u: Floats, interval_s: float) -> Floats:
     """S (N, p) by the exact zero-order hold of  (z_i, x)' = [A A_i; 0 A] (z_i, x) + (B_i, B) u,  z_i = dx/dtheta_i."""
     n, p = len(of.A), len(slopes)
-    held = [_held(of, slope, interval_s) for slope in slopes]
-    Ad, Bd = zero_order_hold(of.A, of.B, interval_s)
-    Ad_slope = np.array([A for A, _ in held]).reshape(p, n, n)
-    Bd_slope = np.array([B for _, B in held]).reshape(p, n, u.shape[1])
+    X, dX = _held(of, slopes, interval_s)
+    by_input = np.ascontiguousarray(dX.transpose(2, 1, 0)).reshape(X.shape[1], n * p)
     C_slope = np.array([slope.C for slope in slopes]).reshape(p, n)
-    S, x, z = np.empty((len(u), p)), np.zeros(n), np.zeros((p, n))
-    for k, inputs in enumerate(u):
-        S[k] = z @ of.C + C_slope @ x
-        z = z @ Ad.T + Ad_slope @ x + Bd_slope @ inputs
-        x = Ad @ x + Bd @ inputs
+    S = np.empty((len(u), p))
+    C, known = np.ascontiguousarray(of.C), np.ascontiguousarray(u, dtype=float)
+    simulate_known(known, X, by_input, C, np.ascontiguousarray(C_slope.T), S)
     return S
 
 
-def _held(of: Linear, slope: Linear, interval_s: float) -> tuple[Floats, Floats]:
-    """The derivatives of what zero_order_hold makes of A and B."""
-    n = len(of.A)
-    A = np.block([[of.A, slope.A], [np.zeros((n, n)), of.A]])
-    Ad, Bd = zero_order_hold(A, np.vstack([slope.B, of.B]), interval_s)
-    return Ad[:n, n:], Bd[:n]
+def _held(of: Linear, slopes: Sequence[Linear], interval_s: float) -> tuple[Floats, Floats]:
+    """[Ad Bd] (n, n + m) and its derivatives (p, n, n + m)."""
+    dA, dB = (np.array([slope[k] for slope in slopes]).reshape(len(slopes), *of[k].shape) for k in (0, 1))
+    X, dX = zero_order_hold_slopes(of.A, of.B, dA, dB, np.array([interval_s]))
+    return X[0], dX[0]
