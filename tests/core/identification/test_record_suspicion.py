@@ -325,6 +325,20 @@ def test_the_rigid_inertia_of_a_record(record: Record) -> None:
     assert fit.explained > 0.9
 
 
+@pytest.mark.parametrize("quantity", OUTPUTS)
+def test_one_mass_is_explained_entirely(quantity: Output, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    h, J = rng.uniform(0.001, 0.01, 3000), rng.uniform(0.1, 10)
+    u = rng.normal(size=3000) + np.repeat(rng.normal(size=30), 100)
+    speed = np.concatenate(([0.0], np.cumsum(u * h / J)))
+    angle = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * h)))
+    y = (speed if quantity == "speed" else angle)[:-1]
+    fit = rigid_fit(Record(np.concatenate(([0.0], np.cumsum(h)[:-1])), u, y, quantity))
+    assert fit is not None
+    assert fit.inertia == pytest.approx(J, rel=1e-3)
+    assert fit.explained > 1 - 1e-6
+
+
 def test_what_is_known_of_a_drive() -> None:
     known = known_of(three_mass("speed"), {**VALUES, "fm": 0.0}, 3, 2.0, "w")
     assert (known.parameters, known.speed_scale, known.speed) == (3, 2.0, "w")
