@@ -21,12 +21,12 @@ TRUE = np.array([REFERENCE_VALUES[name] for name in EIGHT])
 
 def reference_record(seed: int, samples: int, output: Output = "speed", noise: float | None = None) -> Record:
     t_us, u, y = experiment(seed, samples=samples, fault_at=samples, output=output, noise=noise)
-    return Record(t_us * 1e-6, u, y, output)
+    return Record(np.asarray(t_us * 1e-6), u, y, output)
 
 
 def case_record(seed: int, case: Case, samples: int, **how: float) -> Record:
     t_us, u, y = record(seed, case, samples, **how)  # type: ignore[arg-type]
-    return Record(t_us * 1e-6, u, y, case.output)
+    return Record(np.asarray(t_us * 1e-6), u, y, case.output)
 
 
 def reference_problem(**settings: object) -> Problem:

@@ -79,7 +79,11 @@ def test_lost_samples_jitter_and_missing_outputs_cost_no_accuracy(seed: int) -> 
     u[: k[0]] = 0.0
     y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, u[:, None], 0.0025)
     rec = Record(
-        k * 0.0025, u[k], y[k, 0] + rng.standard_normal(k.size), "speed", valid=rng.random(k.size) > 0.2
+        np.asarray(k * 0.0025),
+        u[k],
+        y[k, 0] + rng.standard_normal(k.size),
+        "speed",
+        valid=rng.random(k.size) > 0.2,
     )
     found = fit(reference_problem(), [rec], perturbed(rng, 0.05))
     assert np.abs(pulls(found)).max() < 4.5
@@ -165,7 +169,7 @@ def test_the_noise_levels_are_found(seed: int) -> None:
     u = reference_record(seed, N, noise=0.0).u
     noisy = u + truth[0] * rng.standard_normal(N)
     y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, noisy[:, None], 0.005)
-    rec = Record(np.arange(N) * 0.005, u, y[:, 0] + truth[1] * rng.standard_normal(N), "speed")
+    rec = Record(np.asarray(np.arange(N) * 0.005), u, y[:, 0] + truth[1] * rng.standard_normal(N), "speed")
     found = fit(reference_problem(predictor="innovations"), [rec])
     assert found.noise["torque"] == pytest.approx(truth[0], rel=0.2)
     assert found.noise["output"] == pytest.approx(truth[1], rel=0.05)

@@ -8,11 +8,13 @@ import pytest
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
+from monitor_core.identification.series import MOST_LEVELS, series
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.monitor import AxisMonitor
 from monitor_core.simulation import simulate_linear
 from tests.core import oracle
 from tests.core.cases import BY_NAME, CASES, Case
+from tests.core.chains import chain, values
 from tests.core.identification.problems import (
     EIGHT,
     all_errors,
@@ -47,7 +49,7 @@ def test_errors_and_gradients_are_those_of_the_monitor(name: str, seed: int) -> 
     _, trace = AxisMonitor.alone(case.model, pinned).run_traced(t_us, rec.u, rec.y)
     predictor = Predictor(at_rest(case), [rec], None)
     (found,) = predictor.errors(predictor.start())
-    scale = np.nanstd(trace.eps)
+    scale = float(np.nanstd(trace.eps))
     np.testing.assert_allclose(found.eps[1:], trace.eps[1:], rtol=0, atol=1e-9 * scale)
     if "r" not in case.monitored:
         size = abs(trace.psi[1:]).max(axis=0)
@@ -62,7 +64,7 @@ def test_errors_are_those_of_the_paper_transcribed(name: str, seed: int) -> None
     settings = case.settings()
     yhat = oracle.prediction(case.model, settings, case.model.theta0, t_us, rec.u, rec.y)
     eps = all_errors(predictor := Predictor(at_rest(case), [rec], None), predictor.start())
-    np.testing.assert_allclose(eps, rec.y - yhat.real, rtol=0, atol=1e-9 * np.std(eps))
+    np.testing.assert_allclose(eps, rec.y - yhat.real, rtol=0, atol=1e-9 * float(np.std(eps)))
 
 
 @pytest.mark.parametrize("name", [case.name for case in CASES])
@@ -92,6 +94,28 @@ def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> Non
     assert predictor.layout.levels == ("torque", "slow")
     assert predictor.layout.names[-2:] == ("Td", "delay")
     _check_gradients(predictor, 3e-6)
+
+
+def test_gradients_through_the_gain_where_the_output_depends_on_theta(seed: int) -> None:
+    """The sensor is behind the gear: C holds the ratio, which is free."""
+    drive = chain(2, "speed", sensor="gear", gravity=False)
+    noise = Disturbance(torque=5.0, slow=2.0, time_constant_s=0.1)
+    problem = Problem(drive, values(2, gravity=False), ("r", "J1", "1/k1"), initial="rest")
+    rec = reference_record(seed, 300)
+    _check_gradients(Predictor(problem, [rec], noise), 3e-6)
+
+
+def test_a_signal_that_was_not_measured_everywhere_keeps_its_value(seed: int) -> None:
+    rec = reference_record(seed, 100)
+    smooth, holes = np.linspace(1.0, 2.0, 100), np.repeat(np.linspace(1.0, 2.0, 100)[::10], 10)
+    holes[np.arange(100) % 10 > 0] = np.nan
+    steps = series(replace(rec, signals={"s": holes}), ["s"])
+    np.testing.assert_allclose(steps.signals[steps.level, 0], np.repeat(smooth[::10], 10))
+    parts = series(replace(rec, signals={"s": smooth}), ["s"])
+    assert len(parts.signals) == MOST_LEVELS
+    assert abs(parts.signals[parts.level, 0] - smooth).max() <= 0.5 / MOST_LEVELS + 0.01
+    late = series(replace(rec, signals={"s": np.where(np.arange(100) < 50, np.nan, 3.0)}), ["s"])
+    np.testing.assert_array_equal(late.signals[late.level, 0], 3.0)
 
 
 def _check_gradients(predictor: Predictor, tolerance: float) -> None:
