@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from monitor_core.identification.problem import Predictor
     from service.config import NamedAxis
     from service.identification.found import Provenance
-    from service.identification.task import Wishes
 
 
 class Command(OptionalValueCommand):
@@ -86,6 +85,14 @@ Slow = Annotated[
         help="What disturbs the torque also has a slow part with this time constant, a state of the model.",
     ),
 ]
+HoldNoise = Annotated[
+    bool,
+    typer.Option(
+        "--hold-noise",
+        help="The gain follows from torque_noise and output_noise as configured. Default: from noise found in the"
+        " records.",
+    ),
+]
 Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
 Folder = Annotated[
     Path | None,
@@ -117,6 +124,7 @@ def identify(
     validate: Validate = None,
     delay: Delay = False,
     disturbance: Slow = None,
+    hold_noise: HoldNoise = False,
     robust: Robust = False,
     output_dir: Folder = None,
     output: Output = None,
@@ -133,11 +141,12 @@ def identify(
     files.check(force)
     read = configuration(config)
     chosen = axis_named(read.axes, axis)
-    wishes = _wishes(free, fix, predictor, delay, disturbance, robust)
     with explained():
         from service.identification.running import run
-        from service.identification.task import task_of
+        from service.identification.task import Wishes, task_of
 
+        kind = _kind(predictor)
+        wishes = Wishes(_names(free), _names(fix), kind, delay, disturbance, hold_noise, robust)
         task = task_of(read, chosen, records, validate or [], wishes)
         with _shown(chosen.id) as progress:
             found = run(task, _provenance(chosen), progress)
@@ -147,19 +156,10 @@ def identify(
         raise typer.Exit(MISTAKE)
 
 
-def _wishes(
-    free: list[str] | None,
-    fix: list[str] | None,
-    predictor: Kind | None,
-    delay: bool,
-    disturbance: float | None,
-    robust: bool,
-) -> Wishes:
-    from service.identification.task import Wishes
-
+def _kind(predictor: Kind | None) -> Predictor | None:
+    """As the engine calls it."""
     kinds: dict[Kind, Predictor] = {Kind.INNOVATIONS: "innovations", Kind.OUTPUT_ERROR: "output-error"}
-    kind = None if predictor is None else kinds[predictor]
-    return Wishes(_names(free), _names(fix), kind, delay, disturbance, robust)
+    return None if predictor is None else kinds[predictor]
 
 
 def _names(given: list[str] | None) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ def predictor_of(axis: AxisConfig) -> Predictor:
         )  # fmt: skip
     p = found.predictor
     return Predictor(
-        p.kind, p.gain, e.innovation_variance or p.innovation_variance, *_noises(e, found),
+        p.kind, p.gain, e.innovation_variance or p.lam0, *_noises(e, found),
         p.torque_delay_s, found.drive.friction_speed_scale,
     )  # fmt: skip
 

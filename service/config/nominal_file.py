@@ -41,14 +41,23 @@ class DriveTable(_Table):
 
 
 class PredictorTable(_Table):
-    """[predictor]: with which the values were found; K is the filter gain, x+ = x + K eps."""
+    """[predictor]: with which the values were found; K is the filter gain, x+ = x + K eps.
+
+    ``colour``: neighbouring errors go together, so estimates scatter as if their variance were so many times larger.
+    """
 
     kind: Literal["innovations", "output-error"]
     interval_s: Positive
     torque_delay_s: NotNegative
     innovation_variance: Positive
+    colour: Annotated[Real, Field(ge=1)] = 1.0
     states: tuple[str, ...]
     gain: tuple[Real, ...]
+
+    @property
+    def lam0(self) -> float:
+        """lambda_0 with which the standard deviations of the recursive estimates come out true."""
+        return self.innovation_variance * self.colour
 
     @model_validator(mode="after")
     def _one_for_each_state(self) -> PredictorTable:

@@ -50,13 +50,17 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """``estimation`` and ``validation`` are the traces of the records of the task, ``bode`` the pictures' responses."""
+    """``estimation`` and ``validation`` are the traces of the records of the task, ``bode`` the pictures' responses.
+
+    ``colour``: how many times larger the variance of recursive estimates is than if the prediction errors were white.
+    """
 
     task: Task
     estimate: Estimate
     estimation: tuple[Trace, ...]
     validation: tuple[Trace, ...]
     bode: Bode
+    colour: float
     provenance: Provenance
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from monitor_core.identification.greybox import fit
 from service.identification.bode import bode_of
+from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
 from service.identification.found import Found, Provenance
 from service.identification.task import Task
@@ -39,5 +40,6 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
         traces_of(estimate.problem, records),
         validation,
         bode_of(estimate, task.problem, records),
+        colour_of(estimate, task.axis.config.model.monitor, records),
         provenance,
     )

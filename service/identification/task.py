@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from monitor_core.drive import Drive
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
@@ -11,6 +11,7 @@ from monitor_core.identification.suspicion import Finding, Known, known_of, susp
 from monitor_core.model import AxisModel
 from monitor_core.modeling.statespace import StateSpace
 from service.config import Config, NamedAxis, given_values, predictor_of
+from service.config import Predictor as Configured
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice, choose
 from service.ingest.identification_records import Loaded, load
@@ -30,6 +31,7 @@ class Wishes:
         predictor: None: that of the configuration.
         delay: find the skew between torque and motion, too.
         disturbance_s: time constant of a slow torque disturbance; None: there is none.
+        hold_noise: K follows from the noises of the configuration, which are not estimated.
         robust: outliers count less.
     """
 
@@ -38,6 +40,7 @@ class Wishes:
     predictor: Predictor | None = None
     delay: bool = False
     disturbance_s: float | None = None
+    hold_noise: bool = False
     robust: bool = False
 
 
@@ -84,6 +87,8 @@ def task_of(
     known = known_of(drive, nominal, len(choice.free), speed_scale)
     warnings = _looked_at([*used, *kept_aside], known)
     problem = _problem(axis, drive, nominal, choice, used, wishes)
+    if problem.predictor == "output-error" and drive.output == "angle":
+        warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     return Task(axis, space, choice, problem, tuple(used), tuple(kept_aside), warnings)
 
 
@@ -105,14 +110,7 @@ def _problem(
     predictor = predictor_of(axis.config)
     configured: Predictor = "output-error" if predictor.kind == "output-error" else "innovations"
     kind = wishes.predictor or configured
-    if wishes.disturbance_s is not None and kind == "output-error":
-        raise IdentificationError(
-            "an output-error predictor has no torque disturbance: leave out one of them"
-        )
-    noise = None
-    if wishes.disturbance_s is not None:
-        torque = max(float(one.record.u.std()) for one in used)
-        noise = Disturbance(slow=_SLOW * torque, time_constant_s=wishes.disturbance_s)
+    noise = _noise(kind, predictor, used, wishes)
     try:
         return Problem(
             drive, nominal, choice.free, kind,
@@ -121,6 +119,29 @@ def _problem(
         )  # fmt: skip
     except ValueError as error:
         raise IdentificationError(str(error)) from None
+
+
+def _noise(
+    kind: Predictor, configured: Configured, used: Sequence[Loaded], wishes: Wishes
+) -> Disturbance | None:
+    """What K follows from; None: white noise of unknown level.
+
+    Raises:
+        IdentificationError: output error, which has no K; no noises to hold.
+    """
+    if kind == "output-error" and (wishes.disturbance_s is not None or wishes.hold_noise):
+        raise IdentificationError(
+            "output error has no gain, so no noise: leave out --disturbance and --hold-noise"
+        )
+    given = Disturbance()
+    if wishes.disturbance_s is not None:
+        torque = max(float(one.record.u.std()) for one in used)
+        given = Disturbance(slow=_SLOW * torque, time_constant_s=wishes.disturbance_s)
+    if not wishes.hold_noise:
+        return given if wishes.disturbance_s is not None else None
+    if configured.torque_noise is None or configured.output_noise is None:
+        raise IdentificationError("the configuration has no torque_noise and output_noise that could be held")
+    return replace(given, torque=configured.torque_noise, output=configured.output_noise, free=("slow",))
 
 
 def _looked_at(loaded: Sequence[Loaded], known: Known) -> tuple[str, ...]:

@@ -74,6 +74,7 @@ def _predictor(found: Found) -> Json:
         "interval_s": e.interval_s,
         "torque_delay_s": e.delay_s,
         "innovation_variance": e.lam0,
+        "colour": found.colour,
         "states": [{"name": s.name, "unit": s.unit} for s in e.drive.states],
         "gain": _numbers(e.K),
         "friction_speed_scale": e.problem.speed_scale,

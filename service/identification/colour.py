@@ -1,0 +1,50 @@
+"""How much wider recursive estimates scatter than white prediction errors would make them.
+
+Where the noise model is not right, neighbouring errors go together, and a sum of N of them is larger than sqrt(N) of
+one.  The daemon's standard deviations come from lambda_0 P, so lambda_0 must be larger by what that costs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.identification.colour import scores_covariance
+from monitor_core.identification.fit import fit_starts
+from monitor_core.identification.predictor import Predictor
+from monitor_core.identification.record import Record
+from monitor_core.identification.result import Estimate
+from monitor_core.kernel.tables import Floats
+
+
+def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]) -> float:
+    """Variance of estimates of the monitored parameters over what white errors would give, the largest; at least 1.
+
+    All else is held, as in the daemon: values, K and delay are those that were found.
+
+    Raises:
+        ValueError: a record that does not go with the estimate.
+    """
+    found = estimate.problem
+    K = tuple(estimate.K.tolist()) if found.predictor == "innovations" else None
+    problem = replace(
+        found, drive=estimate.drive, nominal=estimate.values, free=tuple(monitored), K=K, disturbance=None,
+        delay_s=estimate.delay_s, free_delay=False, bounds={}, varying={}, slopes={},
+    )  # fmt: skip
+    predictor = Predictor(problem, records, None)
+    errors, p = predictor.errors(fit_starts(predictor)), len(monitored)
+    psi = [_beside(e.psi[:, :p], e.psi[:, p:]) for e in errors]
+    size = np.sqrt(sum((J**2).sum(axis=0) for J in psi))
+    psi = [J / np.where(size > 0, size, 1.0) for J in psi]  # their units differ by orders of magnitude
+    inverse = np.linalg.pinv(sum(J.T @ J for J in psi), hermitian=True)
+    S, _ = scores_covariance([e.eps for e in errors], psi)
+    white, coloured = np.diag(estimate.lam0 * inverse), np.diag(inverse @ S @ inverse)
+    return float(np.max(coloured / white, initial=1.0, where=white > 0))
+
+
+def _beside(psi: Floats, start: Floats) -> Floats:
+    """What the initial state does not explain of the gradients."""
+    Q = np.linalg.qr(start)[0]
+    return np.asarray(psi - Q @ (Q.T @ psi))
