@@ -32,6 +32,8 @@ _HIGHEST = 15
 """Order that a rule may choose."""
 _LEAST = 1e-12
 """Of the variance of y: noise below that is rounding."""
+_MISSES = 4.0
+"""Variance of a model's errors over that of an ARX model's: it leaves out what the record tells."""
 
 
 class Past(NamedTuple):
@@ -53,6 +55,7 @@ class Directions(NamedTuple):
     T: Floats  # (p, 2 p): x = T z, each of the variance of its singular value
     singular_values: Floats  # (p,)
     noise: float  # what noise alone stays below
+    lam0: float  # variance of the errors of an ARX model of p lags
 
 
 def fit_subspace(
@@ -127,7 +130,7 @@ def _directions(past: Past) -> Directions:
     s = np.maximum(s, np.finfo(float).tiny)
     # The rows of H repeat each other, so the largest value of independent noise is exceeded; not by that much.
     noise = 2.5 * np.sqrt(lam0) * (np.sqrt(p) + np.sqrt(width))
-    return Directions((U / np.sqrt(s)).T @ H, s, float(noise))
+    return Directions((U / np.sqrt(s)).T @ H, s, float(noise), lam0)
 
 
 def _price(model: Innovations, T: Floats, series: Sequence[Regular], rule: Criterion) -> float:
@@ -149,7 +152,9 @@ def _realised(past: Past, found: Directions, n: int, interval_s: float) -> Innov
     C = _least_squares(x, past.y)
     e = past.y - x @ C
     ABK = _least_squares(np.column_stack([x, past.u, e]), after).T
-    A, B, K, words = ABK[:, :n], ABK[:, n], ABK[:, n + 1], []
+    A, B, K = ABK[:, :n], ABK[:, n], ABK[:, n + 1]
+    lam0 = float(e @ e) / (past.rows - 3 * n)
+    words = [_misses(n, past, lam0 / found.lam0)] if lam0 > _MISSES * found.lam0 else []
     if np.abs(np.linalg.eigvals(A)).max() >= 1:
         A = reflected(A)
         words.append("Poles on or outside the unit circle were reflected into it.")
@@ -157,7 +162,6 @@ def _realised(past: Past, found: Directions, n: int, interval_s: float) -> Innov
         w = after - x @ A.T - np.outer(past.u, B)
         K = _filter_gain(A, C, w / np.sqrt(past.rows), e / np.sqrt(past.rows))
         words.append("The predictor came out unstable; its gain is that of a Kalman filter instead.")
-    lam0 = float(e @ e) / (past.rows - 3 * n)
     none = np.empty((n * n + 3 * n, 0))
     return Innovations(interval_s, A, B, C, K, lam0, past.rows, none, found.singular_values, tuple(words))
 
@@ -174,3 +178,11 @@ def _filter_gain(A: Floats, C: Floats, w: Floats, e: Floats) -> Floats:
 
 def _least_squares(x: Floats, y: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(x, y)[0], dtype=np.float64)
+
+
+def _misses(n: int, past: Past, ratio: float) -> str:
+    p = past.z.shape[1] // 2
+    return (
+        f"With {n} states the prediction errors are {np.sqrt(ratio):.2g} times those of an ARX model of {p} lags: the"
+        " order is too low, or the samples are too dense for the axis; then resample to a longer interval."
+    )

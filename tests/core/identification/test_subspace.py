@@ -119,6 +119,14 @@ def test_the_prior_yields_to_many_samples(seed: int) -> None:
     assert np.linalg.norm(smooth - h) < np.linalg.norm(np.linalg.lstsq(few, few @ h)[0] - h) + 0.3
 
 
+def test_an_order_that_is_too_low_is_said(seed: int) -> None:
+    record = bench_record(np.random.default_rng(seed))
+    assert fit_subspace([record], 5).words == ()
+    words = fit_subspace([record], 2).words
+    assert "With 2 states the prediction errors are" in words[0]
+    assert "those of an ARX model of 80 lags" in words[0]
+
+
 def test_reflection_moves_unstable_poles_only() -> None:
     V = np.array([[1.0, 0.2, 0.0], [0.3, 1.0, 0.1], [0.0, 0.5, 1.0]])
     A = V @ np.diag([1.25, 0.5, -0.9]) @ np.linalg.inv(V)
