@@ -138,7 +138,7 @@ class ModelConfig(Table):
         min_length=1, description='parameters to estimate, e.g. ["kT", "1/Ja", "fm"]'
     )
     friction_speed_scale: Positive = Field(
-        1.0, description="Coulomb friction is fc tanh(speed / friction_speed_scale) [rad/s]"
+        1.0, description="Coulomb friction is fc tanh(speed at its flange / friction_speed_scale) [rad/s]"
     )
     nominal: dict[str, Real] = Field(
         default_factory=dict,
