@@ -112,9 +112,6 @@ def test_the_number_is_said_of_half_a_record(half: Estimate) -> None:
     assert any("-0.98" in word or "-0.99" in word for word in half.words)
 
 
-@pytest.mark.xfail(
-    reason="the words reckon with white errors (3 % and 13 %), the estimates' deviations with what the errors are"
-)
 def test_deviations_in_words_are_those_of_the_estimates(simulation: Estimate) -> None:
     i = simulation.names.index("fm")
     assert simulation.accuracy.standard_deviations[i] == pytest.approx(
