@@ -143,7 +143,7 @@ def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
 def test_a_standstill_that_ends_with_a_jerk_is_not_stuck(seed: int) -> None:
     """One end of it may be as abrupt as that of a frozen sensor, not both."""
     rng = np.random.default_rng(seed)
-    angle = np.concatenate((np.zeros(100), np.cumsum(0.005 + 1e-4 * rng.standard_normal(900))))
+    angle = np.concatenate((np.zeros(100), np.cumsum(np.append(0.01, rng.uniform(1e-4, 0.01, 899)))))
     t = H * np.arange(1000, dtype=float)
     assert "stuck" not in [
         kind for kind, _ in kinds(Record(t, rng.normal(size=1000), angle, "angle"), Known())
@@ -157,6 +157,22 @@ def test_a_coarse_encoder_is_not_stuck(seed: int) -> None:
     assert "stuck" not in [
         kind for kind, _ in kinds(Record(t, rng.normal(size=8000), angle, "angle"), Known())
     ]
+
+
+def test_a_coarse_or_slow_speed_is_not_stuck(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t, u = 0.001 * np.arange(8000, dtype=float), rng.normal(size=8000)
+    in_steps = [np.rint(levels * (1 + np.sin(np.pi * t))) for levels in (20, 100)]
+    slow = np.repeat(10 * rng.integers(1, 90, 320), 25).astype(float)  # each value comes 25 times
+    for speed in (*in_steps, slow):
+        assert "stuck" not in [kind for kind, _ in kinds(Record(t, u, speed, "speed"), Known())]
+
+
+def test_nothing_is_stuck_while_the_torque_does_not_move_either(record: Record) -> None:
+    y, u = record.y.copy(), record.u.copy()
+    start = 500 + int(np.argmax(abs(y[500:1200])))
+    y[start : start + 60], u[start : start + 60] = y[start], u[start]
+    assert "stuck" not in [kind for kind, _ in kinds(with_u(with_y(record, y), u))]
 
 
 def test_wrong_sign(record: Record) -> None:
