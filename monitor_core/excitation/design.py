@@ -26,6 +26,8 @@ Command = Literal["torque", "speed", "angle"]
 
 _PEAK = {"torque": 1.5, "speed": 2.5, "angle": 2.5}
 """Peak over rms value, about: of the torque, whose phases are made for it, and of what follows from it."""
+_FADE_S = 1.0
+"""At least, where the period is so long: the motion has to come to rest in it."""
 _EVERYWHERE = 0.2
 """Part of an optimal spectrum's power that is spread evenly: the drive may not be quite the nominal one."""
 
@@ -75,7 +77,8 @@ class Task:
     @cached_property
     def schedule(self) -> Schedule:
         """The course of the record."""
-        return Schedule(self.period, self.periods, max(4, self.period // 4))
+        fade = max(self.period // 4, round(_FADE_S / self.plant.interval_s), 4)
+        return Schedule(self.period, self.periods, min(self.period, fade))
 
     @property
     def frequency_hz(self) -> Floats:
@@ -168,7 +171,11 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
     experiment = Experiment(task, flat, accuracy, accuracy, held)
     if not task.find:
         return experiment
-    best = _trial(task, replace(flat.random, amplitudes=_best_amplitudes(task, names)))
+    better = replace(flat.random, amplitudes=_best_amplitudes(task, names))
+    try:
+        best = _trial(task, better)
+    except ExcitationError:  # the flat one can be driven, this one cannot
+        return experiment
     found = task.estimation.accuracy(names, best.fitted.motion.inputs)
     at = [names.index(name) for name in task.find]
     if np.sum(found.standard_deviations[at] ** 2) >= np.sum(accuracy.standard_deviations[at] ** 2):

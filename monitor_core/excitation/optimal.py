@@ -19,6 +19,8 @@ from monitor_core.kernel.tables import Floats
 
 _STEPS = 2000
 _CLOSE = 1e-3
+_FLOOR = 1e-9
+_SINGULAR = 1e-13
 
 
 class Optimum(NamedTuple):
@@ -45,19 +47,31 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
         numpy.linalg.LinAlgError: the lines together do not tell all parameters.
     """
     p = 1 / (len(M) * costs.max(axis=0))
+    _must_tell_all(np.tensordot(p, M, axes=1))
     weights = np.ones(len(costs)) / len(costs)
+    best, least, powers = np.inf, 0.0, p
     for _ in range(_STEPS):
         p = p / (costs @ p).max()
         gains, value = _gains(M, p, wanted)
         # The criterion is convex and falls with the inverse of all powers: no powers reach less than value / worst.
         ratio = gains / (value * (weights @ costs))
-        excess = float(ratio.max()) - 1
-        if excess < _CLOSE:
+        least = max(least, value / float(ratio.max()))
+        if value < best:
+            best, powers = value, p
+        if best < (1 + _CLOSE) * least:
             break
         p = p * np.sqrt(ratio)
-        weights = weights * np.sqrt(np.maximum(costs @ p, 1e-9))
+        p = np.maximum(p, _FLOOR * p.max())  # what has become zero never grows again
+        used = costs @ p
+        weights = np.maximum(weights * np.sqrt(used / used.max()), _FLOOR)
         weights /= weights.sum()
-    return Optimum(p / (costs @ p).max(), excess)
+    return Optimum(powers, best / least - 1)
+
+
+def _must_tell_all(M: Floats) -> None:
+    scale = np.sqrt(np.diag(M))
+    if not (scale > 0).all() or np.linalg.eigvalsh(M / np.outer(scale, scale))[0] < _SINGULAR:
+        raise np.linalg.LinAlgError("the lines do not tell all parameters")
 
 
 def _gains(M: Floats, p: Floats, wanted: Floats) -> tuple[Floats, float]:

@@ -39,8 +39,9 @@ class Schedule:
         return slice(self.N, self.N * (1 + self.periods))
 
     def window(self) -> Floats:
-        """Rises from 0 to 1 without a kink, and falls in the same way (samples,)."""
-        ramp = 0.5 - 0.5 * np.cos(np.pi * np.arange(self.fade) / self.fade)
+        """Rises from 0 to 1 and falls again (samples,), speed and acceleration without a step."""
+        t = np.arange(self.fade) / self.fade
+        ramp = t**3 * (10 - 15 * t + 6 * t**2)
         middle = np.ones(self.samples - 2 * self.fade)
         return np.concatenate([ramp, middle, 1 - ramp])
 

@@ -35,6 +35,8 @@ def _poor(experiment: Experiment) -> Iterator[str]:
 
 def _remedy(task: Task, names: tuple[str, ...], name: str, sd: float) -> str:
     longer = f"{(sd / FAIR) ** 2:.2g} times as long a record would tell it to {percent(FAIR)}"
+    if names.index(name) not in linear_part(task.estimation.responses(names, task.frequency_hz)):
+        return longer
     top = _better_band(task, names, name)
     if top is not None:
         return f"excite up to {top:.2g} Hz ({longer})"

@@ -1,0 +1,343 @@
+"""Planned experiments: within all limits whatever the drive, from rest to rest, and telling what was predicted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import LinearConstraint, minimize
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.excitation.design import Command, Experiment, Task, plan
+from monitor_core.excitation.limits import Limits, fitted
+from monitor_core.excitation.multisine import Multisine, lines_in
+from monitor_core.excitation.open_loop import ExcitationError
+from monitor_core.excitation.optimal import information, optimal_powers
+from monitor_core.excitation.plant import Controller, Motion, Plant
+from monitor_core.excitation.prediction import Estimation, told_apart
+from monitor_core.excitation.schedule import Schedule
+from monitor_core.excitation.words import warnings
+from monitor_core.kalman import filter_gain
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass, two_mass
+from monitor_core.model import AxisModel
+from monitor_core.modeling.sensitivity import sensitivities, sensitivity_responses
+from monitor_core.simulation import SimulatedAxis
+from tests.core.chains import chain, values
+
+H = 0.005
+TWO = {
+    "Jm": 0.004, "Ja": 0.01, "k": 50.0, "d": 0.05, "fm": 0.05, "fc": 0.0, "tau0": 0.0, "kT": 1.0, "r": 1.0
+}  # fmt: skip
+
+
+def two_masses(**changed: float) -> dict[str, float]:
+    known = {**TWO, **changed}
+    return {p.name: known[p.name] for p in two_mass("angle").parameters}
+
+
+def task(limits: Limits, given_values: dict[str, float] | None = None, **changes: object) -> Task:
+    nominal = given_values or two_masses()
+    plant = Plant(two_mass("angle"), nominal, H)
+    estimation = Estimation(two_mass("speed"), nominal, H, lam0=0.01)
+    return replace(Task(plant, estimation, limits, period=400), **changes)  # type: ignore[arg-type]
+
+
+def planned(seed: int, asked: Task) -> Experiment:
+    return plan(asked, np.random.default_rng(seed))
+
+
+def replayed(plant: Plant, torque: Floats) -> tuple[Floats, Floats]:
+    """Angle and speed (N,) of another simulation of the drive."""
+    axis = SimulatedAxis(plant.values, plant.speed_scale, drive=plant.drive)
+    motion = [(0.0, 0.0), *(axis.step(float(u), plant.interval_s) for u in torque[:-1])]
+    angle, speed = np.array(motion).T
+    return angle, speed
+
+
+LIMIT = st.floats(0.5, 50.0)
+OPEN = st.sampled_from(
+    [(two_mass("angle"), two_masses(fc=fc, tau0=tau0)) for fc in (0.0, 0.2) for tau0 in (0.0, 0.1)]
+)
+WEIGHTS = [(chain(n, "angle"), values(n)) for n in (1, 2, 3)]
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(OPEN, LIMIT, LIMIT, LIMIT, st.integers(0, 2**32))
+def test_a_torque_keeps_within_all_limits(
+    drive: tuple[object, dict[str, float]], torque: float, speed: float, angle: float, seed: int
+) -> None:
+    plant = Plant(two_mass("angle"), drive[1], H)
+    check_limits(planned_or_none(seed, task(Limits(torque, speed, angle), drive[1], plant=plant)), plant)
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.sampled_from(WEIGHTS), st.floats(3.0, 50.0), LIMIT, LIMIT, st.integers(0, 2**32))
+def test_a_motion_keeps_within_all_limits(
+    drive: tuple[object, dict[str, float]], torque: float, speed: float, angle: float, seed: int
+) -> None:
+    plant = Plant(drive[0], drive[1], H)  # type: ignore[arg-type]
+    estimation = Estimation(plant.drive, plant.values, H, 1e-6)
+    asked = task(Limits(torque, speed, angle), plant=plant, estimation=estimation, command="angle")
+    check_limits(planned_or_none(seed, asked), plant)
+
+
+def planned_or_none(seed: int, asked: Task) -> Experiment | None:
+    """None where the text says that there is none, which a linear drive without offset always has."""
+    try:
+        return planned(seed, asked)
+    except ExcitationError:
+        if asked.plant.is_linear and asked.plant.values["tau0"] == 0:
+            raise
+        return None
+
+
+def check_limits(x: Experiment | None, plant: Plant) -> None:
+    if x is None:
+        return
+    angle, speed = replayed(plant, x.motion.torque[:, 0])
+    limits = x.task.limits
+    assert np.abs(x.motion.torque).max() <= limits.torque
+    assert np.abs(speed).max() <= limits.speed * (1 + 1e-6)
+    assert np.abs(angle).max() <= limits.angle * (1 + 1e-6)
+    assert x.motion.angle[:, 0] == pytest.approx(angle, abs=1e-6 * (1 + np.abs(angle).max()))
+    assert max(x.used, key=lambda name: x.used[name]) == x.trial.fitted.binding
+
+
+@pytest.mark.parametrize("command", ["torque", "speed", "angle"])
+@pytest.mark.parametrize("limits", [Limits(torque=2), Limits(speed=8), Limits(angle=1), Limits(2, 8, 1)])
+def test_the_binding_limit_is_used_fully(command: Command, limits: Limits, seed: int) -> None:
+    x = planned(seed, task(limits, command=command))
+    assert 0.98 < x.used[x.trial.fitted.binding] <= 1
+
+
+@pytest.mark.parametrize("lines", ["all", "odd"])
+def test_a_linear_drive_starts_and_ends_at_rest_and_repeats_its_periods(lines: str, seed: int) -> None:
+    x = planned(seed, task(Limits(2, 20), lines=lines, periods=3))
+    s, motion = x.task.schedule, x.motion
+    assert len(motion.torque) == s.samples == 400 * 4 + 200
+    assert abs(motion.angle[-1, 0]) < 2e-3 * np.abs(motion.angle).max()
+    assert abs(motion.speed[-1, 0]) < 2e-3 * np.abs(motion.speed).max()
+    periods = motion.torque[s.evaluated, 0].reshape(3, -1)
+    assert periods[1:] == pytest.approx(periods[:-1], abs=1e-9)
+    spectrum = np.abs(np.fft.rfft(periods[0])) * 2 / 400
+    assert spectrum[x.task.grid] == pytest.approx(x.trial.signal.amplitudes, rel=1e-9)
+    outside = np.delete(spectrum, [0, *x.task.grid])
+    assert outside == pytest.approx(0.0, abs=1e-9)
+    angle = motion.angle[s.evaluated, 0].reshape(3, -1)[-1]
+    assert abs(angle.max() + angle.min()) < 0.05 * np.ptp(angle)
+
+
+def test_an_offset_is_borne_so_that_nothing_drifts(seed: int) -> None:
+    x = planned(seed, task(Limits(2, 20), two_masses(tau0=0.3), periods=4))
+    means = x.motion.angle[x.task.schedule.evaluated, 0].reshape(4, -1).mean(axis=1)
+    assert means == pytest.approx(means[0], abs=0.01 * np.abs(x.motion.angle).max())
+    assert x.motion.torque[0, 0] == pytest.approx(-0.3, abs=0.02)
+
+
+def test_with_friction_it_ends_nearly_at_rest(seed: int) -> None:
+    x = planned(seed, task(Limits(2, 20), two_masses(fc=0.2)))
+    assert abs(x.motion.speed[-1, 0]) < 0.05 * np.abs(x.motion.speed).max()
+
+
+def test_a_good_controller_follows_and_a_known_one_commands_the_signal(seed: int) -> None:
+    good = planned(seed, task(Limits(2, 20), command="angle"))
+    assert good.trial.reference is not None
+    assert good.motion.angle[:, 0] == pytest.approx(
+        good.trial.reference[0], abs=0.05 * np.abs(good.motion.angle).max()
+    )
+    known = planned(seed, task(Limits(2, 20), command="angle", controller=Controller(2.0, 0.2)))
+    wanted = known.trial.signal.samples()
+    got = known.motion.torque[known.task.schedule.evaluated, 0][-400:]
+    assert got == pytest.approx(wanted, abs=0.05 * np.abs(wanted).max())
+
+
+def test_a_controller_that_cannot_hold_the_drive_is_refused(seed: int) -> None:
+    with pytest.raises(ExcitationError, match="not stable with kp = 1e\\+06"):
+        planned(seed, task(Limits(2), command="angle", controller=Controller(1e6, 0.0)))
+
+
+def test_a_weight_cannot_be_moved_by_torque_alone(seed: int) -> None:
+    plant = Plant(chain(2, "angle"), {**values(2), "gc": 0.0, "gs": -30.0}, H)  # upside down
+    estimation = Estimation(plant.drive, plant.values, H, 1e-6)
+    with pytest.raises(ExcitationError, match=r"weight moves it away|limit does not hold"):
+        planned(seed, task(Limits(torque=5, angle=3), plant=plant, estimation=estimation))
+
+
+def test_limits_that_hold_for_no_amplitude() -> None:
+    borne = np.full((3, 1), 2.0)
+    with pytest.raises(ExcitationError, match="the torque limit does not hold, however small the signal"):
+        fitted(lambda size: Motion(borne + size, borne * 0, borne * 0, borne), Limits(torque=1.0), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [({}, "no limit"), ({"torque": 0.0}, "torque limit 0"), ({"speed": np.nan}, "speed limit nan")],
+)
+def test_limits_that_make_no_sense(limits: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Limits(**limits)
+
+
+# --- what it tells ----------------------------------------------------------------------------------------
+
+NAMES = ("Jm", "Ja", "k", "d", "fm")
+
+
+def test_frequency_responses_are_those_of_the_simulated_sensitivities(seed: int) -> None:
+    lines = lines_in(400, H, (0.0, 30.0))
+    m = Multisine.random(np.random.default_rng(seed), 400, H, lines)
+    s = sensitivity_responses(two_mass("speed"), two_masses(), NAMES, m.frequency_hz, H)
+    S = sensitivities(two_mass("speed"), two_masses(), NAMES, np.tile(m.samples(), 20), H)[-400:]
+    for i in range(len(NAMES)):
+        assert m.through(s[:, i]).samples() == pytest.approx(S[:, i], abs=1e-6 * np.abs(S[:, i]).max())
+
+
+@pytest.mark.parametrize("torque_noise", [0.0, 0.2])
+def test_information_by_lines_is_that_of_the_record(torque_noise: float, seed: int) -> None:
+    """Whichever predictor: the sum over lines, and the sum over the samples of one period."""
+    K = None
+    if torque_noise:
+        K, _ = filter_gain(AxisModel(two_mass("speed"), two_masses(), ()), H, torque_noise, 0.1)
+    estimation = Estimation(two_mass("speed"), two_masses(), H, 0.3, K)
+    lines = lines_in(400, H, (0.0, 30.0))
+    m = Multisine.random(np.random.default_rng(seed), 400, H, lines)
+    M = np.tensordot(m.amplitudes**2 / 2, information(estimation.responses(NAMES, m.frequency_hz)), axes=1)
+    inputs = np.zeros((400 * 20, len(two_mass("speed").inputs)))
+    inputs[:, 0] = np.tile(m.samples(), 20)
+    S = estimation.accuracy(NAMES, inputs).S[-400:] / np.sqrt(0.3)
+    scale = np.sqrt(np.outer(np.diag(M), np.diag(M)))
+    assert S.T @ S / 400 / scale == pytest.approx(M / scale, abs=1e-6)
+
+
+@pytest.mark.parametrize("torque_noise", [0.0, 0.15])
+def test_predicted_deviations_are_those_of_many_estimates(torque_noise: float, seed: int) -> None:
+    """One Gauss-Newton step from the truth, with slopes of the predictor by differences, over 150 noises."""
+    names, noise, runs = ("Ja", "fm"), 0.1, 150
+    rng = np.random.default_rng(seed)
+    K, lam0 = np.zeros(3), noise**2
+    if torque_noise:
+        K, lam0 = filter_gain(AxisModel(two_mass("speed"), two_masses(), ()), H, torque_noise, noise)
+    asked = task(Limits(1.0), free=names)
+    x = planned(seed, replace(asked, estimation=replace(asked.estimation, lam0=lam0, K=K)))
+    u = x.motion.torque[:, 0]
+    w, v = torque_noise * rng.standard_normal((len(u), runs)), noise * rng.standard_normal((len(u), runs))
+    y = filtered(two_masses(), u[:, None] + w, None, K * 0)[0] + v
+    at = two_masses()
+    eps = filtered(at, u[:, None], y, K)[1]
+    psi = np.stack(
+        [
+            (
+                filtered({**at, n: at[n] * 0.9999}, u[:, None], y, K)[1]
+                - filtered({**at, n: at[n] * 1.0001}, u[:, None], y, K)[1]
+            )
+            / 2e-4
+            for n in names
+        ]
+    )
+    found = np.array(
+        [np.linalg.solve(p @ p.T, p @ e) for p, e in zip(psi.transpose(2, 0, 1), eps.T, strict=True)]
+    )
+    ratio = found.std(axis=0) / x.accuracy.standard_deviations
+    assert ratio == pytest.approx(1.0, abs=5 / np.sqrt(2 * runs))
+
+
+def filtered(at: dict[str, float], u: Floats, y: Floats | None, K: Floats) -> tuple[Floats, Floats]:
+    """yhat and eps (N, W) of x+ = Ad (x + K eps) + Bd u, written out; without y eps is zero."""
+    drive = two_mass("speed")
+    A, B, C = (drive.matrix(which, drive.complete(at)) for which in ("A", "B", "C"))
+    Ad, Bd = zero_order_hold(A, B[:, :1], H)
+    W = (u if y is None else y).shape[1]
+    xs, yhat, eps = np.zeros((len(A), W)), np.empty((len(u), W)), np.zeros((len(u), W))
+    for k in range(len(u)):
+        yhat[k] = (C @ xs)[0]
+        if y is not None:
+            eps[k] = y[k] - yhat[k]
+        xs = Ad @ (xs + np.outer(K, eps[k])) + Bd * u[k]
+    return yhat, eps
+
+
+def test_what_cannot_be_told_apart_is_held_pure_numbers_first(seed: int) -> None:
+    x = planned(seed, task(Limits(1.0)))
+    assert "kT" in x.held
+    assert set(x.held) <= {"kT", "r"}
+    assert np.isfinite(x.accuracy.standard_deviations).all()
+    with pytest.raises(ExcitationError, match=r"^(kT|r|kT and r) cannot be told beside"):
+        told_apart(x.task.estimation, x.motion.inputs, ("kT", "r"))
+
+
+# --- spectra ----------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 2**32), st.integers(1, 3), st.integers(1, 3))
+@settings(max_examples=15, deadline=None)
+def test_optimal_powers_are_the_best_there_are(seed: int, limits: int, parameters: int) -> None:
+    """No general method for convex problems finds better ones."""
+    rng = np.random.default_rng(seed)
+    L = 8
+    M = information(rng.standard_normal((L, parameters)) + 1j * rng.standard_normal((L, parameters)))
+    costs, wanted = rng.random((limits, L)) + 0.1, rng.random(parameters) + 0.1
+
+    def criterion(p: Floats) -> float:
+        return float(wanted @ np.diag(np.linalg.inv(np.tensordot(np.abs(p) + 1e-12, M, axes=1))))
+
+    found = optimal_powers(M, costs, wanted)
+    assert (costs @ found.powers).max() == pytest.approx(1.0)
+    assert (found.powers >= 0).all()
+    start = np.full(L, 1 / costs.sum(axis=1).max())
+    other = minimize(
+        criterion, start, method="SLSQP", bounds=[(0, None)] * L,
+        constraints=[LinearConstraint(costs, -np.inf, 1)], options={"maxiter": 300},
+    )  # fmt: skip
+    assert criterion(found.powers) <= other.fun * (1 + max(2e-3, found.excess)) + 1e-9
+    assert found.excess < 0.02
+    assert criterion(found.powers) / (1 + found.excess) <= other.fun * (1 + 1e-3) + 1e-9
+
+
+def test_a_spectrum_for_a_parameter_tells_more_of_it_than_a_flat_one(seed: int) -> None:
+    x = planned(seed, task(Limits(1.0), find=("fm", "1/Ja"), period=800))
+    assert x.gains["fm"] > 1.3
+    assert set(x.task.find) <= set(x.accuracy.names)
+    assert (x.trial.signal.amplitudes > 0).all()
+
+
+def test_words_on_what_is_poorly_told(seed: int) -> None:
+    asked = task(Limits(0.05), band_hz=(0.5, 3.0))
+    said = warnings(planned(seed, asked))
+    (of_k,) = [words for words in said if words.startswith(("k ", "Ja and k", "k and"))][:1]
+    assert "cannot" in of_k
+    assert any("excite up to" in words and "times as long" in words for words in said)
+    assert warnings(planned(seed, task(Limits(20.0)))) == ()
+
+
+# --- mistakes ---------------------------------------------------------------------------------------------
+
+
+def test_schedule() -> None:
+    s = Schedule(100, 2, 25)
+    assert s.samples == 325
+    window = s.window()
+    assert (window[0], window[25:300].min(), window[300:].max()) == (0.0, 1.0, 1.0)
+    assert all(a <= b for a, b in pairwise(window[:26]))
+    for arguments in ((100, 0, 25), (100, 1, 3), (100, 1, 101)):
+        with pytest.raises(ValueError, match=r"periods|fade"):
+            Schedule(*arguments)
+
+
+def test_what_cannot_be_planned(seed: int) -> None:
+    with pytest.raises(ExcitationError, match="widen the band or lengthen the period"):
+        planned(seed, task(Limits(1.0), band_hz=(0.6, 0.9)))
+    with pytest.raises(ExcitationError, match="must be among the free parameters"):
+        planned(seed, task(Limits(1.0), free=("Ja",), find=("fm",)))
+    with pytest.raises(ExcitationError, match=r"do not tell .* parameters apart"):
+        planned(seed, task(Limits(1.0), free=NAMES, find=("fm",), band_hz=(1.4, 1.6)))
+    with pytest.raises(ValueError, match="angle as output"):
+        Plant(three_mass("speed"), REFERENCE_VALUES, H)
+    with pytest.raises(ValueError, match="innovation variance 0"):
+        Estimation(three_mass("speed"), REFERENCE_VALUES, H, 0.0)
+    with pytest.raises(ValueError, match="K has 2 entries, the drive 5 states"):
+        Estimation(three_mass("speed"), REFERENCE_VALUES, H, 1.0, np.zeros(2))
