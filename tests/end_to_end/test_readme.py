@@ -37,7 +37,7 @@ def shown(start: str) -> list[list[str]]:
 
 def arguments(command: list[str], folder: Path) -> list[str]:
     """Without the program's name, its files in this folder."""
-    files = (".toml", ".log", ".json", ".mo")
+    files = (".toml", ".log", ".json", ".mo", ".csv")
     return [str(folder / word) if word.endswith(files) else word for word in command[1:]]
 
 
@@ -45,7 +45,7 @@ def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = ("check", "listen", "run", "simulate", "replay", "play", "model", "demo")
+    commands = ("check", "listen", "run", "simulate", "replay", "play", "model", "demo", "excite")
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands)}
 
 
@@ -78,6 +78,15 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
     assert run_program(*arguments(replay, tmp_path)).returncode == 0
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["axes"]
     assert run_program(*arguments(play, tmp_path)).returncode == 0
+
+
+def test_an_experiment_is_planned(tmp_path: Path) -> None:
+    demo_config(tmp_path, axes=1)
+    (excite,) = shown("axiswatch excite")
+    done = run_program(*arguments(excite, tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(words in done.stdout for words in ("binds", "crest factor", "predicted sd", "1/Ja"))
+    assert (tmp_path / "motion.csv").read_text(encoding="utf-8").startswith("t_s,torque_Nm,")
 
 
 def test_the_drive_drawn_here_is_modelled_and_its_fault_is_named(tmp_path: Path) -> None:
