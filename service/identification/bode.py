@@ -17,7 +17,7 @@ from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.local import local_response
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
-from monitor_core.identification.resampling import resample
+from monitor_core.identification.resampling import decimate, resample
 from monitor_core.identification.result import Estimate
 from monitor_core.identification.spectral import spectral_response
 from monitor_core.kernel.tables import Floats
@@ -25,9 +25,11 @@ from monitor_core.kernel.tables import Floats
 _POINTS = 300
 _PERIODS = 4.0
 """The lowest frequency has at least so many periods in the longest record."""
-_EXCITED = 1e-3
-"""Of the largest density of the torque: what is below is not excited."""
+_EXCITED = 3e-3
+"""Of the largest density of the torque: what is below is not excited, but noise that a controller answers to."""
 _NYQUIST = 0.95
+_FASTER = 5.0
+"""Samples in a period of the highest frequency, at least."""
 _LARGEST = 100
 """Order of the black box, at most."""
 _LONGEST = 60_000
@@ -110,9 +112,14 @@ def _tried(
 
 
 def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
-    samples = sum(len(record) for record in records)
-    model = fit_arx(records, "aic", largest=max(1, min(_LARGEST, samples // 20)))
-    return model.response(f)
+    """ARX; of samples far faster than the band fewer, since its order counts samples, and the band's time is long."""
+    h = max(record.interval_s for record in records)
+    every = max(1, int(1 / (_FASTER * f[-1] * h)))
+    thinned = [decimate(record, every).record for record in records] if every > 1 else list(records)
+    samples = sum(len(record) for record in thinned)
+    model = fit_arx(thinned, "aic", largest=max(1, min(_LARGEST, samples // 20)))
+    found = model.response(f)
+    return replace(found, name=f"{found.name}, every {1e3 * every * h:.3g} ms") if every > 1 else found
 
 
 def _measured(records: Sequence[Record], f: Floats) -> FrequencyResponse:

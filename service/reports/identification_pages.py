@@ -18,7 +18,7 @@ from service.reports.model_svg import as_svg
 _LEAST, _MOST = 1e-4, 1.0
 """Standard deviations at the ends of their bars, which are logarithmic."""
 _POOR = 0.1
-_STRONG = 0.9
+_STRONG = 0.95
 HELD, NUMBER = ' class="held"', ' class="number"'
 
 
@@ -46,7 +46,7 @@ def parameter_table(found: Found) -> str:
 
 def _parameter(row: Row) -> str:
     if row.held:
-        middle = f'<td colspan="3">held: {escaped(row.held)}</td>'
+        middle = f'<td colspan="3" class="why">held: {escaped(row.held)}</td>'
     else:
         middle = (
             f"{_number(deviation(row))}{_number(percent(row.relative_sd))}<td>{_bar(row.relative_sd)}</td>"

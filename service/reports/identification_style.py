@@ -51,6 +51,7 @@ figure img { width: auto; max-width: 100%; }
 .matrix td i { position: absolute; inset: 1px; border-radius: 4px; background: var(--found); }
 .matrix td.minus i { background: var(--simulated); }
 .matrix td b { position: relative; font-weight: 400; } .matrix .strong b { font-weight: 700; }
+.why { white-space: nowrap; font-size: 13.5px; }
 .quiet { color: var(--quiet); }
 ul { margin: 0; padding-left: 20px; } li { margin: 0 0 6px; }
 pre { margin: 0; padding: 12px 14px; border-radius: 8px; background: var(--page); font-size: 13px;
