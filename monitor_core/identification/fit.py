@@ -7,16 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from monitor_core.drive import DISTURBANCE_TIME
 from monitor_core.identification.descent import STEP, End, Normal, minimise
 from monitor_core.identification.layout import LEVEL
 from monitor_core.identification.predictor import Errors, Predictor
-from monitor_core.identification.problem import Disturbance, Problem
+from monitor_core.identification.problem import DELAY, Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.kernel.tables import Floats
 
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
 _ROUNDS = 3
+_JITTER = 1e-3
+_NEAR = 1e-3
+_BEYOND = 0.01
 _LEVEL_STEP = 1.5
 """Where a noise level hardly shows, it may go anywhere; the other entries then need not wait for it."""
 _LEVELS = (1e-2, 1e-1, 1.0, 1e1, 1e2)
@@ -35,6 +39,7 @@ def solve(
     """
     predictor = Predictor(problem, records, choose_disturbance(problem, records))
     end = _search(predictor, predictor.start(), np.inf, most, progress)
+    predictor, end = _across_intervals(predictor, end, records, most, progress)
     if problem.loss == "squares":
         return predictor, end, np.inf
     limit = np.inf
@@ -43,6 +48,59 @@ def solve(
         again = _search(predictor, end.xi, limit, most, progress)
         end = again._replace(evaluations=end.evaluations + again.evaluations)
     return predictor, end, limit
+
+
+def _across_intervals(
+    predictor: Predictor, end: End, records: Sequence[Record], most: int, progress: Progress | None
+) -> tuple[Predictor, End]:
+    """A delay that is held by the end of its interval goes on in the next one, as long as that is better."""
+    while (side := _held_at(predictor, end)) and all(r.jitter_s < _JITTER * r.interval_s for r in records):
+        problem = settled(predictor, end.xi)
+        problem = replace(problem, delay_s=problem.delay_s + side * _BEYOND * predictor.interval_s)
+        try:
+            following = Predictor(problem, records, problem.disturbance)
+            found = _search(following, following.start(), np.inf, most, progress)
+        except ValueError:
+            break
+        if not found.normal.cost < end.normal.cost:
+            break
+        predictor, end = following, found._replace(evaluations=end.evaluations + found.evaluations)
+    return predictor, end
+
+
+def _held_at(predictor: Predictor, end: End) -> int:
+    """-1 or 1: which end of its interval holds the delay; 0: none, or the user's own bound."""
+    layout = predictor.layout
+    if not layout.free_delay:
+        return 0
+    k = layout.names.index(DELAY)
+    lower, upper = (float(bound[k]) for bound in layout.bounds())
+    near, low_high = _NEAR * predictor.interval_s, predictor.problem.bounds.get(DELAY, (-np.inf, np.inf))
+    if end.xi[k] <= lower + near:
+        return -1 if lower > low_high[0] else 0
+    return 1 if end.xi[k] >= upper - near and upper < low_high[1] else 0
+
+
+def settled(predictor: Predictor, xi: Floats) -> Problem:
+    """The problem with the estimates as its start."""
+    problem, layout, point = predictor.problem, predictor.layout, predictor.layout.point(xi)
+    noise = predictor.disturbance
+    if noise is not None:
+        noise = replace(
+            noise,
+            torque=point.torque * noise.output,
+            slow=point.slow * noise.output,
+            time_constant_s=point.values.get(DISTURBANCE_TIME, noise.time_constant_s),
+        )
+    names = {p.name for p in problem.drive.parameters}
+    slopes = layout.names[len(layout.free) : len(layout.free) + len(point.slopes)]
+    return replace(
+        problem,
+        nominal={name: value for name, value in point.values.items() if name in names},
+        delay_s=point.delay_s,
+        disturbance=noise,
+        slopes=dict(zip(slopes, point.slopes.tolist(), strict=True)),
+    )
 
 
 def fit_starts(predictor: Predictor, most: int = 20) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 from monitor_core.drive import DISTURBANCE_TIME, split_name
 from monitor_core.identification.covariance import Information, information
 from monitor_core.identification.descent import End
-from monitor_core.identification.fit import fit_starts, solve
+from monitor_core.identification.fit import fit_starts, settled, solve
 from monitor_core.identification.layout import Layout
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import DELAY, Disturbance, Problem
@@ -139,7 +139,7 @@ def _estimate(predictor: Predictor, end: End, limit: float) -> Estimate:
     told = _information(predictor, xi, errors, lam0, limit)
     p = len(layout.names)
     theta = layout.numbers(xi)[:p]
-    final = _final(predictor, xi)
+    final = settled(predictor, xi)
     point, gain = layout.point(xi), predictor.gain(xi)
     output = float(np.sqrt(lam0 / gain.S)) if predictor.disturbance else float(np.sqrt(lam0))
     noise = {"torque": point.torque * output, "slow": point.slow * output, "output": output}
@@ -199,28 +199,6 @@ def _information(
         eps = [e / inside for e in eps]
         variance = lam0 * _CLIPPED_VARIANCE / inside**2
     return information(names, sizes, gradients, starts, eps, variance)
-
-
-def _final(predictor: Predictor, xi: Floats) -> Problem:
-    """The problem with the estimates as its start."""
-    problem, layout, point = predictor.problem, predictor.layout, predictor.layout.point(xi)
-    noise = predictor.disturbance
-    if noise is not None:
-        noise = replace(
-            noise,
-            torque=point.torque * noise.output,
-            slow=point.slow * noise.output,
-            time_constant_s=point.values.get(DISTURBANCE_TIME, noise.time_constant_s),
-        )
-    names = {p.name for p in problem.drive.parameters}
-    slopes = layout.names[len(layout.free) : len(layout.free) + len(point.slopes)]
-    return replace(
-        problem,
-        nominal={name: value for name, value in point.values.items() if name in names},
-        delay_s=point.delay_s,
-        disturbance=noise,
-        slopes=dict(zip(slopes, point.slopes.tolist(), strict=True)),
-    )
 
 
 def _nrmse(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:

@@ -45,7 +45,7 @@ def hold_late(of: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_
         to[..., columns] = last[..., columns]
         to[..., n + m] = (all_[..., columns] - last[..., columns]).sum(axis=-1)
     # d/dtau of what acts over the rest: the integrand at its end, exp(A (h - tau)) B.
-    edge = (rest.X[:, :, :n] @ of.B[:, torque]) * (late < intervals_s)[:, None, None]
+    edge = (rest.X[:, :, :n] @ of.B[:, torque]) * (delay_s <= intervals_s)[:, None, None]
     dX[:, p][..., columns] = -edge
     dX[:, p, :, n + m] = edge.sum(axis=-1)
     return Held(X, dX)

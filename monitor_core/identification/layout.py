@@ -58,7 +58,7 @@ class Layout:
         problem: what is free.
         drive: with the state of the disturbance, if there is one.
         disturbance: None: K does not follow from noise.
-        interval_s: bound of the delay.
+        interval_s: the delay stays in the interval that it starts in.
     """
 
     def __init__(
@@ -77,9 +77,7 @@ class Layout:
         entries = [self._parameter(problem, drive, name) for name in self.free]
         entries += [self._slope(problem, f"{self.free[i]} per {signal}") for i, signal in self.varying]
         if problem.free_delay:
-            entries.append(
-                Entry(DELAY, problem.delay_s, *problem.bounds.get(DELAY, (0.0, interval_s)), False)
-            )
+            entries.append(_delay(problem, interval_s))
         self.names = tuple(entry.name for entry in entries)
         self.entries = (*entries, *self._levels(drive))
         self.free_delay = problem.free_delay
@@ -191,3 +189,17 @@ class Layout:
             base, inverse = split_name(name)
             out[base] = 1 / value if inverse else value
         return out
+
+
+def whole_intervals(delay_s: float, interval_s: float) -> int:
+    """By how many samples the torque is shifted so that its delay remains within one interval, from 0 to its end."""
+    return 0 if 0 <= delay_s <= interval_s else math.floor(delay_s / interval_s)
+
+
+def _delay(problem: Problem, interval_s: float) -> Entry:
+    j = whole_intervals(problem.delay_s, interval_s)
+    low, high = problem.bounds.get(DELAY, (-math.inf, math.inf))
+    lower, upper = max(low, j * interval_s), min(high, (j + 1) * interval_s)
+    if not lower <= problem.delay_s <= upper:
+        raise ValueError(f"{DELAY} starts at {problem.delay_s}, outside its bounds {low}, {high}")
+    return Entry(DELAY, problem.delay_s, lower, upper, False)

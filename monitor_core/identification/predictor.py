@@ -10,7 +10,7 @@ import numpy as np
 
 from monitor_core.drive import DISTURBANCE_TIME, Drive
 from monitor_core.identification.held import hold, hold_late
-from monitor_core.identification.layout import Layout, Point
+from monitor_core.identification.layout import Layout, Point, whole_intervals
 from monitor_core.identification.noise import Gain, Levels, gain
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
@@ -46,7 +46,9 @@ class Predictor:
         self.interval_s = round(float(np.median(np.concatenate([r.intervals for r in records]))), 6)
         self.layout = Layout(problem, self.drive, disturbance, self.interval_s)
         names = [signal for _, signal in self.layout.varying]
-        self.series = [series(record, names) for record in records]
+        late = whole_intervals(problem.delay_s, self.interval_s)
+        self._whole_s = late * self.interval_s
+        self.series = [series(record, names, late) for record in records]
         start = self.layout.point(self.layout.start())
         self.d = AxisModel(self.drive, start.values, ()).balance()
         self._structure = Structure(self.drive, self.layout.free, self.d)
@@ -183,9 +185,10 @@ class Predictor:
         return X, np.ascontiguousarray(dX.transpose(0, 3, 2, 1)).reshape(len(X), X.shape[2], -1)
 
     def _held_level(self, point: Point, intervals_s: Floats, of: Linear) -> tuple[Floats, Floats]:
-        if not (self.layout.free_delay or point.delay_s):
+        late_s = max(point.delay_s - self._whole_s, 0.0)
+        if not (self.layout.free_delay or late_s):
             return hold(of, intervals_s)
-        X, dX = hold_late(of, self._torque, intervals_s, point.delay_s)
+        X, dX = hold_late(of, self._torque, intervals_s, late_s)
         return X, dX if self.layout.free_delay else dX[:, :-1]
 
     def _scales(self, levels: Sequence[Linear], q: int) -> tuple[Floats, Floats]:

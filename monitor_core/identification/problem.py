@@ -71,7 +71,9 @@ class Problem:
         predictor: "output-error" simulates; "innovations" corrects the state by K eps at each sample, which also is
             what makes a record from a closed loop, however noisy, as good as any other.
         speed_scale: of Coulomb friction, rad/s, as in Settings.
-        delay_s: skew, by which the torque acts later than its sample, at most one interval.
+        delay_s: skew, by which the torque acts later than its sample.  Within one interval it is exact whatever the
+            intervals are, and the monitor takes it as it is; whole intervals, or a torque that acts too early, are
+            for records without jitter.
         free_delay: it is estimated.
         disturbance: noise from which K follows; None: white torque noise of unknown level.
         K: filter gain (n,) in the drive's states, which then is held; no disturbance.
@@ -117,8 +119,8 @@ class Problem:
             raise ValueError(f"K has {len(self.K)} entries, the drive {len(self.drive.states)} states")
         if not 0 < self.speed_scale < math.inf:
             raise ValueError(f"speed_scale = {self.speed_scale}: need a finite value greater than zero")
-        if not 0 <= self.delay_s < math.inf:
-            raise ValueError(f"delay_s = {self.delay_s}: need a finite value, at least zero")
+        if not math.isfinite(self.delay_s):
+            raise ValueError(f"delay_s = {self.delay_s}: need a finite value")
 
     def _check_free(self) -> None:
         bases = [split_name(name)[0] for name in self.free]

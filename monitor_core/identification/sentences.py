@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from monitor_core.identification.layout import LEVEL, Layout
+from monitor_core.identification.layout import LEVEL, Layout, whole_intervals
 from monitor_core.identification.residuals import LEVEL as CONFIDENCE
 from monitor_core.identification.result import Estimate
 from monitor_core.kernel.tables import Floats
@@ -25,6 +25,12 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
     yield from _singular(found.accuracy)
     yield from (word for word in found.accuracy.words() if LEVEL not in word and "at all" not in word)
     yield from _at_bounds(layout, xi)
+    if not 0 <= found.delay_s <= found.interval_s:
+        how = "late" if found.delay_s > 0 else "early"
+        yield (
+            f"The torque acts {abs(found.delay_s):.4g} s {how}, more than one interval or before its time: shift it by"
+            f" {whole_intervals(found.delay_s, found.interval_s)} samples in the record."
+        )
     yield from _levels(found, layout)
     yield from _residuals(found)
 

@@ -14,6 +14,8 @@ from monitor_core.kernel.tables import Floats, Ints
 MOST_LEVELS = 32
 """A slowly varying signal counts as constant within the 32nd part of its range."""
 
+_REGULAR = 0.01
+
 
 @dataclass(frozen=True, eq=False)
 class Series:
@@ -34,11 +36,11 @@ class Series:
         return float(self.y[np.argmax(self.measured)])
 
 
-def series(record: Record, signals: Sequence[str]) -> Series:
-    """Prepare a record.  Times count to the microsecond, as in the monitor.
+def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
+    """Prepare a record, its torque ``late`` samples later.  Times count to the microsecond, as in the monitor.
 
     Raises:
-        ValueError: it lacks a signal, or nothing of it was measured.
+        ValueError: it lacks a signal, or nothing of it was measured; intervals too different for a shift.
     """
     if not record.measured.any():
         raise ValueError(f"{record.name or 'record'}: no output was measured")
@@ -50,7 +52,12 @@ def series(record: Record, signals: Sequence[str]) -> Series:
     pairs, step = _distinct(np.stack([intervals, level[:-1]], axis=1))
     y = np.where(record.measured, record.y, 0.0)
     measured = record.measured.astype(np.int64)
-    return Series(record, record.u, y, measured, np.append(step, 0), level, pairs, values)
+    if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
+        raise ValueError(
+            f"{record.name or 'record'}: the torque is late by more than one interval, and those differ"
+        )
+    u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
+    return Series(record, u, y, measured, np.append(step, 0), level, pairs, values)
 
 
 def _distinct(rows: Ints) -> tuple[Ints, NDArray[np.int64]]:

@@ -108,6 +108,20 @@ def test_the_skew_is_estimated(seed: int) -> None:
     assert ignored.cost > found.cost + 30 * found.lam0
 
 
+@pytest.mark.parametrize("late", [-17, 62])
+def test_a_skew_beyond_one_interval(late: int, seed: int) -> None:
+    """In 25th parts of the interval: a torque that acts too early, and one that is two and a half samples late."""
+    h, parts = 0.005, 25
+    rec = reference_record(seed, SAMPLES, noise=0.0)
+    fine = rec.u[np.clip((np.arange(SAMPLES * parts) - late) // parts, 0, SAMPLES - 1)]
+    y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, fine[:, None], h / parts)
+    y = y[::parts, 0] + np.random.default_rng(seed).standard_normal(SAMPLES)
+    found = fit(reference_problem(free_delay=True), [Record(rec.t, rec.u, y, "speed")])
+    assert found.delay_s == pytest.approx(late * h / parts, abs=4.5 * found.sd[-1])
+    assert np.abs(pulls(found)).max() < 4.5
+    assert any("more than one interval" in word for word in found.words)
+
+
 def test_outliers(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rec = reference_record(seed, SAMPLES)
