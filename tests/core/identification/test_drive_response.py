@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.excitation import multisine
-from monitor_core.identification.drive_response import drive_response
+from monitor_core.identification.drive_response import drive_response, held_response
 from monitor_core.identification.frequency import (
     DECIBEL,
     Complexes,
@@ -19,6 +19,7 @@ from monitor_core.identification.frequency import (
 )
 from monitor_core.identification.periodic import periodic_response
 from monitor_core.identification.record import Record
+from monitor_core.identification.structure import Linear
 from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.simulation import simulate_linear
@@ -32,7 +33,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 def test_gain_and_phase_from_a_gradient() -> None:
     """A parameter that is a gain moves only that; one that is a delay only the phase."""
-    f, gain, delay = np.array([1.0, 10.0, 40.0]), 2.0, 0.003
+    f, gain, delay = np.linspace(1.0, 40.0, 14), 2.0, 0.03
 
     def function(theta: Floats, f: Floats) -> tuple[Complexes, Complexes]:
         G = theta[0] * np.exp(-2j * np.pi * f * theta[1])
@@ -40,12 +41,12 @@ def test_gain_and_phase_from_a_gradient() -> None:
 
     covariance = np.diag([0.02**2, 1e-4**2])
     response = response_of(function, np.array([gain, delay]), covariance, f, name="delay")
-    assert response.sd_db == pytest.approx(np.full(3, DECIBEL * 0.01))
+    assert response.sd_db == pytest.approx(np.full(14, DECIBEL * 0.01))
     assert response.sd_phase == pytest.approx(2 * np.pi * f * 1e-4)
-    assert response.db == pytest.approx(np.full(3, 20 * np.log10(2)))
+    assert response.db == pytest.approx(np.full(14, 20 * np.log10(2)))
     assert response.phase == pytest.approx(-2 * np.pi * f * delay)
     low, high = response.band_db(2.0)
-    assert high - low == pytest.approx(np.full(3, 4 * DECIBEL * 0.01))
+    assert high - low == pytest.approx(np.full(14, 4 * DECIBEL * 0.01))
 
 
 @law
@@ -129,6 +130,25 @@ def test_deviations_of_a_drive_are_its_derivatives(output: str, i: int) -> None:
     w = (np.log(ends[0]) - np.log(ends[1])) / 2e-5 * 0.01
     assert found.sd_db == pytest.approx(DECIBEL * abs(w.real), rel=1e-4, abs=1e-7)
     assert found.sd_phase == pytest.approx(abs(w.imag), rel=1e-4, abs=1e-8)
+
+
+@law
+@given(seeds, st.sampled_from([0.0, 0.002]))
+def test_derivatives_of_any_linear_model(seed: int, delay_s: float) -> None:
+    """Also of C, which no drive of the library has: along a random direction of A, B and C, by differences."""
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.normal(size=(3, 3)) - 4 * np.eye(3), rng.normal(size=(3, 2)), rng.normal(size=3)
+    dA, dB, dC = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=3)
+    f, torque, none = np.array([1.0, 30.0, 90.0]), np.array([False, True]), np.zeros
+
+    def response(step: float) -> tuple[Complexes, Complexes]:
+        moved = A + step * dA, B + step * dB, C + step * dC, none(3), none(2)
+        of = Linear(*moved, dA[..., None], dB[..., None], dC[:, None], none((3, 1)), none((2, 1)))
+        return held_response(of, torque, INTERVAL_S, f, delay_s)
+
+    difference = (response(1e-6)[0] - response(-1e-6)[0]) / 2e-6
+    slope = response(0.0)[1][:, 0]
+    assert slope == pytest.approx(difference, rel=1e-5, abs=1e-6 * float(abs(slope).max()))
 
 
 def test_what_is_not_told_makes_the_band_infinite() -> None:

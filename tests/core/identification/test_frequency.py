@@ -22,6 +22,7 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.spectral import spectral_response
 from tests.core.identification.systems import (
     INTERVAL_S,
+    Discrete,
     bench_drive,
     decibels,
     innovations_record,
@@ -113,6 +114,21 @@ def test_deviations_of_a_record_with_itself_and_its_noise(seed: int) -> None:
     assert np.mean(response.sd_phase) == pytest.approx(0.25 / np.sqrt(2 * n), rel=0.1)
     assert response.coherence is not None
     assert np.mean(response.coherence) == pytest.approx(16 / 17, abs=0.01)
+
+
+def test_variance_of_periods_is_that_of_the_noise(seed: int) -> None:
+    """In closed loop, from three periods, line by line: |H|^2 lam0 M / (3 |U|^2), with H the noise's filter."""
+    rng, (drive, K) = np.random.default_rng(seed), small_drive()
+    found = [periodic_response([repeated(rng, 4, 0.01, LOOP)], M, lines=range(3, 120)) for _ in range(60)]
+    f = found[0].frequency_hz
+    G, H = drive.response(f), 1 + Discrete(drive.A, K[:, None], drive.C).response(f)
+    # A line of the reference is M / sqrt(2 * 119) high; of it G in the loop leaves 1 / (1 + LOOP G) as torque.
+    U = M / np.sqrt(2 * 119) / abs(1 + LOOP * G)
+    stated = np.mean([r.sd_phase**2 for r in found], axis=0)
+    true = abs(H) ** 2 * 0.01**2 * M / (3 * U**2) / (2 * abs(G) ** 2)
+    # 60 estimates with two degrees of freedom each: 9 %.
+    assert np.mean(stated / true) == pytest.approx(1.0, abs=0.05)
+    assert abs(stated / true - 1).max() < 0.55
 
 
 # --- closed loop -------------------------------------------------------------------------------------------
