@@ -27,6 +27,9 @@ _LARGE = 0.3
 _TAKES_PART = 1e-6
 """The same of a hidden one, where a component is either there or rounding."""
 
+Pair = tuple[str, str, float]
+"""Two parameters and the correlation of their estimates."""
+
 
 class Direction(NamedTuple):
     """A joint change: how far the output moves, over what the parts would move it one by one; its larger parts.
@@ -117,7 +120,7 @@ class Accuracy:
         with np.errstate(invalid="ignore"):
             return np.asarray(self.covariance / np.outer(sd, sd))
 
-    def pairs(self, limit: float = LIMIT) -> tuple[tuple[str, str, float], ...]:
+    def pairs(self, limit: float = LIMIT) -> tuple[Pair, ...]:
         """Two parameters and the correlation of their estimates, where that is above the limit."""
         R = self.correlations
         return tuple(
@@ -148,11 +151,12 @@ class Accuracy:
         """What cannot be told from this record, in plain sentences."""
         deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
         groups = _groups(deviations, self.directions(limit))
-        pairs = [p for p in self.pairs(limit) if not any({p[0], p[1]} <= set(g.names) for g in groups)]
+        pairs = self.pairs(limit)
+        apart = [p for p in pairs if not any(_inside(p, g) for g in groups)]
         return (
             *_alone(deviations, self.directions(limit)),
-            *_in_pairs(deviations, pairs),
-            *_in_groups(groups),
+            *_in_pairs(deviations, apart),
+            *_in_groups(groups, pairs),
         )
 
 
@@ -169,7 +173,7 @@ def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> 
         yield f"{names} cannot be told from this record (standard deviations in brackets)."
 
 
-def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[tuple[str, str, float]]) -> Iterator[str]:
+def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[Pair]) -> Iterator[str]:
     for one, other, r in pairs:
         if max(deviations[one], deviations[other]) > FAIR:
             yield (
@@ -191,7 +195,11 @@ def _groups(deviations: Mapping[str, float], directions: Sequence[Direction]) ->
     return out
 
 
-def _in_groups(groups: Sequence[Direction]) -> Iterator[str]:
+def _inside(pair: Pair, group: Direction) -> bool:
+    return {pair[0], pair[1]} <= set(group.names)
+
+
+def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[str]:
     for direction in groups:
         names = direction.names
         change = " ".join(f"{'+' if v > 0 else '-'}{name}" for name, v in direction.parts)
@@ -199,6 +207,11 @@ def _in_groups(groups: Sequence[Direction]) -> Iterator[str]:
             effect = "does not move the output at all"
         else:
             effect = f"moves the output by only {percent(direction.size)} of what they would one by one"
+            inside = [pair for pair in pairs if _inside(pair, direction)]
+            # Where more of them correlate it is the joint change that says so.
+            if len(inside) == 1:
+                one, other, r = inside[0]
+                effect += f", and the estimates of {one} and {other} correlate by {r:.2f}"
         yield (
             f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be told from this record:"
             f" the joint change {change} {effect}."

@@ -308,6 +308,15 @@ def test_pairs_that_a_group_explains_are_not_said_twice(seed: int) -> None:
     assert group.startswith("a, b and c cannot all be told")
 
 
+def test_the_only_pair_in_a_group_is_told_with_its_number(seed: int) -> None:
+    told = Accuracy(("a", "b", "c"), columns(seed, [1, 0, 0], [0.95, 0.3, 0], [0.3, -0.2, 0.15]), 0.1)
+    assert [pair[:2] for pair in told.pairs()] == [("a", "b")]
+    assert told.words() == (
+        "a, b and c cannot all be told from this record: the joint change +a -b -c moves the output by only "
+        "11 % of what they would one by one, and the estimates of a and b correlate by -0.98.",
+    )
+
+
 def test_a_group_that_says_nothing_new_is_left_out(seed: int) -> None:
     """Five columns nearly the same: the weakest direction is of all five, which is enough said."""
     apart = [[-1, 1, 3, 1], [2, -2, 0, 0], [2, 0, 2, -1], [1, 1, -2, 0], [-1, -4, 2, -1]]
