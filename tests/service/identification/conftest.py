@@ -1,0 +1,94 @@
+"""An axis of the demo with tables for records, a healthy one, and what is identified from it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.config import Config, load
+from service.identification.found import Found, Provenance
+from service.identification.running import run
+from service.identification.task import Wishes, task_of
+from service.simulation.axis import ControlledAxis
+
+SHIPPED = Path(__file__).resolve().parents[3] / "config"
+TRUE = {"fc": 0.0, "tau0": 0.0}
+"""No Coulomb friction: the plant's acts within an interval, the model's is held, which biases by half a per cent."""
+GUESS = {"Jm": 0.004, "Ja": 150.0, "kg": 2e5, "ka": 4e5, "fm": 0.03}
+
+
+def robot_text(values: Mapping[str, float] = {}) -> str:
+    """The first axis of the demo, with columns, and with these nominal values."""
+    text = "[[robot.axis]]".join(
+        (SHIPPED / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")[:2]
+    )
+    for signal, column in (("Torque", "torque"), ("Angle", "angle")):
+        text = text.replace(f'signal = "{signal}"\n', f'signal = "{signal}"\ncolumn = "{column}"\n')
+    text = text.replace("[robot.axis.time]\n", '[robot.axis.time]\ncolumn = "t"\n')
+    for name, value in {**TRUE, **values}.items():
+        text, count = re.subn(rf"^{name} = [\d.e+-]+", f"{name} = {value}", text, flags=re.MULTILINE)
+        assert count == 1, name
+    return text
+
+
+def write_robot(folder: Path, values: Mapping[str, float] = {}) -> Path:
+    """A configuration in a folder."""
+    if not (folder / "demo.dbc").exists():
+        (folder / "demo.dbc").symlink_to(SHIPPED / "demo.dbc")
+    path = folder / "robot.toml"
+    path.write_text(robot_text(values), encoding="utf-8")
+    return path
+
+
+def write_record(
+    path: Path,
+    config: Config,
+    seconds: float,
+    seed: int,
+    fault: Mapping[str, float] = {},
+    after_s: float = 0.0,
+) -> Path:
+    """A table of the simulated axis."""
+    (axis,) = config.axes
+    h = axis.config.sample_interval_s
+    plant = ControlledAxis(axis, np.random.default_rng(seed))
+    rows = []
+    for k in range(round(seconds / h)):
+        if fault and k == round(after_s / h):
+            plant.break_down(fault)
+        rows.append((k * h, *plant.sample(k)))
+    text = "".join(f"{t:.6f},{u:.10g},{y:.13g}\n" for t, u, y in rows)
+    path.write_text("t,torque,angle\n" + text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
+    """robot.toml with a wrong guess, healthy.csv of 20 s, second.csv of 6 s."""
+    made = tmp_path_factory.mktemp("identify")
+    true = load(write_robot(made), {})
+    write_record(made / "healthy.csv", true, 20, seed)
+    write_record(made / "second.csv", true, 6, seed + 1)
+    write_robot(made, GUESS)
+    return made
+
+
+@pytest.fixture(scope="session")
+def robot(folder: Path) -> Config:
+    return load(folder / "robot.toml", {})
+
+
+FREE = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
+PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch identify <healthy.csv> & more")
+
+
+@pytest.fixture(scope="session")
+def found(folder: Path, robot: Config) -> Found:
+    wishes = Wishes(free=FREE)
+    records = [str(folder / "healthy.csv")]
+    task = task_of(robot, robot.axes[0], records, [str(folder / "second.csv")], wishes)
+    return run(task, PROVENANCE)

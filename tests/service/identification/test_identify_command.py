@@ -1,0 +1,176 @@
+"""``axiswatch identify`` as its users call it: files, exit codes, words."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from service.commands.main import app
+from service.config import load
+from tests.service.identification.conftest import FREE, write_record, write_robot
+
+NAMES = ",".join(FREE)
+
+
+@pytest.fixture
+def here(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the files, in which the command runs."""
+    for name in ("demo.dbc", "robot.toml", "healthy.csv", "second.csv"):
+        shutil.copy(folder / name, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def identify(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["identify", *map(str, arguments)])
+
+
+def refused(*arguments: str | Path) -> str:
+    """The one message, of exit code 2; nothing was written."""
+    result = identify("--config", "robot.toml", *arguments)
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert not Path("nominal.toml").exists()
+    return " ".join(result.stderr.replace("│", " ").split())
+
+
+def test_files_are_written_and_check_out(here: Path) -> None:
+    result = identify("healthy.csv@0:12", "--config", "robot.toml", "--axis", "axis1", "--free", NAMES)
+    assert result.exit_code == 0, result.output
+    assert "written: nominal.toml, report.html" in result.stderr
+    assert (here / "report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    mode = stat.S_IMODE((here / "nominal.toml").stat().st_mode)
+    assert mode == stat.S_IMODE((here / "second.csv").stat().st_mode)
+    assert sorted(p.name for p in here.iterdir() if p.name.startswith(".")) == []
+    before = (here / "nominal.toml").read_bytes()
+    again = identify("healthy.csv", "--config", "robot.toml")
+    assert (again.exit_code, "--force" in again.output) == (2, True)
+    assert (here / "nominal.toml").read_bytes() == before
+
+
+def test_files_where_they_are_wanted_and_json_alone_on_standard_output(here: Path) -> None:
+    (here / "out").mkdir()
+    result = identify(
+        "second.csv", "--config", "robot.toml", "--free", "Jm,fm", "--output-dir", "out", "--json"
+    )
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["axis"] == "demo.axis1"
+    assert sorted(p.name for p in (here / "out").iterdir()) == ["nominal.toml", "report.html"]
+    result = identify(
+        "second.csv",
+        "--config",
+        "robot.toml",
+        "--free",
+        "Jm",
+        "-o",
+        "n.toml",
+        "--report",
+        "r.html",
+        "--json",
+        "j.json",
+    )
+    assert result.exit_code == 0, result.output
+    assert {"n.toml", "r.html", "j.json"} <= {p.name for p in here.iterdir()}
+    assert "demo.axis1: three-mass" in result.stdout
+
+
+def test_json_before_a_record_takes_no_record(here: Path) -> None:
+    result = identify("--config", "robot.toml", "--free", "Jm", "--json", "second.csv")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["records"][0]["file"] == "second.csv"
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("none.csv",), "cannot read none.csv: No such file"),
+        (("robot.toml",), "no such kind of record"),
+        (("healthy.csv@5:2",), "ends before it begins"),
+        (("healthy.csv@100:200",), "healthy.csv"),
+        (("healthy.csv@3:3.1",), "refused: healthy.csv: only 21 measured samples"),
+        (("healthy.csv", "--validate", "none.csv"), "cannot read none.csv"),
+        (("healthy.csv", "--axis", "axis9"), "axis9 is not there; there is demo.axis1"),
+        (("healthy.csv", "--free", "jm"), 'did you mean "Jm"'),
+        (("healthy.csv", "--free", "Jm", "--fix", "Jm"), "cannot be both free and fixed"),
+        (("healthy.csv", "--free", f"kT,{NAMES}"), "only 8 numbers"),
+        (("healthy.csv", "--predictor", "arx"), "innovations"),
+        (("healthy.csv", "--predictor", "output-error", "--hold-noise"), "no noise"),
+        (("healthy.csv", "--disturbance", "0"), "0.001"),
+        (("healthy.csv", "-o", "none/nominal.toml"), "none is no folder"),
+        (("healthy.csv", "-o", "x", "--report", "x"), "files of their own"),
+        ((), "RECORD"),
+    ],
+)
+def test_a_mistake_is_named(arguments: tuple[str, ...], words: str) -> None:
+    assert words in refused(*arguments)
+
+
+def test_a_record_without_samples_or_with_other_columns(here: Path) -> None:
+    (here / "empty.csv").write_text("t,torque,angle\n", encoding="utf-8")
+    (here / "other.csv").write_text("t,current,angle\n0,1,2\n", encoding="utf-8")
+    (here / "text.csv").write_text("t,torque,angle\n0,much,2\n", encoding="utf-8")
+    assert "empty.csv" in refused("empty.csv")
+    assert "torque" in refused("other.csv")
+    assert "much" in refused("text.csv")
+
+
+def test_a_torque_with_the_wrong_sign_is_refused(here: Path) -> None:
+    table = np.loadtxt(here / "healthy.csv", delimiter=",", skiprows=1)
+    table[:, 1] *= -1
+    np.savetxt(here / "signs.csv", table, delimiter=",", header="t,torque,angle", comments="")
+    assert "wrong sign" in refused("signs.csv")
+
+
+def test_a_fit_that_does_not_converge_makes_no_nominal_values(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.identification.running.MOST_ITERATIONS", 2)
+    assert "no nominal values: the fit has not converged" in refused("second.csv", "--free", NAMES)
+    assert "No nominal values:" in (here / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, _: str) -> None:
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("service.commands.identify_files.replace_text", full)
+    assert "cannot write nominal.toml: No space left on device" in refused("second.csv", "--free", "Jm")
+
+
+def test_a_configuration_with_a_file_identifies_again_from_there(here: Path) -> None:
+    """The values found before are where the next search starts."""
+    assert identify("healthy.csv@0:8", "--config", "robot.toml", "--free", NAMES).exit_code == 0
+    text = (here / "robot.toml").read_text(encoding="utf-8")
+    start, rest = text.split("[robot.axis.model.nominal]")
+    rest = "[robot.axis.estimator]" + rest.split("[robot.axis.estimator]")[1]
+    rest = rest.replace("torque_noise = 0.05\noutput_noise = 0.0001\n", "")
+    start = start.replace('drive = "three-mass"', 'drive = "three-mass"\nnominal_file = "nominal.toml"')
+    (here / "robot.toml").write_text(start + rest, encoding="utf-8")
+    load(here / "robot.toml", {})
+    result = identify(
+        "healthy.csv@8:20", "--config", "robot.toml", "--free", NAMES, "-o", "next.toml", "--json"
+    )
+    assert result.exit_code == 0, result.output
+    rows = {p["name"]: p for p in json.loads(result.stdout)["parameters"]}
+    assert abs(rows["Jm"]["change"]) < 0.01
+
+
+def test_a_drive_from_a_file_is_named_with_its_hash(here: Path, seed: int) -> None:
+    drawn = (Path(__file__).resolve().parents[3] / "config/drives/three_mass.mo").read_bytes()
+    (here / "mine.mo").write_bytes(drawn)
+    robot = write_robot(here)
+    robot.write_text(robot.read_text(encoding="utf-8").replace('"three-mass"', '"mine.mo"'), encoding="utf-8")
+    write_record(here / "mine.csv", load(robot, {}), 6, seed)
+    result = identify("mine.csv", "--config", "robot.toml", "--free", "Jm,fm", "--json")
+    assert result.exit_code == 0, result.output
+    name, digest = json.loads(result.stdout)["provenance"]["drawing"]
+    assert (name, len(digest)) == ("mine.mo", 64)
+    assert f'sha256 = "{digest}"' in (here / "nominal.toml").read_text(encoding="utf-8")

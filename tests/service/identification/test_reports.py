@@ -1,0 +1,261 @@
+"""nominal.toml, the page, the JSON and the terminal say what was found."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import re
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from service.config.nominal_file import read_nominal, structure_of
+from service.identification.found import Found
+from service.identification.running import run
+from service.identification.task import Wishes, task_of
+from service.reports.identification_html import as_html
+from service.reports.identification_json import as_json
+from service.reports.identification_text import print_text
+from service.reports.identification_toml import as_toml
+from service.reports.identification_words import percent, plain, residual_words
+from service.reports.plot_style import thinned
+from tests.service.identification.conftest import PROVENANCE
+
+_WITHOUT_END = {"meta", "br", "img", "link"}
+
+
+@pytest.fixture(scope="session")
+def page(found: Found) -> str:
+    return as_html(found)
+
+
+# --- nominal.toml ------------------------------------------------------------------------------------
+
+
+def test_the_file_says_what_was_found(found: Found, tmp_path: Path) -> None:
+    path = tmp_path / "nominal.toml"
+    path.write_text(as_toml(found), encoding="utf-8")
+    read, e = read_nominal(path), found.estimate
+    assert read.values == pytest.approx(dict(e.values), rel=1e-9)
+    assert read.predictor.gain == pytest.approx(e.K.tolist(), rel=1e-9)
+    assert read.predictor.innovation_variance == pytest.approx(e.lam0, rel=1e-9)
+    assert read.predictor.lam0 == pytest.approx(e.lam0 * found.colour, rel=1e-4)
+    assert (read.predictor.kind, read.predictor.interval_s) == ("innovations", 0.005)
+    assert read.drive.structure == structure_of(found.task.drive)
+    assert (read.axis, read.date) == ("demo.axis1", PROVENANCE.date)
+    assert read.noise.torque == pytest.approx(e.noise["torque"], rel=1e-9)
+
+
+def test_the_file_has_the_whole_covariance(found: Found) -> None:
+    content, e = tomllib.loads(as_toml(found)), found.estimate
+    sd = np.array([content["standard_deviations"][name] for name in e.names])
+    assert content["correlation"]["names"] == list(e.names)
+    whole = np.array(content["correlation"]["matrix"]) * np.outer(sd, sd)
+    assert np.allclose(whole, e.covariance, rtol=1e-3, atol=1e-3 * np.outer(sd, sd).min())
+
+
+def test_the_file_says_where_it_comes_from(found: Found, folder: Path) -> None:
+    content = tomllib.loads(as_toml(found))
+    digest = hashlib.sha256((folder / "healthy.csv").read_bytes()).hexdigest()
+    first, second = content["record"]
+    assert (first["purpose"], first["sha256"], first["used"]) == ("estimation", digest, 4000)
+    assert second["purpose"] == "validation"
+    assert first["fit_simulation"] == pytest.approx(found.estimation[0].fit_simulation, rel=1e-3)
+    assert content["provenance"]["axiswatch"] == "1.2.3"
+
+
+def test_the_file_explains_itself(found: Found) -> None:
+    text = as_toml(found)
+    assert re.search(r"^Jm = 0\.00\d+  # kg m\^2, \+- [\d.]+ %; inertia of the motor$", text, re.MULTILINE)
+    assert "kT = 1.0  # 1, held: not in --free" in text
+
+
+def test_notes_cannot_break_the_file(found: Found) -> None:
+    nasty = "two\nlines\x7f\x00 # and = [more]"
+    command = nasty.replace("\x00", "")
+    provenance = replace(PROVENANCE, command=command, drawing=('a"b\\.mo', "00"))
+    doubtful = replace(found, estimate=replace(found.estimate, words=(nasty,)), provenance=provenance)
+    content = tomllib.loads(as_toml(doubtful))
+    assert content["provenance"]["command"] == command
+    assert content["drive"]["file"] == 'a"b\\.mo'
+
+
+def test_a_disturbance_and_a_delay_reach_the_file(folder: Path, robot: Any, tmp_path: Path) -> None:
+    wishes = Wishes(free=("Jm", "fm", "Ja"), delay=True, disturbance_s=0.3)
+    record = f"{folder / 'healthy.csv'}@0:8"
+    other = run(task_of(robot, robot.axes[0], [record], [], wishes), PROVENANCE)
+    (tmp_path / "n.toml").write_text(as_toml(other), encoding="utf-8")
+    read = read_nominal(tmp_path / "n.toml")
+    assert read.drive.torque_disturbance
+    assert read.values["Td"] == pytest.approx(0.3)
+    assert len(read.predictor.gain) == 7
+    assert read.predictor.torque_delay_s == pytest.approx(other.estimate.delay_s, abs=1e-12)
+
+
+# --- report.html -------------------------------------------------------------------------------------
+
+
+class _Reader(HTMLParser):
+    """Checks that what is opened is closed, and collects texts and addresses."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.texts: list[str] = []
+        self.addresses: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "xlink:href")]
+        if tag not in _WITHOUT_END:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in _WITHOUT_END:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+
+def read(page: str) -> _Reader:
+    reader = _Reader()
+    reader.feed(page)
+    assert reader.open == []
+    return reader
+
+
+def test_the_page_needs_nothing_else(page: str) -> None:
+    addresses = read(page).addresses
+    assert addresses
+    assert [a for a in addresses if not a.startswith(("#", "data:image/svg+xml;base64,"))] == []
+    assert "url(" not in page.replace("url(#", "")
+    assert "<script" not in page
+    assert "@import" not in page
+
+
+def test_the_page_says_it_all(page: str, found: Found) -> None:
+    text = " ".join(" ".join(read(page).texts).split())
+    for row in found.rows():
+        assert row.name in text
+        assert row.meaning in text
+    for words in (*found.warnings, *(test.words for test in residual_words(found))):
+        assert words in text
+    for words in (
+        "healthy.csv",
+        "second.csv",
+        "three-mass",
+        PROVENANCE.command,
+        "ARX",
+        found.task.estimation[0].source.sha256,
+    ):
+        assert words in text  # fmt: skip
+
+
+def test_colours_are_those_of_the_page(page: str) -> None:
+    """None of the placeholders is left, and all pictures use the page's colours."""
+    assert "#0101" not in page
+    for name in ("ink", "line", "measured", "found", "simulated", "other", "before"):
+        assert f"stroke: var(--{name})" in page or f"fill: var(--{name})" in page, name
+        assert page.count(f"--{name}:") == 2, "once for light, once for dark"
+
+
+def test_names_of_parts_of_pictures_differ(page: str) -> None:
+    """Clipping paths and markers of one picture must not be those of another."""
+    defined = re.findall(r'<clipPath id="([^"]+)"', page)
+    assert len(defined) > 5
+    assert len(defined) == len(set(defined))
+
+
+def test_the_verdict_is_that_of_the_fit(found: Found, page: str) -> None:
+    assert "Nominal values found" in page
+    stuck = as_html(replace(found, estimate=replace(found.estimate, converged=False)))
+    assert "No nominal values:" in stuck
+    assert "Nominal values found" not in stuck
+
+
+def test_what_users_write_is_escaped(found: Found) -> None:
+    doubtful = replace(found, estimate=replace(found.estimate, words=("<b onload=x>&",)))
+    page = as_html(doubtful)
+    assert "<b onload" not in page
+    assert "&lt;b onload=x&gt;&amp;" in page
+    read(page)
+
+
+# --- JSON, terminal ----------------------------------------------------------------------------------
+
+
+def test_the_json_has_everything(found: Found) -> None:
+    content = json.loads(as_json(found))
+    assert content["trustworthy"] is True
+    assert {p["name"] for p in content["parameters"]} == {row.name for row in found.rows()}
+    assert np.allclose(content["covariance"], found.estimate.covariance)
+    assert content["predictor"]["gain"] == found.estimate.K.tolist()
+    assert len(content["bode"]["drive"]["db"]) == len(content["bode"]["before"]["frequency_hz"])
+    assert [r["purpose"] for r in content["records"]] == ["estimation", "validation"]
+
+
+def test_what_is_not_finite_is_null(found: Found) -> None:
+    covariance = found.estimate.covariance.copy()
+    covariance[0, 0] = np.inf
+    content = json.loads(as_json(replace(found, estimate=replace(found.estimate, covariance=covariance))))
+    assert content["covariance"][0][0] is None
+    assert (content["trustworthy"], "Jm" in content["why_not"]) == (False, True)
+
+
+def test_the_terminal_has_the_table(found: Found) -> None:
+    console = Console(width=80, record=True, file=io.StringIO())
+    print_text(found, console)
+    text = console.export_text()
+    assert "…" not in text
+    for row in found.rows():
+        assert row.name in text
+    for trace in (*found.estimation, *found.validation):
+        assert f"{trace.fit_simulation:.2f} %" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [
+        (281329.51, 5, "281330"),
+        (0.0059321, 3, "0.00593"),
+        (130.2, 2, "130"),
+        (1e9, 5, "1e+09"),
+        (-12345.6, 5, "-12346"),
+        (0, 5, "0"),
+        (99999.7, 5, "100000"),
+    ],
+)
+def test_numbers_as_people_read_them(value: float, digits: int, text: str) -> None:
+    assert plain(value, digits) == text
+
+
+def test_percentages() -> None:
+    assert [percent(0.00123), percent(0.5, signed=True), percent(None)] == ["0.12 %", "+50 %", ""]
+
+
+def test_a_long_line_keeps_its_peaks(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t, y = np.arange(50_000.0), rng.standard_normal(50_000)
+    y[rng.integers(50_000)] = 100
+    y[rng.integers(50_000)] = np.nan
+    short_t, short_y = thinned(t, y)
+    assert len(short_t) < 5000
+    assert (np.nanmax(short_y), np.nanmin(short_y)) == (np.nanmax(y), np.nanmin(y))
+    assert (np.diff(short_t) > 0).all()
+    assert all(y[int(at)] == value for at, value in _pairs(short_t, short_y))
+
+
+def _pairs(t: np.ndarray, y: np.ndarray) -> Iterator[tuple[float, float]]:
+    return zip(t.tolist(), y.tolist(), strict=True)

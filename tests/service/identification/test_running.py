@@ -1,0 +1,135 @@
+"""What is found in a record of a known drive, and what the parts of it mean."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from monitor_core.identification.greybox import compare
+from monitor_core.identification.record import Record
+from monitor_core.library import REFERENCE_VALUES
+from service.config import Config
+from service.identification.bode import band
+from service.identification.colour import colour_of
+from service.identification.errors import IdentificationError
+from service.identification.found import Found
+from service.identification.running import run
+from service.identification.task import Task, Wishes, task_of
+from tests.service.identification.conftest import FREE, GUESS, PROVENANCE
+
+
+def task(folder: Path, robot: Config, *records: str, wishes: Wishes | None = None) -> Task:
+    paths = [str(folder / name) for name in records]
+    return task_of(robot, robot.axes[0], paths, [], wishes or Wishes(free=FREE))
+
+
+def test_the_truth_is_within_what_is_reported(found: Found) -> None:
+    e = found.estimate
+    off = e.theta - np.array([REFERENCE_VALUES[name] for name in e.names])
+    assert e.names == FREE
+    assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(FREE))
+    assert (e.sd < 0.1 * np.abs(e.theta)).all()
+
+
+def test_rows_hold_what_was_before(found: Found) -> None:
+    rows = {row.name: row for row in found.rows()}
+    assert rows["Jm"].before == GUESS["Jm"]
+    assert rows["Jm"].change == pytest.approx(rows["Jm"].value / GUESS["Jm"] - 1)
+    assert (rows["kT"].sd, rows["kT"].value) == (None, 1.0)
+    assert set(rows) == {*REFERENCE_VALUES, "fc", "tau0"}
+
+
+def test_traces_have_the_fits_of_the_engine(found: Found) -> None:
+    records = [one.record for one in (*found.task.estimation, *found.task.validation)]
+    expected = compare(found.estimate.problem, records)
+    traces = (*found.estimation, *found.validation)
+    assert [t.fit for t in traces] == pytest.approx([c.one_step for c in expected], abs=1e-6)
+    assert [t.fit_simulation for t in traces] == pytest.approx([c.simulation for c in expected], abs=1e-6)
+    assert min(t.fit_simulation for t in traces) > 90
+
+
+def test_the_responses_agree_where_the_torque_is(found: Found) -> None:
+    """Drive, black box and record, each by its own deviations; a drive as before does not."""
+    b = found.bode
+    assert b.words == ()
+    assert b.black_box is not None
+    assert b.measured is not None
+    middle = slice(60, 240)
+    for other in (b.black_box, b.measured):
+        sd = np.hypot(b.drive.sd_db, other.sd_db)[middle]
+        off = np.abs(b.drive.db - other.db)[middle] / sd
+        assert np.median(off) < 3
+        assert np.median(np.abs(b.before.db - other.db)[middle] / sd) > 10
+
+
+def test_nothing_is_coloured_where_the_noise_model_is_right(found: Found) -> None:
+    assert 1 <= found.colour < 2
+
+
+def test_colour_is_that_of_the_errors(found: Found) -> None:
+    """With a gain far too small the errors are slow, and the daemon's estimates scatter more than white ones would."""
+    records = [one.record for one in found.task.estimation]
+    slow = replace(found.estimate, K=found.estimate.K / 30)
+    assert colour_of(slow, ("kT", "fm"), records) > 3 * found.colour
+
+
+def test_what_cannot_be_told_makes_no_nominal_values(found: Found) -> None:
+    assert found.trustworthy() == ""
+    covariance = found.estimate.covariance.copy()
+    covariance[2, 2] = np.inf
+    lost = replace(found, estimate=replace(found.estimate, covariance=covariance))
+    assert "Ja cannot be told" in lost.trustworthy()
+    stuck = replace(found, estimate=replace(found.estimate, converged=False))
+    assert "not converged" in stuck.trustworthy()
+
+
+def test_a_delay_and_a_disturbance_are_found_too(folder: Path, robot: Config) -> None:
+    wishes = Wishes(free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
+    result = run(task(folder, robot, "healthy.csv", wishes=wishes), PROVENANCE)
+    rows = {row.name: row for row in result.rows()}
+    assert abs(rows["delay"].value) < 1e-4
+    assert rows["delay"].unit == "s"
+    assert len(result.estimate.K) == 7
+
+
+def test_noises_may_be_held(folder: Path, robot: Config) -> None:
+    wishes = Wishes(free=("Jm", "fm", "Ja", "kg", "ka"), hold_noise=True)
+    noise = task(folder, robot, "healthy.csv", wishes=wishes).problem.disturbance
+    assert noise is not None
+    assert (noise.torque, noise.output) == (0.05, 0.0001)
+    found = run(task(folder, robot, "healthy.csv", wishes=wishes), PROVENANCE).estimate.noise
+    assert found["torque"] / found["output"] == pytest.approx(500)
+
+
+@pytest.mark.parametrize(
+    ("wishes", "words"),
+    [
+        (Wishes(predictor="output-error", hold_noise=True), "no noise"),
+        (Wishes(predictor="output-error", disturbance_s=1.0), "no noise"),
+    ],
+)
+def test_wishes_that_contradict_one_another(folder: Path, robot: Config, wishes: Wishes, words: str) -> None:
+    with pytest.raises(IdentificationError, match=words):
+        task(folder, robot, "healthy.csv", wishes=wishes)
+
+
+def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
+    made = task(folder, robot, "healthy.csv", wishes=Wishes(free=FREE, predictor="output-error"))
+    assert any("not for the daemon" in words for words in made.warnings)
+
+
+def test_all_refused_records_are_named(folder: Path, robot: Config) -> None:
+    with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):
+        task(folder, robot, "healthy.csv@2:2.2", "second.csv@1:1.1")
+
+
+def test_the_band_is_that_of_the_torque() -> None:
+    t = np.arange(0, 20, 0.002)
+    u = sum(np.sin(2 * np.pi * f * t + f) for f in range(2, 21))
+    f = band([Record(t, np.asarray(u), np.cumsum(u), "speed")])
+    assert 0.5 <= f[0] <= 2.5
+    assert 19 <= f[-1] <= 24
