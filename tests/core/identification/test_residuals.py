@@ -42,7 +42,8 @@ def test_independence_at_the_stated_rate(colour: float, band: float, seed: int) 
     assert np.mean([f.p_value < 0.01 for f in found]) < 0.05
     assert np.mean([f.p_value < 0.5 for f in found]) == pytest.approx(0.5, abs=0.2)
     beyond = np.mean([np.abs(f.values) > f.limit for f in found])
-    assert beyond == pytest.approx(0.01, abs=0.008)
+    # Of a slow input neighbouring lags go together: 200 records hold some 600 values.
+    assert beyond == pytest.approx(0.01, abs=4 * np.sqrt(0.01 / 600))
 
 
 def test_what_the_model_left_out_shows_at_its_lag(seed: int) -> None:
