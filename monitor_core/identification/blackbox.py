@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.identification.innovations import Innovations, Start
+from monitor_core.identification.innovations import Innovations, Start, reflected
 from monitor_core.identification.pem import residuals, slopes
 from monitor_core.identification.record import Record
 from monitor_core.identification.regular import Regular, of_size_one, on_grid
@@ -55,6 +55,11 @@ class System(NamedTuple):
     def moved(self, step: Floats) -> System:
         """theta + step (n n + 3 n,)."""
         return System(self.n, self.theta + step)
+
+    def inside(self) -> System:
+        """With poles of the system that a step has carried across the unit circle brought back."""
+        n = self.n
+        return System(n, np.concatenate([reflected(self.parts[0]).ravel(), self.theta[n * n :]]))
 
     def directions(self) -> Floats:
         """(n n + 3 n, 3 n) orthonormal, orthogonal to  A E - E A, -E B, C E, -E K  for every E."""
@@ -174,6 +179,7 @@ def refine(
                 system.moved(P @ delta[: P.shape[1]]),
                 nuisance + delta[P.shape[1] :].reshape(nuisance.shape),
             )
+            moved = moved.inside() if stable else moved
             after = data.cost(moved, free) if moved.radius(stable) < _RADIUS else np.inf
             if after <= cost:
                 break
