@@ -9,11 +9,14 @@ import shutil
 import signal
 import subprocess
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
+from service.config import Config, load
+from service.ingest.recorder import FrameRecorder
+from service.simulation.robot import Fault
 from tests.end_to_end.processes import (
     ROOT,
     Daemon,
@@ -23,6 +26,7 @@ from tests.end_to_end.processes import (
     running,
     wait_for,
 )
+from tests.service.monitoring.robots import blocks
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 CONSOLE = re.findall(r"^\$ (.+)$", "\n".join(re.findall(r"```console\n(.*?)```", README, re.S)), re.M)
@@ -37,7 +41,7 @@ def shown(start: str) -> list[list[str]]:
 
 def arguments(command: list[str], folder: Path) -> list[str]:
     """Without the program's name, its files in this folder."""
-    files = (".toml", ".log", ".json", ".mo", ".csv")
+    files = (".toml", ".log", ".json", ".mo", ".csv", ".html")
     return [str(folder / word) if word.endswith(files) else word for word in command[1:]]
 
 
@@ -45,7 +49,7 @@ def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = ("check", "listen", "run", "simulate", "replay", "play", "model", "demo", "excite")
+    commands = ("check", "listen", "run", "simulate", "replay", "play", "model", "demo", "excite", "identify")
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands)}
 
 
@@ -87,6 +91,56 @@ def test_an_experiment_is_planned(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert all(words in done.stdout for words in ("binds", "crest factor", "predicted sd", "1/Ja"))
     assert (tmp_path / "motion.csv").read_text(encoding="utf-8").startswith("t_s,torque_Nm,")
+
+
+def test_an_axis_is_identified_and_watched(tmp_path: Path, seed: int) -> None:
+    """From a rough guess: quiet on healthy records afterwards, and a fault is named."""
+    config = demo_config(tmp_path, axes=1)
+    for number, (name, faults) in enumerate({"healthy": (), "second": (), "faulty": (FAULT,)}.items()):
+        write_log(tmp_path / f"{name}.log", load(config, {}), 30, seed + number, faults)
+    text = config.read_text(encoding="utf-8")
+    for name, guess in {"Jm": 0.004, "Ja": 150, "kg": 2e5, "ka": 4e5, "fm": 0.03, "fc": 0, "tau0": 0}.items():
+        text = re.sub(rf"^{name} = [\d.]+", f"{name} = {guess}", text, flags=re.MULTILINE)
+    config.write_text(text, encoding="utf-8")
+    (identify,) = shown("axiswatch identify")
+    done = run_program(*arguments(identify, tmp_path), patience_s=300)
+    assert done.returncode == 0, done.stderr
+    assert "second.log" in done.stdout
+    assert (tmp_path / "report.html").stat().st_size > 100_000
+    config.write_text(pointed_at_nominal(text), encoding="utf-8")
+    check = run_program("check", "--config", config)
+    assert (check.returncode, "nominal.toml" in check.stdout) == (0, True)
+    assert alarms_in(config, "healthy") == alarms_in(config, "second") == []
+    (alarm,) = alarms_in(config, "faulty")
+    assert (alarm["parameter"], alarm["direction"]) == ("fm", "up")
+    size = alarm["size"]
+    assert isinstance(size, float)
+    assert size == pytest.approx(0.3 * 0.06, rel=0.1)
+
+
+FAULT = Fault("demo.axis1", {"fm": 1.3}, 15.0)
+
+
+def write_log(path: Path, config: Config, seconds: float, seed: int, faults: Sequence[Fault]) -> None:
+    """What `run --record` would write."""
+    with FrameRecorder(path) as recorder:
+        for block in blocks(config, seconds, seed, faults):
+            recorder.write(config.bus[0].name, block)
+
+
+def pointed_at_nominal(text: str) -> str:
+    """The configuration with the lines of the README, without nominal values and noises of its own."""
+    (snippet,) = re.findall(r"```toml\n(.*?)```", README, re.S)
+    text = re.sub(r"\[robot\.axis\.model\.nominal\]\n.*?\n\n", "", text, flags=re.S)
+    text = re.sub(r"^(torque_noise|output_noise|initial_p) = .*\n", "", text, flags=re.MULTILINE)
+    return text.replace("[robot.axis.model]\n", snippet)
+
+
+def alarms_in(config: Path, record: str) -> list[dict[str, object]]:
+    done = run_program("replay", "--config", config, config.parent / f"{record}.log", "--json", "-")
+    assert done.returncode == 0, done.stderr
+    found: list[dict[str, object]] = json.loads(done.stdout)["axes"][0]["alarms"]
+    return found
 
 
 def test_the_drive_drawn_here_is_modelled_and_its_fault_is_named(tmp_path: Path) -> None:
