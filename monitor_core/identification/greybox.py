@@ -19,7 +19,7 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.residuals import independence, whiteness
 from monitor_core.identification.result import Estimate
 from monitor_core.identification.sentences import sentences
-from monitor_core.kernel.tables import Floats
+from monitor_core.kernel.tables import OF_MOTION, Floats
 
 __all__ = ["DELAY", "Comparison", "Disturbance", "Estimate", "Problem", "compare", "fit"]
 
@@ -164,11 +164,21 @@ def _estimate(predictor: Predictor, end: End, limit: float) -> Estimate:
         accuracy=told.accuracy,
         coloured=told.order,
         fit=_nrmse(predictor, errors),
-        fit_simulation=_simulated(final, [s.record for s in predictor.series]),
+        fit_simulation=_nrmse(predictor, errors)
+        if _simulates(predictor, point.values)
+        else _simulated(final, [s.record for s in predictor.series]),
         iterations=end.evaluations,
         converged=end.converged,
     )
     return replace(found, words=tuple(sentences(found, layout, xi)))
+
+
+def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
+    """The predictor looks at no output: not for K, nor for friction and gravity, nor for where it starts."""
+    problem, drive = predictor.problem, predictor.drive
+    looks = np.isin(drive.inputs, OF_MOTION) & drive.matrix("B", values).any(axis=0)
+    blind = problem.motion == "simulated" or not looks.any()
+    return blind and problem.predictor == "output-error" and problem.initial == "free"
 
 
 def _variance(end: End, errors: Sequence[Errors], limit: float) -> float:
