@@ -21,6 +21,7 @@ Powers = tuple[tuple[str, int], ...]
 
 DISTURBANCE_TIME = "Td"
 """Name of the time constant of a drive's torque disturbance."""
+_DISTURBANCE = "time constant of the torque disturbance"
 
 _OPERATORS = frozenset(" +*/^()")
 
@@ -33,9 +34,6 @@ class Parameter:
     unit: str
     meaning: str
     positive: bool = True
-
-
-_TIME = Parameter(DISTURBANCE_TIME, "s", "time constant of the torque disturbance")
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,12 +172,10 @@ class Drive:
         return tuple(p.name for p in self.parameters if p.name in parts - {name})
 
     def with_disturbance(self) -> Drive:
-        """The drive with a torque disturbance d as one more state, the last:  d' = -d / Td + w,  in N m.
-
-        d acts as the motor torque does, w is noise: the drive itself has no input for it.
+        """The drive with d, which acts like its torque, as last state:  d' = -d / Td + w,  N m; w is no input.
 
         Raises:
-            ValueError: the drive has a parameter of that name already.
+            ValueError: the drive has a parameter Td already.
         """
         if any(p.name == DISTURBANCE_TIME for p in (*self.parameters, *self.drawn)):
             raise ValueError(f"the drive {self.name!r} already has a parameter {DISTURBANCE_TIME}")
@@ -192,7 +188,7 @@ class Drive:
         return replace(
             self,
             states=(*self.states, Quantity("torque disturbance", "N m")),
-            parameters=(*self.parameters, _TIME),
+            parameters=(*self.parameters, Parameter(DISTURBANCE_TIME, "s", _DISTURBANCE)),
             terms=(*self.terms, *acts, decays),
         )
 
