@@ -22,7 +22,7 @@ class Estimate:
     Attributes:
         drive: the problem's, with the state of the disturbance if there is one: what K and ``values`` belong to.
         problem: the problem with the estimates in place of what it started from; see ``compare``.
-        names: (p,) free parameters, then "fm per temperature" of varying ones, then "delay" if free.
+        names: (p,) free parameters, "Td" if it is free, "fm per temperature" of varying ones, "delay" if it is free.
         theta: (p,) estimates, SI.
         covariance: (p, p); infinite variance where a direction cannot be told, NaN beside it.
         values: all parameters of the drive.
