@@ -78,6 +78,15 @@ def test_friction_is_told(halves: tuple[Estimate, Estimate]) -> None:
         assert relative["fc"] < 0.1
 
 
+def test_the_jitter_is_used_as_it_is(records_dir: Path, tmp_path: Path) -> None:
+    """Taken for uniform, the same samples are predicted several times worse."""
+    record = read(records_dir, "ur-20_01_22-joint_1.csv", tmp_path, 1).record
+    uniform = Record(np.linspace(record.t[0], record.t[-1], len(record)), record.u, record.y, "angle")
+    missed = [100 - estimate(of, 1).fit[0] for of in (record, uniform)]
+    print(f"UR10e joint 1: not predicted {missed[0]:.4f} %, with uniform times {missed[1]:.4f} %")
+    assert missed[0] < missed[1] / 4
+
+
 def test_friction_of_joint_1_is_that_of_others(records_dir: Path, tmp_path: Path) -> None:
     """2.24 A s/rad and 1.33 A were found before, on the same file, by another way: within 10 %."""
     record = read(records_dir, "ur-20_01_22-joint_1.csv", tmp_path, 1).record
