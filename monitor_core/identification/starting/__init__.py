@@ -1,0 +1,10 @@
+"""Starting values, and fits that need no guess.
+
+From the records alone (``fit_from_scratch``): the resonances of black boxes give masses and springs in closed form, and
+the dampers by linear least squares.  From values that may be wrong by a factor of three each (``fit_from``): a search
+from broad to narrow in the frequency response.  Either way the best ends start the fit of the records themselves.
+"""
+
+from monitor_core.identification.starting.api import Candidate, fit_from, fit_from_scratch, start
+
+__all__ = ["Candidate", "fit_from", "fit_from_scratch", "start"]

@@ -1,0 +1,181 @@
+"""Candidates for starting values, and the fits from the best of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monitor_core.drive import split_name
+from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.record import Record
+from monitor_core.identification.starting.inverse import chain_of_modes
+from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.starting.modes import black_boxes, modal
+from monitor_core.identification.starting.response import Measured, measure
+from monitor_core.identification.starting.search import Found, explained, polish, search
+from monitor_core.identification.starting.slots import Slots
+
+_RIVALS = 2
+"""Candidates from which the records themselves are fitted."""
+_DOUBTFUL = 10.0
+"""A rival whose cost is so many times that of the best is not tried."""
+_SAME = 1.02
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Starting values.
+
+    Args:
+        values: of all parameters of the drive.
+        origin: where they come from, in words.
+        cost: squared relative errors of their frequency response over their variances.
+        expected: what that is for the right values, as far as the response is known.
+    """
+
+    values: Mapping[str, float]
+    origin: str
+    cost: float
+    expected: float
+
+
+def start(
+    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None = None
+) -> tuple[Candidate, ...]:
+    """Starting values for the free parameters, the best first.
+
+    Args:
+        problem: what is free; nominal values of what is free are used only as ``given`` says.
+        records: of the drive.
+        given: values to search from, for free parameters that are not as in the problem's nominal ones.  None: the
+            records alone, in closed form.
+
+    Raises:
+        ValueError: the records tell no frequency response; without ``given``: the motor does not see a chain of
+            masses that are all free, or no black box shows as many resonances as it has.
+    """
+    measured = measure(records)
+    if given is None:
+        return _from_records(problem, measured)
+    return _from_given(problem, measured, given)
+
+
+def fit_from_scratch(problem: Problem, records: Sequence[Record]) -> Estimate:
+    """The fit from the records alone; the nominal values of what is free are not looked at.
+
+    Raises:
+        ValueError: as ``start`` and ``fit``.
+    """
+    return _fit(problem, records, start(problem, records))
+
+
+def fit_from(
+    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None = None
+) -> Estimate:
+    """The fit from values that may be far off; default: the problem's nominal ones.
+
+    Raises:
+        KeyError: values for what is not free.
+        ValueError: as ``start`` and ``fit``.
+    """
+    return _fit(problem, records, start(problem, records, given or {}))
+
+
+def _from_given(problem: Problem, measured: Measured, given: Mapping[str, float]) -> tuple[Candidate, ...]:
+    response = Response(problem, _by_base(problem, given))
+    ends = search(response, measured)
+    return tuple(_candidate(response, end, measured, "a search around the values given") for end in ends)
+
+
+def _from_records(problem: Problem, measured: Measured) -> tuple[Candidate, ...]:
+    found = list(_closed(problem, measured))
+    if not found:
+        raise ValueError("no black box shows as many resonances as the drive has: give values to search from")
+    found.sort(key=lambda candidate: candidate.cost)
+    if found[0].cost > explained(measured):
+        response = Response(problem, found[0].values)
+        ends = search(response, measured, most=20)
+        origin = f"a search around the resonances of {found[0].origin.removeprefix(_CLOSED)}"
+        found += [_candidate(response, end, measured, origin) for end in ends]
+    return tuple(_distinct(found))
+
+
+_CLOSED = "the resonances of "
+
+
+def _closed(problem: Problem, measured: Measured) -> Iterator[Candidate]:
+    """Closed form, polished, one for each black box that shows enough resonances."""
+    slots = Slots(problem)
+    for name, poles, residues in black_boxes(measured, slots.masses):
+        try:
+            seen = modal(measured, slots.masses, poles, residues)
+            values = slots.values(chain_of_modes(seen.p, seen.a), seen.decay)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        response = Response(problem, values)
+        end = polish(response, measured, response.start)
+        if np.isfinite(end.cost):
+            yield _candidate(response, end, measured, _CLOSED + name)
+        if end.cost < explained(measured):
+            return
+
+
+def _candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
+    return Candidate(response.named(end.x), origin, end.cost, measured.expected)
+
+
+def _distinct(found: Sequence[Candidate]) -> Iterator[Candidate]:
+    last = 0.0
+    for candidate in sorted(found, key=lambda one: one.cost):
+        if candidate.cost > _SAME * last:
+            yield candidate
+            last = candidate.cost
+
+
+def _fit(problem: Problem, records: Sequence[Record], candidates: Sequence[Candidate]) -> Estimate:
+    """The best of the fits from the best candidates, with a word on which won."""
+    rivals = [one for one in candidates[:_RIVALS] if one.cost <= _DOUBTFUL * candidates[0].cost]
+    ends, problems = list[tuple[Estimate, Candidate]](), list[ValueError]()
+    for one in rivals:
+        try:
+            ends.append((fit(problem, records, _free(problem, one.values)), one))
+        except ValueError as error:
+            problems.append(error)
+    if not ends:
+        raise problems[0]
+    best, winner = min(ends, key=lambda end: end[0].cost)
+    return replace(best, words=(*best.words, _word(winner, len(candidates), len(rivals))))
+
+
+def _word(winner: Candidate, candidates: int, rivals: int) -> str:
+    ratio = winner.cost / winner.expected
+    return (
+        f"Started from {winner.origin}, the best of {rivals} fits from {candidates} candidates; its frequency response"
+        f" misses the measured one by {np.sqrt(ratio):.2g} times what the record leaves unsure."
+    )
+
+
+def _by_base(problem: Problem, given: Mapping[str, float]) -> dict[str, float]:
+    """The values of what the names invert.
+
+    Raises:
+        KeyError: a name that is not free.
+    """
+    for name in given:
+        if name not in problem.free:
+            raise KeyError(f"start of {name}: it is not free")
+    split = {name: split_name(name) for name in given}
+    return {base: 1 / given[name] if inverse else given[name] for name, (base, inverse) in split.items()}
+
+
+def _free(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
+    """As ``fit`` takes them: free parameters by their names, inside their bounds."""
+    out = {}
+    for name in problem.free:
+        base, inverse = split_name(name)
+        value = 1 / values[base] if inverse else values[base]
+        lower, upper = problem.bounds.get(name, (-np.inf, np.inf))
+        out[name] = float(np.clip(value, lower, upper))
+    return out

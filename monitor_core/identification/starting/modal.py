@@ -1,0 +1,101 @@
+"""The frequency response of a drive and its derivatives, by the eigenvalues of the held drive.
+
+G(z) = C (zI - Ad)^-1 Bd;   with l = C (zI - Ad)^-1 and r = (zI - Ad)^-1 Bd:   dG = l dAd r + l dBd + dC r
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from monitor_core.drive import split_name
+from monitor_core.identification.frequency import Complexes
+from monitor_core.identification.held import hold
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.starting.response import Target
+from monitor_core.identification.structure import Linear, Structure
+from monitor_core.kernel.tables import TORQUE, Floats, Ints
+from monitor_core.model import AxisModel
+
+_DAMPING, _STIFFNESS = "N m s/rad", "N m/rad"
+
+
+class Response:
+    """Of a problem's drive as a function of x = log theta, for those free parameters that the response depends on.
+
+    Friction that depends on the direction and offsets have no frequency response; they stay at their start, and so do
+    parameters that start at zero or below.
+    """
+
+    def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
+        self.values = {**problem.nominal, **(values or {})}
+        self._torque = np.array([kind == TORQUE for kind in problem.drive.inputs])
+        self._delay_s = problem.delay_s
+        d = AxisModel(problem.drive, self.values, ()).balance()
+        self.bases = _felt(problem, self.values, d, self._torque)
+        self.dampers = _dampers(problem, self.bases)
+        self._structure = Structure(problem.drive, self.bases, d)
+
+    @property
+    def start(self) -> Floats:
+        """x (p,) of the values that it was made with."""
+        return np.log([self.values[name] for name in self.bases])
+
+    def named(self, x: Floats) -> dict[str, float]:
+        """All values at x (p,)."""
+        return self.values | dict(zip(self.bases, np.exp(x).tolist(), strict=True))
+
+    def at(self, x: Floats, target: Target) -> tuple[Complexes, Complexes]:
+        """G (F,) and dG / dx (F, p).
+
+        Raises:
+            LinAlgError, ValueError: x makes no sense.
+        """
+        of = self._linear(x)
+        n = len(of.A)
+        X, dX = (part[0] for part in hold(of, np.array([target.interval_s])))
+        poles, V = np.linalg.eig(X[:, :n])
+        W = np.linalg.inv(V)
+        through = 1 / (target.z[:, None] - poles)
+        r, l = through * (W @ X[:, n]), through * (of.C @ V)
+        dA, dB, dC = W @ dX[:, :, :n] @ V, dX[:, :, n] @ W.T, V.T @ of.dC
+        p = len(self.bases)
+        inner = (l @ dA.transpose(1, 0, 2).reshape(n, p * n)).reshape(-1, p, n)
+        dG = (inner @ r[:, :, None])[..., 0] + l @ dB.T + r @ dC
+        late = target.z ** (-self._delay_s / target.interval_s)
+        return r @ (of.C @ V) * late, dG * np.exp(x) * late[:, None]
+
+    def _linear(self, x: Floats) -> Linear:
+        of = self._structure.at(self.named(x))
+        B = of.B[:, self._torque].sum(axis=1, keepdims=True)
+        return of._replace(B=B, dB=of.dB[:, self._torque].sum(axis=1, keepdims=True))
+
+
+def _felt(problem: Problem, values: Mapping[str, float], d: Floats, torque: np.ndarray) -> tuple[str, ...]:
+    """Free parameters that A, C or the torque's column of B depend on, and that have a logarithm."""
+    bases = tuple(split_name(name)[0] for name in problem.free)
+    of = Structure(problem.drive, bases, d).at(values)
+    moves = [
+        bool(of.dA[..., i].any() or of.dB[:, torque, i].any() or of.dC[:, i].any()) for i in range(len(bases))
+    ]
+    return tuple(name for name, felt in zip(bases, moves, strict=True) if felt and values[name] > 0)
+
+
+def _dampers(problem: Problem, bases: tuple[str, ...]) -> Ints:
+    """(pairs, 2): a damper, and the spring that joins the same inertias."""
+    joined = {name: _divisors(problem, name) for name in bases}
+    units = {name: problem.drive.parameter(name).unit for name in bases}
+    pairs = [
+        (i, bases.index(spring))
+        for i, damper in enumerate(bases)
+        for spring in bases
+        if units[damper] == _DAMPING and units[spring] == _STIFFNESS and joined[damper] == joined[spring]
+    ]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _divisors(problem: Problem, name: str) -> frozenset[str]:
+    """What the terms of A with this parameter are divided by: the inertias on which its torque acts."""
+    powers = [dict(term.powers) for term in problem.drive.terms if term.matrix == "A"]
+    return frozenset(other for held in powers if name in held for other, e in held.items() if e < 0)

@@ -1,0 +1,198 @@
+"""From values that are wrong by factors to those whose frequency response is the measured one.
+
+The sum of squares of the relative errors of G has many minima: a resonance of the model that once sits on the wrong
+one of the record stays there.  Three things guide the search to the right one.
+
+* It begins outside of the unit circle (see response.py), where the resonances are broad, and comes back in stages.
+* A Gaussian prior around the values given holds in each stage what that stage does not tell, so that nothing drifts
+  away; it is weakened from stage to stage and in the end there is none.
+* Where one damper has locked its spring (d -> infinity) or been lost (d -> 0), the others make up for it and the search
+  is stuck next to the right minimum.  Then all dampers are made alike, d = T k with one T, and held while the rest
+  finds its place.
+
+What still fails starts again, around the values given, until the response is explained as well as it is known, or the
+same best values have come back several times.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from monitor_core.identification.descent import Normal, minimise
+from monitor_core.identification.frequency import Complexes
+from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.starting.response import Measured, Target
+from monitor_core.kernel.tables import Floats
+
+Kind = Literal["linear", "log", "both"]
+KINDS: tuple[Kind, ...] = ("linear", "log", "both")
+"""Relative errors of G; their logarithm; those of G and of 1/G, which see resonances and anti-resonances alike."""
+_STAGES = (
+    (30.0, 100.0),
+    (20.0, 100.0),
+    (14.0, 50.0),
+    (10.0, 30.0),
+    (7.0, 20.0),
+    (5.0, 10.0),
+    (3.0, 5.0),
+    (0.0, 1.0),
+)
+"""Distance from the unit circle, 1/s, and weight of the prior."""
+_SUREST = 0.1
+"""Relative error that no point counts as surer than before the last stage."""
+_FARTHEST = 6.0
+"""A logarithm stays so near to its start."""
+_LONGEST_STEP = 1.5
+"""Of a logarithm, in one step."""
+_STEPS = 30
+_LAST_STEPS = 60
+_SPREADS = (0.4, 0.6, 0.8, 1.0)
+"""Standard deviations of the logarithms of further starts around the values given, in turns."""
+_NUDGES = (0.4, 0.7, 0.4, 1.0, 0.4, 0.7)
+"""The same for hops from an end, before the next start."""
+_HELD = 1e4
+"""Weight of the prior of what is held."""
+_SLACK = 4.0
+"""Standard deviations of a chi-square by which the right model may exceed what is expected."""
+_SAME = 1.02
+"""Costs within this factor are of the same minimum."""
+
+
+class Found(NamedTuple):
+    """An end of a search: x (p,) and its cost, the sum of squared relative errors over their variances."""
+
+    x: Floats
+    cost: float
+
+
+def explained(measured: Measured) -> float:
+    """A cost up to which a model is as good as the response is known."""
+    return measured.expected + _SLACK * float(np.sqrt(2 * measured.expected))
+
+
+def search(
+    response: Response, measured: Measured, most: int = 80, again: int = 15, seed: int = 0
+) -> tuple[Found, ...]:
+    """The distinct ends of searches from the response's start and around it, the best first.
+
+    Args:
+        response: of the drive, with the values to start from.
+        measured: what it is to be.
+        most: searches.
+        again: it is over, too, when so many have ended at the same best values; two suffice where these explain the
+            response.
+        seed: of the further starts; the result is the same each time.
+    """
+    ends = list[Found]()
+    for count, end in enumerate(_ends(response, measured, seed)):
+        ends.append(end)
+        best = min(e.cost for e in ends)
+        needed = 2 if best < explained(measured) else again
+        if count + 1 >= most or sum(e.cost < _SAME * best for e in ends) >= needed:
+            break
+    return tuple(distinct(ends))
+
+
+def _ends(response: Response, measured: Measured, seed: int) -> Iterator[Found]:
+    """Without end: a search from the values given or around them, then hops from where it came to."""
+    rng, first = np.random.default_rng(seed), response.start
+    for count in itertools.count():
+        spread = _SPREADS[(count - 1) % len(_SPREADS)] if count else 0.0
+        x = first + spread * rng.standard_normal(first.size)
+        best = descend(response, measured, x, KINDS[count % len(KINDS)])
+        yield best
+        for nudge in _NUDGES:
+            end = hop(response, measured, best.x + nudge * rng.standard_normal(first.size))
+            best = min(best, end, key=lambda found: found.cost)
+            yield end
+
+
+def distinct(ends: Iterable[Found]) -> Iterator[Found]:
+    """Those that are finite, sorted by cost, each minimum once."""
+    last = 0.0
+    for end in sorted(ends, key=lambda e: e.cost):
+        if _SAME * last < end.cost < np.inf:
+            yield end
+            last = end.cost
+
+
+def hop(response: Response, measured: Measured, x: Floats) -> Found:
+    """From x with the dampers made alike and held at first."""
+    held = np.zeros(x.size)
+    pairs = response.dampers
+    if len(pairs):
+        damper, spring = pairs.T
+        x = x.copy()
+        x[damper] = x[spring] + np.median(x[damper] - x[spring])
+        held[damper] = _HELD
+    x = _minimum(response, measured.target(0.0, _SUREST), "linear", x, x, 1.0 + held, _LAST_STEPS).x
+    x = _minimum(response, measured.target(), "linear", x, x, held, _LAST_STEPS).x
+    return polish(response, measured, x)
+
+
+def descend(response: Response, measured: Measured, x: Floats, kind: Kind) -> Found:
+    """One search from x through all stages."""
+    centre = x
+    for shift, prior in _STAGES:
+        x = _minimum(response, measured.target(shift, _SUREST), kind, x, centre, prior, _STEPS).x
+    return polish(response, measured, x)
+
+
+def polish(response: Response, measured: Measured, x: Floats) -> Found:
+    """The minimum next to x without prior."""
+    return _minimum(response, measured.target(), "linear", x, x, 0.0, _LAST_STEPS)
+
+
+def _minimum(
+    response: Response,
+    target: Target,
+    kind: Kind,
+    x: Floats,
+    centre: Floats,
+    prior: Floats | float,
+    most: int,
+) -> Found:
+    evaluate = _criterion(response, target, kind, centre, prior)
+    bounds = response.start - _FARTHEST, response.start + _FARTHEST
+    steps = np.full(x.size, _LONGEST_STEP), np.full(x.size, np.inf)
+    try:
+        end = minimise(evaluate, np.clip(x, *bounds), bounds, *steps, most)
+    except ValueError:
+        return Found(x, np.inf)
+    return Found(end.xi, end.normal.cost)
+
+
+def _criterion(
+    response: Response, target: Target, kind: Kind, centre: Floats, prior: Floats | float
+) -> Callable[[Floats], Normal]:
+    def evaluate(x: Floats) -> Normal:
+        hopeless = Normal(np.inf, np.zeros(x.size), np.eye(x.size), 1)
+        with np.errstate(all="ignore"):
+            try:
+                e, J = _errors(kind, target, *response.at(x, target))
+            except (np.linalg.LinAlgError, ValueError):
+                return hopeless
+            away = x - centre
+            cost = float(np.sum(np.abs(e) ** 2) + np.sum(prior * away**2))
+            g, H = (J.conj().T @ e).real - prior * away, (J.conj().T @ J).real + prior * np.eye(x.size)
+        return Normal(cost, g, H, 2 * e.size) if np.isfinite(cost + H.sum()) else hopeless
+
+    return evaluate
+
+
+def _errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Complexes, Complexes]:
+    """Weighted errors (F,) and their slopes (F, p), with the sign of Normal: the error falls by J step."""
+    w, ratio = target.weight, target.G / G
+    if kind == "log":
+        difference: Complexes = w * np.log(ratio)
+        return difference, (w / G)[:, None] * dG
+    e: Complexes = w * (1 - G / target.G)
+    J: Complexes = (w / target.G)[:, None] * dG
+    if kind == "linear":
+        return e, J
+    inverse, slopes = w * (ratio - 1), (w * ratio / G)[:, None] * dG
+    return np.concatenate([e, inverse]), np.concatenate([J, slopes])
