@@ -5,12 +5,13 @@ All are from torque to speed, so that resonances stand out; where the angle was 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import welch
 
+from monitor_core.drive import Drive
 from monitor_core.identification.arx import fit_arx
 from monitor_core.identification.drive_response import drive_response
 from monitor_core.identification.frequency import FrequencyResponse
@@ -57,13 +58,11 @@ def bode_of(estimate: Estimate, start: Problem, records: Sequence[Record]) -> Bo
     """
     f, h = band(records), estimate.interval_s
     regular, words = _regular(records, h)
-    found = drive_response(
-        estimate.drive, estimate.values, h, f,
-        names=estimate.names, covariance=estimate.covariance, delay_s=estimate.delay_s, name="drive, identified",
+    found = _drive(
+        estimate.drive, estimate.values, h, f, estimate.delay_s, "drive, identified",
+        names=estimate.names, covariance=estimate.covariance,
     )  # fmt: skip
-    before = drive_response(
-        start.drive, start.nominal, h, f, delay_s=start.delay_s, name="drive, nominal before"
-    )
+    before = _drive(start.drive, start.nominal, h, f, start.delay_s, "drive, nominal before")
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
     measured, no_spectrum = _tried("frequency response of the record", lambda: _measured(regular, f))
     shown = _as_speed if records[0].quantity == "angle" else _as_it_is
@@ -74,6 +73,24 @@ def bode_of(estimate: Estimate, start: Problem, records: Sequence[Record]) -> Bo
         measured and shown(measured),
         (*words, *no_box, *no_spectrum),
     )
+
+
+def _drive(
+    drive: Drive,
+    values: Mapping[str, float],
+    interval_s: float,
+    f: Floats,
+    delay_s: float,
+    name: str,
+    names: Sequence[str] = (),
+    covariance: Floats | None = None,
+) -> FrequencyResponse:
+    """As ``drive_response``, with whole intervals of delay, too."""
+    whole, rest = divmod(delay_s, interval_s)
+    found = drive_response(
+        drive, values, interval_s, f, names=names, covariance=covariance, delay_s=rest, name=name
+    )
+    return replace(found, G=found.G * np.exp(-2j * np.pi * f * whole * interval_s))
 
 
 def band(records: Sequence[Record]) -> Floats:

@@ -15,6 +15,13 @@ from service.identification.bode import Bode
 from service.identification.task import Task
 from service.identification.traces import Trace
 
+_SURE = 3.0
+"""Standard deviations."""
+_SKEWED = (
+    "the torque acts {:.3g} ms late, but the daemon can follow delays of 0 to one interval only: shift the torque"
+    " against the motion where they are recorded"
+)
+
 
 class Row(NamedTuple):
     """One parameter: estimate and deviation, and the value before; a held one has no deviation."""
@@ -93,7 +100,17 @@ class Found:
             return f"the fit has not converged after {self.estimate.iterations} evaluations"
         if lost:
             return f"{', '.join(lost)} cannot be told from these records: hold one of them with --fix"
-        return ""
+        return "" if 0 <= self.delay_s <= self.estimate.interval_s else _SKEWED.format(1e3 * self.delay_s)
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of the torque; one that cannot be told from zero or from a whole interval is that."""
+        e = self.estimate
+        if DELAY not in e.names:
+            return e.delay_s
+        sd = float(e.sd[e.names.index(DELAY)])
+        nearest = min(max(e.delay_s, 0.0), e.interval_s)
+        return nearest if abs(nearest - e.delay_s) < _SURE * sd else e.delay_s
 
 
 def _value(values: Mapping[str, float], name: str) -> float | None:

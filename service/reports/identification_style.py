@@ -45,7 +45,7 @@ tbody th { font-weight: 600; white-space: nowrap; }
 .legend { color: var(--quiet); font-size: 13px; margin: 8px 0 0; }
 figure { margin: 0; } * + figure { margin-top: 16px; } figcaption { font-weight: 600; margin-bottom: 4px; }
 figure svg, figure img { display: block; width: 100%; height: auto; }
-figure img { width: auto; max-width: 100%; }
+figure img { width: auto; max-width: 100%; border-radius: 8px; }
 .matrix { width: auto; font-size: 13px; } .matrix th, .matrix td { border: 0; padding: 4px 7px; text-align: right; }
 .matrix thead th { text-align: right; color: var(--ink); } .matrix td { position: relative; min-width: 46px; }
 .matrix td i { position: absolute; inset: 1px; border-radius: 4px; background: var(--found); }

@@ -68,7 +68,7 @@ def _predictor(found: Found) -> Iterator[str]:
     yield "[predictor]"
     yield f"kind = {_text(kind)}"
     yield f"interval_s = {_number(e.interval_s)}"
-    yield f"torque_delay_s = {_number(e.delay_s)}  # the torque acts so much later than its sample"
+    yield f"torque_delay_s = {_number(found.delay_s)}  # the torque acts so much later than its sample"
     yield f"innovation_variance = {_number(e.lam0)}  # lambda_0, ({unit})^2: of eps"
     words = "neighbouring errors go together: the daemon takes lambda_0 so many times larger"
     yield f"colour = {_number(found.colour, _FEW)}  # {words}"

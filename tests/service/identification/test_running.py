@@ -133,3 +133,40 @@ def test_the_band_is_that_of_the_torque() -> None:
     f = band([Record(t, np.asarray(u), np.cumsum(u), "speed")])
     assert 0.5 <= f[0] <= 2.5
     assert 19 <= f[-1] <= 24
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "sd_s", "kept_s", "refused"),
+    [
+        (0.001, 1e-4, 0.001, False),
+        (-2e-5, 1e-5, 0.0, False),
+        (-2e-3, 1e-5, -2e-3, True),
+        (0.00501, 1e-5, 0.005, False),
+        (0.012, 1e-5, 0.012, True),
+    ],
+)
+def test_a_skew_that_the_daemon_cannot_follow(
+    found: Found, delay_s: float, sd_s: float, kept_s: float, refused: bool
+) -> None:
+    e = found.estimate
+    covariance = np.zeros((len(FREE) + 1,) * 2)
+    covariance[:-1, :-1], covariance[-1, -1] = e.covariance, sd_s**2
+    skewed = replace(
+        e, names=(*FREE, "delay"), theta=np.append(e.theta, delay_s), covariance=covariance, delay_s=delay_s
+    )
+    result = replace(found, estimate=skewed)
+    assert result.delay_s == kept_s
+    assert bool(result.trustworthy()) == refused
+
+
+def test_a_torque_that_is_recorded_too_late_or_too_early(folder: Path, robot: Config, tmp_path: Path) -> None:
+    """By two samples and back: all pictures are still made."""
+    table = np.loadtxt(folder / "second.csv", delimiter=",", skiprows=1)
+    for shift in (2, -1):
+        table[:, 1] = np.roll(table[:, 1], -shift)
+        name = tmp_path / f"shifted{shift}.csv"
+        np.savetxt(name, table[5:-5], delimiter=",", header="t,torque,angle", comments="", fmt="%.13g")
+        wishes = Wishes(free=("Jm", "fm"), delay=True)
+        problem_with = task_of(robot, robot.axes[0], [str(name)], [], wishes)
+        result = run(problem_with, PROVENANCE)
+        assert np.isfinite(result.bode.drive.db).all()
