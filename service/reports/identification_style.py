@@ -38,6 +38,7 @@ tbody tr:last-child > * { border-bottom: 0; }
 tbody th { font-weight: 600; white-space: nowrap; }
 .number { text-align: right; white-space: nowrap; }
 .unit, .meaning { color: var(--quiet); font-size: 13.5px; } .unit { white-space: nowrap; }
+.meaning { min-width: 180px; }
 .held td, .held th { color: var(--quiet); font-weight: 400; }
 .bar { position: relative; display: block; width: 90px; height: 10px; border-radius: 5px; background: var(--line); }
 .bar i { position: absolute; inset: 0 auto 0 0; border-radius: 5px; background: var(--found); }
@@ -61,6 +62,9 @@ pre { margin: 0; padding: 12px 14px; border-radius: 8px; background: var(--page)
   @page { size: A4; margin: 14mm; }
   body { max-width: none; padding: 0; background: none; font-size: 12px; }
   section { border: 0; padding: 0; margin-top: 18px; } figure, .tile, tr, .verdict { break-inside: avoid; }
+  .tiles { grid-template-columns: repeat(4, 1fr); } .tile { padding: 8px 10px; } .tile b { font-size: 17px; }
+  th, td { padding: 3px 6px; font-size: 11px; } .unit, .meaning, .why, .tile span, .legend { font-size: 10.5px; }
+  .bar { width: 48px; } .meaning { min-width: 150px; } h1 { font-size: 20px; } h2 { font-size: 14px; }
   h2 { break-after: avoid; } .scroll { overflow: visible; } * { print-color-adjust: exact; }
 }
 """
