@@ -162,9 +162,9 @@ def environment() -> Path | str:
     wanted = "\n".join(PACKAGES)
     if ready.exists() and ready.read_text(encoding="utf-8") == wanted:
         return python
-    subprocess.run([sys.executable, "-m", "venv", PEERS], check=True)
+    make = [sys.executable, "-m", "venv", str(PEERS)]
     pip = [str(python), "-m", "pip", "install", "--quiet", *PACKAGES]
-    if subprocess.run(pip, capture_output=True, check=False).returncode:
+    if any(subprocess.run(step, capture_output=True, check=False).returncode for step in (make, pip)):
         return "could not be installed"
     ready.write_text(wanted, encoding="utf-8")
     return python

@@ -1,4 +1,8 @@
-"""Statistics of the estimates over 1000 records for each experiment: twelve minutes of one core."""
+"""Statistics of the estimates over 1000 records for each experiment: twelve minutes of one core.
+
+Means within three standard errors, for all parameters and experiments together (Bonferroni: 32 means), deviations
+within 10 %, four and a half of the deviation of such a one: by luck it fails once in 350 runs.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +56,7 @@ def experiment(request: pytest.FixtureRequest, seed: int) -> tuple[str, Spread]:
 def test_no_bias(experiment: tuple[str, Spread]) -> None:
     found = experiment[1]
     assert found.converged == SEEDS
-    assert abs(found.z).max() < limit_of_means()
+    assert abs(found.z).max() < limit_of_means(len(EXPERIMENTS))
 
 
 def test_standard_deviations(experiment: tuple[str, Spread]) -> None:

@@ -80,9 +80,9 @@ class Spread(NamedTuple):
         return "\n".join([head, "      mean/SE  empirical    reported       bound", *body])
 
 
-def limit_of_means() -> float:
-    """Three standard errors for all parameters together (Bonferroni): by luck one run in 370 goes beyond."""
-    return float(norm.isf(norm.sf(STANDARD_ERRORS) / len(FREE)))
+def limit_of_means(experiments: int) -> float:
+    """Three standard errors for all parameters of so many experiments together: by luck one run in 370 is beyond."""
+    return float(norm.isf(norm.sf(STANDARD_ERRORS) / len(FREE) / experiments))
 
 
 def open_loop(seeds: Sequence[int]) -> list[Record]:

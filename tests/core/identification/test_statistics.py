@@ -1,76 +1,99 @@
 """Estimates from many records: no bias, and spread as reported and as the Cramer-Rao bound has it.
 
-The reference experiment, 20 s, kT fixed at 1; ``make soak`` takes 1000 records each.  Limits, with how often luck
-alone exceeds them: means within three standard errors, for all eight parameters together (Bonferroni): one run in 370;
-standard deviations of 200 estimates within 20 %, four of their own standard deviations: one run in 1000.
+The reference experiment, 20 s, kT fixed at 1; ``make soak`` takes 1000 records each.  Limits are three standard errors
+for the mean of each parameter, and 20 % for each standard deviation, four of the deviation of such a one.  With
+fresh seeds and 24 means luck alone exceeds them in one run of 15, so what does is looked at again on 200 other
+records: it fails if the same parameter is off in the same direction there, too: by luck one run in 10 000.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
-from monitor_core.identification.greybox import Problem, fit
+from monitor_core.identification.greybox import Disturbance, Problem, fit
+from monitor_core.identification.record import Record
+from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES
-from tests.core.identification import monte_carlo
 from tests.core.identification.monte_carlo import (
     DRIVE,
     FREE,
     SLOW,
+    STANDARD_ERRORS,
+    START_OF_NOISE,
     Spread,
     closed_loop,
-    limit_of_means,
     open_loop,
     spread,
 )
 
 SEEDS = 200
 FEW = 10
+PART = 0.2
 
 
 def seeds(seed: int, count: int = SEEDS) -> list[int]:
     return [int(s) for s in np.random.SeedSequence(seed).generate_state(count)]
 
 
-@pytest.fixture(scope="module")
-def in_open_loop(seed: int) -> Spread:
-    return told("open loop, output error", spread(open_loop(seeds(seed)), seed))
+class Experiment(NamedTuple):
+    """What is recorded, and the noise model that is fitted with it; None: output error."""
+
+    record: Callable[[Sequence[int]], list[Record]]
+    noise: Disturbance | None
 
 
-@pytest.fixture(scope="module")
-def in_closed_loop(seed: int) -> Spread:
-    return told("closed loop, output error", spread(closed_loop(seeds(seed)), seed))
+EXPERIMENTS = {
+    "open loop, output error": Experiment(open_loop, None),
+    "closed loop, output error": Experiment(closed_loop, None),
+    "closed loop, disturbed, innovations": Experiment(lambda s: closed_loop(s, SLOW), START_OF_NOISE),
+}
+WHITE = tuple(EXPERIMENTS)[:2]
 
 
-@pytest.fixture(scope="module")
-def disturbed(seed: int) -> Spread:
-    records = closed_loop(seeds(seed), SLOW)
-    return told("closed loop, disturbed, innovations", spread(records, seed, monte_carlo.START_OF_NOISE))
-
-
-def told(what: str, found: Spread) -> Spread:
-    print(f"\n{what}: {found.lines()}")
+@cache
+def estimates(kind: str, seed: int) -> Spread:
+    """Of 200 records, once for all tests."""
+    record, noise = EXPERIMENTS[kind]
+    found = spread(record(seeds(seed)), seed, noise)
+    print(f"\n{kind}: {found.lines()}")
     return found
 
 
-@pytest.mark.parametrize("kind", ["in_open_loop", "in_closed_loop", "disturbed"])
-def test_no_bias(kind: str, request: pytest.FixtureRequest) -> None:
-    found: Spread = request.getfixturevalue(kind)
-    assert found.converged == SEEDS
-    assert abs(found.z).max() < limit_of_means()
+def confirmed(kind: str, seed: int, off: Callable[[Spread], Floats]) -> dict[str, float]:
+    """Parameters that are off (beyond 1 or -1), and off to the same side on other records."""
+    first = off(estimates(kind, seed))
+    suspected = abs(first) > 1
+    if not suspected.any():
+        return {}
+    again = off(estimates(kind, seed + 1))
+    wrong = suspected & (abs(again) > 1) & (first * again > 0)
+    return {name: value for name, value, w in zip(FREE, again.tolist(), wrong, strict=True) if w}
 
 
-@pytest.mark.parametrize("kind", ["in_open_loop", "in_closed_loop", "disturbed"])
-def test_standard_deviations_are_those_reported(kind: str, request: pytest.FixtureRequest) -> None:
-    found: Spread = request.getfixturevalue(kind)
-    assert found.empirical == pytest.approx(found.reported, rel=0.2)
+@pytest.mark.parametrize("kind", EXPERIMENTS)
+def test_all_converge(kind: str, seed: int) -> None:
+    assert estimates(kind, seed).converged == SEEDS
 
 
-@pytest.mark.parametrize("kind", ["in_open_loop", "in_closed_loop"])
-def test_the_bound_of_cramer_and_rao_is_reached(kind: str, request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize("kind", EXPERIMENTS)
+def test_no_bias(kind: str, seed: int) -> None:
+    assert confirmed(kind, seed, lambda found: found.z / STANDARD_ERRORS) == {}
+
+
+@pytest.mark.parametrize("kind", EXPERIMENTS)
+def test_standard_deviations_are_those_reported(kind: str, seed: int) -> None:
+    assert confirmed(kind, seed, lambda found: (found.empirical / found.reported - 1) / PART) == {}
+
+
+@pytest.mark.parametrize("kind", WHITE)
+def test_the_bound_of_cramer_and_rao_is_reached(kind: str, seed: int) -> None:
     """White noise on the output is all there is: output error is then the most accurate of all, feedback or not."""
-    found: Spread = request.getfixturevalue(kind)
-    assert found.empirical == pytest.approx(found.bound, rel=0.2)
+    assert confirmed(kind, seed, lambda found: (found.empirical / found.bound - 1) / PART) == {}
 
 
 def test_output_error_fails_where_feedback_knows_the_disturbance(seed: int) -> None:
@@ -78,7 +101,8 @@ def test_output_error_fails_where_feedback_knows_the_disturbance(seed: int) -> N
 
     Output error takes it for noise on the output; the motor inertia then is wrong by a quarter, always.
     """
-    found = told("closed loop, disturbed, output error", spread(closed_loop(seeds(seed, FEW), SLOW), seed))
+    found = spread(closed_loop(seeds(seed, FEW), SLOW), seed)
+    print(f"\nclosed loop, disturbed, output error: {found.lines()}")
     assert found.deviations[:, FREE.index("Jm")].min() > 0.05
     assert found.lam0.min() > 2
 
