@@ -104,7 +104,7 @@ def measure(records: Sequence[Record]) -> Measured:
     sd = _relative(arx, f)
     f, sd = f[sd < _SURE], sd[sd < _SURE]
     band = f.size / _POINTS * (known[-1] - known[0]) / nyquist
-    return Measured(series, records[0].quantity, arx, f, sd, 2 * arx.a.size * min(band, 1.0))
+    return Measured(series, records[0].quantity, arx, f, sd, 2 * arx.a.size * float(min(band, 1.0)))
 
 
 def regular(records: Sequence[Record]) -> tuple[Regular, ...]:

@@ -186,10 +186,11 @@ def _criterion(
 
 def _errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Complexes, Complexes]:
     """Weighted errors (F,) and their slopes (F, p), with the sign of Normal: the error falls by J step."""
-    w, ratio = target.weight, target.G / G
+    w = target.weight
+    ratio: Complexes = target.G / G
     if kind == "log":
-        difference: Complexes = w * np.log(ratio)
-        return difference, (w / G)[:, None] * dG
+        away: Complexes = np.asarray(w * np.log(ratio), dtype=np.complex128)
+        return away, (w / G)[:, None] * dG
     e: Complexes = w * (1 - G / target.G)
     J: Complexes = (w / target.G)[:, None] * dG
     if kind == "linear":

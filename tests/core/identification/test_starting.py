@@ -1,0 +1,269 @@
+"""Fits that need no guess end where the fit from the truth ends; the closed form is exact where there is no loss."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import pytest
+import scipy.linalg as sla
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.excitation import multisine
+from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.record import Record
+from monitor_core.identification.starting import fit_from, fit_from_scratch, start
+from monitor_core.identification.starting.inverse import Chain, chain_of_modes, chain_of_roots, modes_of_chain
+from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.starting.response import Target
+from monitor_core.identification.starting.slots import Slots
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, five_mass, three_mass, two_mass
+from monitor_core.model import AxisModel, Drive, Output
+from monitor_core.reference import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS
+from monitor_core.simulation import simulate_linear
+
+Way = Literal["scratch", "given"]
+R = REFERENCE_VALUES["r"]
+OTHERS = {"fc": 0.0, "tau0": 0.0, "kT": 1.0, "r": R}
+AT_OPTIMUM = 1.001
+WRONG = 3.0
+"""Given values are wrong by factors between this and its reciprocal."""
+law = settings(deadline=None, max_examples=100)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A drive, its true values, how long its record is, and how many fits in a hundred must end at the optimum."""
+
+    name: str
+    speed: Drive
+    angle: Drive
+    values: Mapping[str, float]
+    seconds: float
+    of_hundred: int
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        return tuple(name for name in self.values if name not in OTHERS)
+
+    def drive(self, output: Output) -> Drive:
+        return self.speed if output == "speed" else self.angle
+
+    def problem(self, values: Mapping[str, float] | None = None, output: Output = "speed") -> Problem:
+        nominal = {**self.values, **(values or {})}
+        return Problem(self.drive(output), nominal, self.free, predictor="output-error")
+
+    def record(self, seed: int, noise: float = 1.0, output: Output = "speed") -> Record:
+        """As the reference experiment; ``noise`` is a factor on its noise."""
+        rng, N = np.random.default_rng(seed), round(self.seconds / INTERVAL_S)
+        u = multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS)
+        y, _ = simulate_linear(self.drive(output), self.values, u[:, None], INTERVAL_S)
+        y = y[:, 0] + noise * NOISE[output] * rng.standard_normal(N)
+        return Record(INTERVAL_S * np.arange(N, dtype=np.float64), u, y, output)
+
+    def wrong(self, seed: int, factor: float = WRONG) -> dict[str, float]:
+        rng, most = np.random.default_rng([seed, 1]), np.log(factor)
+        return {name: self.values[name] * float(np.exp(rng.uniform(-most, most))) for name in self.free}
+
+    def away(self, seed: int, way: Way, noise: float = 1.0) -> float:
+        """Cost of the fit without a guess over that of the fit from the truth."""
+        record = self.record(seed, noise)
+        best = fit(self.problem(), [record])
+        return self.found(record, way, self.wrong(seed)).cost / best.cost
+
+    def found(self, record: Record, way: Way, wrong: Mapping[str, float]) -> Estimate:
+        if way == "given":
+            return fit_from(self.problem(), [record], wrong)
+        return fit_from_scratch(self.problem(wrong), [record])
+
+
+def behind_gear(motor: float, *others: float) -> list[float]:
+    """What the motor sees, as it is on the arm's side."""
+    return [motor, *(value / R**2 for value in others)]
+
+
+def five_masses() -> dict[str, float]:
+    J = behind_gear(5.9e-3, 8e-3, 12e-3, 4.6e-3, 2.4e-3)
+    _, *k = behind_gear(0, 28, 45, 38, 12)
+    _, *d = behind_gear(0, 0.05, 0.04, 0.02, 0.01)
+    names = [
+        "Jm",
+        *(f"J{i}" for i in range(1, 5)),
+        *(f"k{i}" for i in range(1, 5)),
+        *(f"d{i}" for i in range(1, 5)),
+    ]
+    return {**dict(zip(names, J + k + d, strict=True)), "fm": 0.06, **OTHERS}
+
+
+def two_masses() -> dict[str, float]:
+    v = REFERENCE_VALUES
+    return {"Jm": v["Jm"], "Ja": v["Jg"], "k": v["kg"], "d": v["dg"], "fm": v["fm"], **OTHERS}
+
+
+TWO = Case("two", two_mass("speed"), two_mass("angle"), two_masses(), 20.0, 95)
+THREE = Case("three", three_mass("speed"), three_mass("angle"), REFERENCE_VALUES, 20.0, 95)
+FIVE = Case("five", five_mass("speed"), five_mass("angle"), five_masses(), 60.0, 80)
+CASES = {case.name: case for case in (TWO, THREE, FIVE)}
+
+
+def at_least(count: int, of_hundred: int) -> int:
+    """Successes that chance leaves out once in ten thousand runs, if just as many as must be succeed on average."""
+    return int(binom.ppf(1e-4, count, of_hundred / 100))
+
+
+@pytest.mark.parametrize("way", ["scratch", "given"])
+@pytest.mark.parametrize(("name", "count"), [("two", 6), ("three", 10), ("five", 6)])
+def test_ends_at_the_optimum(name: str, count: int, way: Way, seed: int) -> None:
+    case = CASES[name]
+    away = [case.away(seed + k, way) for k in range(count)]
+    assert sum(ratio <= AT_OPTIMUM for ratio in away) >= at_least(count, case.of_hundred), away
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_from_the_measured_angle(name: str, seed: int) -> None:
+    """Where the nominal values are of no use; the fit of the record itself is not asked."""
+    case = CASES[name]
+    record = case.record(seed, 0.1, "angle")
+    best, *_ = start(case.problem(case.wrong(seed), "angle"), [record])
+    found = {n: best.values[n] / case.values[n] for n in case.free if n[0] in "Jk"}
+    assert np.abs(np.log(list(found.values()))).max() < 0.3, found
+
+
+chains = st.integers(2, 5).flatmap(
+    lambda n: st.tuples(
+        st.lists(st.floats(0.3, 3.0), min_size=n, max_size=n),
+        st.lists(st.floats(0.3, 3.0), min_size=n - 1, max_size=n - 1),
+    )
+)
+
+
+def stiffness(k: Floats) -> Floats:
+    """K (n, n) of springs k (n - 1,) in a row."""
+    B = np.eye(k.size + 1)[:-1] - np.eye(k.size + 1, k=1)[:-1]
+    return np.asarray(B.T @ (k[:, None] * B))
+
+
+@law
+@given(chains)
+def test_poles_and_zeros_of_a_chain_are_that_chain(drawn: tuple[list[float], list[float]]) -> None:
+    """Zeros are the resonances with the first mass held; both by scipy's symmetric solver."""
+    J, k = np.array(drawn[0]), np.array(drawn[1])
+    K, M = stiffness(k), np.diag(J)
+    poles = np.sqrt(sla.eigvalsh(K, M)[1:])
+    zeros = np.sqrt(sla.eigvalsh(K[1:, 1:], M[1:, 1:]))
+    back = chain_of_roots(float(J.sum()), poles, zeros)
+    np.testing.assert_allclose(np.concatenate(back), np.concatenate([J, k]), rtol=1e-8)
+
+
+@law
+@given(chains)
+def test_modes_of_a_chain_are_that_chain(drawn: tuple[list[float], list[float]]) -> None:
+    """Y(s) at some points is that of the force balance, and back again."""
+    J, k = np.array(drawn[0]), np.array(drawn[1])
+    p, a = modes_of_chain(Chain(J, k))
+    for s in (0.3, 1.0 + 0.5j, 4.0j):
+        balance = np.linalg.inv(np.diag(J) * s + stiffness(k) / s)[0, 0]
+        assert np.sum(a * s / (s**2 + p**2)) == pytest.approx(balance, rel=1e-6)
+    np.testing.assert_allclose(np.concatenate(chain_of_modes(p, a)), np.concatenate([J, k]), rtol=1e-8)
+
+
+@pytest.mark.parametrize("roots", [([3.0, 2.0], [1.0, 2.5]), ([1.0], [2.0])])
+def test_what_is_no_chain_is_refused(roots: tuple[list[float], list[float]]) -> None:
+    poles, zeros = roots
+    with pytest.raises(ValueError, match="take turns"):
+        chain_of_roots(1.0, np.array(poles), np.array(zeros))
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("name", CASES)
+def test_masses_and_springs_find_their_names(name: str, output: Output, seed: int) -> None:
+    """Whatever the nominal values are; dampers by their modal damping, which is exact while they are small."""
+    case = CASES[name]
+    slots = Slots(case.problem(case.wrong(seed, 30.0), output))
+    J = np.array([v * (1 if n == "Jm" else R**2) for n, v in case.values.items() if n[0] == "J"])
+    k = np.array([v * R**2 for n, v in case.values.items() if n[0] == "k" and n != "kT"])
+    light = {n: v * (1e-4 if n[0] in "df" else 1) for n, v in case.values.items()}
+    A = AxisModel(case.speed, light, ()).matrices()[0]
+    poles = np.linalg.eigvals(A)
+    poles = poles[poles.imag >= 0]
+    decay: Floats = -poles[np.argsort(np.abs(poles))].real.astype(np.float64)
+    found = slots.values(Chain(J, k), decay)
+    for n in case.free:
+        assert found[n] == pytest.approx(light[n], rel=1e-4 if n[0] in "Jk" else 1e-2), n
+
+
+def test_a_drive_of_which_a_mass_is_held_is_no_free_chain() -> None:
+    problem = replace(THREE.problem(), free=tuple(n for n in THREE.free if n != "Ja"))
+    with pytest.raises(ValueError, match="free parameter"):
+        Slots(problem)
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("shift", [0.0, 12.0])
+def test_response_and_its_slopes(output: Output, shift: float, seed: int) -> None:
+    """Against the held drive solved directly, and differences."""
+    problem = replace(FIVE.problem(FIVE.wrong(seed), output), delay_s=0.002)
+    response, f = Response(problem), np.linspace(0.5, 40, 30)
+    z = np.exp((shift + 2j * np.pi * f) * INTERVAL_S)
+    target = Target(z, np.ones(30, complex), np.ones(30), INTERVAL_S)
+    G, dG = response.at(response.start, target)
+    A, B, C = AxisModel(problem.drive, problem.nominal, ()).matrices()
+    Ad, Bd = zero_order_hold(A, B[:, :1], INTERVAL_S)
+    direct = [(C @ np.linalg.solve(w * np.eye(len(A)) - Ad, Bd))[0, 0] * w**-0.4 for w in z]
+    np.testing.assert_allclose(G, direct, rtol=1e-6)
+    for i in range(response.start.size):
+        e = 1e-5 * np.eye(response.start.size)[i]
+        slope = (
+            response.at(response.start + e, target)[0] - response.at(response.start - e, target)[0]
+        ) / 2e-5
+        np.testing.assert_allclose(dG[:, i], slope, atol=1e-5 * np.abs(dG).max())
+
+
+def irregular(case: Case, seed: int) -> Record:
+    """Samples every 4 to 6 ms at random."""
+    rng, fine = np.random.default_rng(seed), 1e-3
+    at = np.concatenate([[0], np.cumsum(rng.integers(4, 7, round(case.seconds / INTERVAL_S)))])
+    u = multisine(rng, at.size, INTERVAL_S, BAND_HZ, TORQUE_RMS)
+    held = np.repeat(u[:-1], np.diff(at))
+    y, _ = simulate_linear(case.speed, case.values, np.append(held, 0.0)[:, None], fine)
+    return Record(fine * at.astype(np.float64), u, y[at, 0] + 0.3 * rng.standard_normal(at.size), "speed")
+
+
+@pytest.mark.parametrize("way", ["scratch", "given"])
+def test_irregular_and_lost_samples(way: Way, seed: int) -> None:
+    record = irregular(THREE, seed)
+    record = record.without(np.random.default_rng(seed).random(len(record)) < 0.002)
+    best = fit(THREE.problem(), [record])
+    assert THREE.found(record, way, THREE.wrong(seed, 1.5)).cost <= AT_OPTIMUM * best.cost
+
+
+def test_reciprocals_offsets_and_words(seed: int) -> None:
+    """1/Ja is free, too, and so are friction and offset, of which no frequency response tells."""
+    record = THREE.record(seed, 0.3)
+    free = (*("1/Ja" if name == "Ja" else name for name in THREE.free), "fc", "tau0")
+    problem = replace(THREE.problem(), free=free)
+    best = fit(problem, [record])
+    found = fit_from_scratch(replace(problem, nominal={**THREE.values, **THREE.wrong(seed)}), [record])
+    assert found.cost <= AT_OPTIMUM * best.cost
+    assert found.words[-1].startswith("Started from the resonances of")
+    from_given = fit_from(problem, [record], {"1/Ja": 2 / THREE.values["Ja"], "kg": 0.5 * THREE.values["kg"]})
+    assert from_given.cost <= AT_OPTIMUM * best.cost
+    assert from_given.words[-1].startswith("Started from a search around the values given")
+
+
+def test_a_name_that_is_not_free(seed: int) -> None:
+    with pytest.raises(KeyError, match="kT"):
+        start(THREE.problem(), [THREE.record(seed)], {"kT": 1.0})
+
+
+def test_a_record_of_noise_alone_is_refused(seed: int) -> None:
+    record = THREE.record(seed)
+    noise = np.random.default_rng(seed).standard_normal(len(record))
+    with pytest.raises(ValueError, match="frequency response"):
+        start(THREE.problem(), [replace(record, y=noise)])
