@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from monitor_core.identification.problem import Predictor
     from service.config import NamedAxis
     from service.identification.found import Provenance
+    from service.identification.task import Start
 
 
 class Command(OptionalValueCommand):
@@ -35,6 +36,14 @@ class Command(OptionalValueCommand):
     def is_value(word: str) -> bool:
         """Whether the word after the option is a file to write to, and not a record."""
         return word == "-" or word.endswith(".json") or word.startswith("/dev/")
+
+
+class Beginning(StrEnum):
+    """Where the fit starts."""
+
+    SEARCH = "search"
+    VALUES = "values"
+    RECORDS = "records"
 
 
 class Kind(StrEnum):
@@ -94,6 +103,14 @@ HoldNoise = Annotated[
     ),
 ]
 Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
+StartOption = Annotated[
+    Beginning,
+    typer.Option(
+        "--start",
+        help="Where the fit starts: at the configured values and where a search around them ends; there only (fast);"
+        " or at what the records alone tell.",
+    ),
+]
 Folder = Annotated[
     Path | None,
     typer.Option("--output-dir", metavar="DIR", help="Where nominal.toml and report.html go. Default: here."),
@@ -126,6 +143,7 @@ def identify(
     disturbance: Slow = None,
     hold_noise: HoldNoise = False,
     robust: Robust = False,
+    start: StartOption = Beginning.SEARCH,
     output_dir: Folder = None,
     output: Output = None,
     report: Report = None,
@@ -146,7 +164,9 @@ def identify(
         from service.identification.task import Wishes, task_of
 
         kind = _kind(predictor)
-        wishes = Wishes(_names(free), _names(fix), kind, delay, disturbance, hold_noise, robust)
+        wishes = Wishes(
+            _names(free), _names(fix), kind, delay, disturbance, hold_noise, robust, _start(start)
+        )
         task = task_of(read, chosen, records, validate or [], wishes)
         with _shown(chosen.id) as progress:
             found = run(task, _provenance(chosen), progress)
@@ -160,6 +180,15 @@ def _kind(predictor: Kind | None) -> Predictor | None:
     """As the engine calls it."""
     kinds: dict[Kind, Predictor] = {Kind.INNOVATIONS: "innovations", Kind.OUTPUT_ERROR: "output-error"}
     return None if predictor is None else kinds[predictor]
+
+
+def _start(start: Beginning) -> Start:
+    starts: dict[Beginning, Start] = {
+        Beginning.SEARCH: "search",
+        Beginning.VALUES: "values",
+        Beginning.RECORDS: "records",
+    }
+    return starts[start]
 
 
 def _names(given: list[str] | None) -> tuple[str, ...]:

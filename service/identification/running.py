@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from monitor_core.identification.greybox import fit
+from monitor_core.identification.record import Record
+from monitor_core.identification.result import Estimate
+from monitor_core.identification.starting import fit_from, fit_from_scratch
 from service.identification.bode import bode_of
 from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
@@ -15,6 +18,8 @@ from service.identification.task import Task
 from service.identification.traces import traces_of
 
 MOST_ITERATIONS = 100
+_LESS = 1 - 1e-4
+"""Of the cost: where two ends are the same, that from the configured values is taken."""
 
 Progress = Callable[[int, float], None]
 
@@ -29,7 +34,7 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
     """
     records = [one.record for one in task.estimation]
     try:
-        estimate = fit(task.problem, records, most_iterations=MOST_ITERATIONS, progress=progress)
+        estimate = _best(task, records, progress)
         kept_aside = [one.record for one in task.validation]
         validation = traces_of(estimate.problem, kept_aside) if kept_aside else ()
     except (ValueError, np.linalg.LinAlgError) as error:
@@ -43,3 +48,28 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
         colour_of(estimate, task.axis.config.model.monitor, records),
         provenance,
     )
+
+
+def _best(task: Task, records: Sequence[Record], progress: Progress | None) -> Estimate:
+    """The fit of the least cost; a search that finds nothing leaves that from the configured values.
+
+    Raises:
+        ValueError: there is none.
+    """
+    problem = task.problem
+    if task.start == "records":
+        return fit_from_scratch(problem, records)
+    try:
+        direct = fit(problem, records, most_iterations=MOST_ITERATIONS, progress=progress)
+    except ValueError:
+        if task.start == "values":
+            raise
+        return fit_from(problem, records)
+    if task.start == "values":
+        return direct
+    try:
+        searched = fit_from(problem, records)
+    except ValueError:
+        return direct
+    better = searched.converged or not direct.converged
+    return searched if better and searched.cost < _LESS * direct.cost else direct

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from monitor_core.drive import Drive
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
@@ -16,6 +17,8 @@ from service.identification.errors import IdentificationError
 from service.identification.free import Choice, choose
 from service.ingest.identification_records import Loaded, load
 from service.modeling import model_of_axis
+
+Start = Literal["values", "search", "records"]
 
 _SLOW = 0.1
 """Where the level of the slow disturbance starts, as part of the torque's standard deviation."""
@@ -33,6 +36,8 @@ class Wishes:
         disturbance_s: time constant of a slow torque disturbance; None: there is none.
         hold_noise: K follows from the noises of the configuration, which are not estimated.
         robust: outliers count less.
+        start: where the fit starts: at the configured values; also where a search around them in the frequency
+            response ends; or at what the records alone tell, without looking at the values.
     """
 
     free: tuple[str, ...] = ()
@@ -42,6 +47,7 @@ class Wishes:
     disturbance_s: float | None = None
     hold_noise: bool = False
     robust: bool = False
+    start: Start = "search"
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,7 @@ class Task:
     estimation: tuple[Loaded, ...]
     validation: tuple[Loaded, ...]
     warnings: tuple[str, ...]
+    start: Start
 
     @property
     def drive(self) -> Drive:
@@ -89,7 +96,7 @@ def task_of(
     problem = _problem(axis, drive, nominal, choice, used, wishes)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
-    return Task(axis, space, choice, problem, tuple(used), tuple(kept_aside), warnings)
+    return Task(axis, space, choice, problem, tuple(used), tuple(kept_aside), warnings, wishes.start)
 
 
 def _start(axis: NamedAxis, drive: Drive) -> dict[str, float]:

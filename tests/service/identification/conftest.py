@@ -88,7 +88,7 @@ PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch identif
 
 @pytest.fixture(scope="session")
 def found(folder: Path, robot: Config) -> Found:
-    wishes = Wishes(free=FREE)
+    wishes = Wishes(start="values", free=FREE)
     records = [str(folder / "healthy.csv")]
     task = task_of(robot, robot.axes[0], records, [str(folder / "second.csv")], wishes)
     return run(task, PROVENANCE)

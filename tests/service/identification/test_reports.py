@@ -47,7 +47,9 @@ def test_the_file_says_what_was_found(found: Found, tmp_path: Path) -> None:
     assert read.values == pytest.approx(dict(e.values), rel=1e-9)
     assert read.predictor.gain == pytest.approx(e.K.tolist(), rel=1e-9)
     assert read.predictor.innovation_variance == pytest.approx(e.lam0, rel=1e-9)
-    assert read.predictor.lam0 == pytest.approx(e.lam0 * found.colour, rel=1e-4)
+    coloured = replace(found, colour=7.25)
+    path.write_text(as_toml(coloured) + "\n", encoding="utf-8")
+    assert read_nominal(path).predictor.lam0 == pytest.approx(7.25 * e.lam0)
     assert (read.predictor.kind, read.predictor.interval_s) == ("innovations", 0.005)
     assert read.drive.structure == structure_of(found.task.drive)
     assert (read.axis, read.date) == ("demo.axis1", PROVENANCE.date)
@@ -89,7 +91,7 @@ def test_notes_cannot_break_the_file(found: Found) -> None:
 
 
 def test_a_disturbance_and_a_delay_reach_the_file(folder: Path, robot: Any, tmp_path: Path) -> None:
-    wishes = Wishes(free=("Jm", "fm", "Ja"), delay=True, disturbance_s=0.3)
+    wishes = Wishes(start="values", free=("Jm", "fm", "Ja"), delay=True, disturbance_s=0.3)
     record = f"{folder / 'healthy.csv'}@0:8"
     other = run(task_of(robot, robot.axes[0], [record], [], wishes), PROVENANCE)
     (tmp_path / "n.toml").write_text(as_toml(other), encoding="utf-8")

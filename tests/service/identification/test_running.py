@@ -18,13 +18,13 @@ from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
 from service.identification.found import Found
 from service.identification.running import run
-from service.identification.task import Task, Wishes, task_of
+from service.identification.task import Start, Task, Wishes, task_of
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE
 
 
 def task(folder: Path, robot: Config, *records: str, wishes: Wishes | None = None) -> Task:
     paths = [str(folder / name) for name in records]
-    return task_of(robot, robot.axes[0], paths, [], wishes or Wishes(free=FREE))
+    return task_of(robot, robot.axes[0], paths, [], wishes or Wishes(start="values", free=FREE))
 
 
 def test_the_truth_is_within_what_is_reported(found: Found) -> None:
@@ -88,7 +88,7 @@ def test_what_cannot_be_told_makes_no_nominal_values(found: Found) -> None:
 
 
 def test_a_delay_and_a_disturbance_are_found_too(folder: Path, robot: Config) -> None:
-    wishes = Wishes(free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
+    wishes = Wishes(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
     result = run(task(folder, robot, "healthy.csv", wishes=wishes), PROVENANCE)
     rows = {row.name: row for row in result.rows()}
     assert abs(rows["delay"].value) < 1e-4
@@ -97,7 +97,7 @@ def test_a_delay_and_a_disturbance_are_found_too(folder: Path, robot: Config) ->
 
 
 def test_noises_may_be_held(folder: Path, robot: Config) -> None:
-    wishes = Wishes(free=("Jm", "fm", "Ja", "kg", "ka"), hold_noise=True)
+    wishes = Wishes(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), hold_noise=True)
     noise = task(folder, robot, "healthy.csv", wishes=wishes).problem.disturbance
     assert noise is not None
     assert (noise.torque, noise.output) == (0.05, 0.0001)
@@ -108,8 +108,8 @@ def test_noises_may_be_held(folder: Path, robot: Config) -> None:
 @pytest.mark.parametrize(
     ("wishes", "words"),
     [
-        (Wishes(predictor="output-error", hold_noise=True), "no noise"),
-        (Wishes(predictor="output-error", disturbance_s=1.0), "no noise"),
+        (Wishes(start="values", predictor="output-error", hold_noise=True), "no noise"),
+        (Wishes(start="values", predictor="output-error", disturbance_s=1.0), "no noise"),
     ],
 )
 def test_wishes_that_contradict_one_another(folder: Path, robot: Config, wishes: Wishes, words: str) -> None:
@@ -118,7 +118,9 @@ def test_wishes_that_contradict_one_another(folder: Path, robot: Config, wishes:
 
 
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
-    made = task(folder, robot, "healthy.csv", wishes=Wishes(free=FREE, predictor="output-error"))
+    made = task(
+        folder, robot, "healthy.csv", wishes=Wishes(start="values", free=FREE, predictor="output-error")
+    )
     assert any("not for the daemon" in words for words in made.warnings)
 
 
@@ -166,7 +168,28 @@ def test_a_torque_that_is_recorded_too_late_or_too_early(folder: Path, robot: Co
         table[:, 1] = np.roll(table[:, 1], -shift)
         name = tmp_path / f"shifted{shift}.csv"
         np.savetxt(name, table[5:-5], delimiter=",", header="t,torque,angle", comments="", fmt="%.13g")
-        wishes = Wishes(free=("Jm", "fm"), delay=True)
+        wishes = Wishes(start="values", free=("Jm", "fm"), delay=True)
         problem_with = task_of(robot, robot.axes[0], [str(name)], [], wishes)
         result = run(problem_with, PROVENANCE)
         assert np.isfinite(result.bode.drive.db).all()
+
+
+@pytest.mark.parametrize("start", ["search", "records"])
+def test_other_starts_end_where_the_first_did(
+    folder: Path, robot: Config, found: Found, start: Start
+) -> None:
+    """Even without looking at the guess, which is wrong by up to two."""
+    made = task(folder, robot, "healthy.csv", wishes=Wishes(free=FREE, start=start))
+    result = run(made, PROVENANCE)
+    assert result.estimate.cost == pytest.approx(found.estimate.cost, rel=1e-3)
+
+
+def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
+    folder: Path, robot: Config, found: Found, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nothing(*_: object) -> None:
+        raise ValueError("no response")
+
+    monkeypatch.setattr("service.identification.running.fit_from", nothing)
+    result = run(task(folder, robot, "healthy.csv", wishes=Wishes(free=FREE)), PROVENANCE)
+    assert result.estimate.cost == pytest.approx(found.estimate.cost)
