@@ -98,6 +98,7 @@ def test_json_before_a_record_takes_no_record(here: Path) -> None:
         (("healthy.csv@100:200",), "healthy.csv"),
         (("healthy.csv@3:3.1",), "refused: healthy.csv: only 21 measured samples"),
         (("healthy.csv", "--validate", "none.csv"), "cannot read none.csv"),
+        (("healthy.csv", "--validate", "healthy.csv@3:3.1"), "refused: healthy.csv: only 21"),
         (("healthy.csv", "--axis", "axis9"), "axis9 is not there; there is demo.axis1"),
         (("healthy.csv", "--free", "jm"), 'did you mean "Jm"'),
         (("healthy.csv", "--free", "Jm", "--fix", "Jm"), "cannot be both free and fixed"),

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from monitor_core.identification.drive_response import drive_response
 from monitor_core.identification.greybox import compare
 from monitor_core.identification.record import Record
-from monitor_core.library import REFERENCE_VALUES
+from monitor_core.library import REFERENCE_VALUES, three_mass
 from service.config import Config
 from service.identification.bode import band
 from service.identification.colour import colour_of
@@ -19,6 +20,7 @@ from service.identification.errors import IdentificationError
 from service.identification.found import Found
 from service.identification.running import run
 from service.identification.task import Start, Task, Wishes, task_of
+from service.identification.traces import traces_of
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE
 
 
@@ -193,3 +195,28 @@ def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
     monkeypatch.setattr("service.identification.running.fit_from", nothing)
     result = run(task(folder, robot, "healthy.csv", wishes=Wishes(free=FREE)), PROVENANCE)
     assert result.estimate.cost == pytest.approx(found.estimate.cost)
+
+
+def test_the_simulation_makes_its_own_friction(folder: Path, robot: Config) -> None:
+    """By the simulated speed, not the measured one, which no simulation knows."""
+    made = task(folder, robot, "second.csv")
+    problem = replace(made.problem, nominal={**made.problem.nominal, "fc": 0.3})
+    records = [one.record for one in made.estimation]
+    (expected,) = compare(problem, records)
+    (trace,) = traces_of(problem, records)
+    assert trace.fit_simulation == pytest.approx(expected.simulation, abs=1e-6)
+    assert trace.fit == pytest.approx(expected.one_step, abs=1e-6)
+
+
+def test_an_angle_is_shown_as_the_speed_it_makes(found: Found) -> None:
+    e, shown = found.estimate, found.bode.drive
+    low = shown.frequency_hz[:100]
+    speed = drive_response(three_mass("speed"), e.values, e.interval_s, low)
+    assert shown.db[:100] == pytest.approx(speed.db, abs=0.1)
+
+
+def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> None:
+    (axis,) = robot.axes
+    late = axis._replace(config=axis.config.model_copy(update={"torque_delay_s": 0.0013}))
+    made = task_of(robot, late, [str(folder / "healthy.csv")], [], Wishes(start="values", free=FREE))
+    assert made.problem.delay_s == 0.0013
