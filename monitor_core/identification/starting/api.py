@@ -94,7 +94,9 @@ def _from_records(problem: Problem, measured: Measured) -> tuple[Candidate, ...]
     if not found:
         raise ValueError("no black box shows as many resonances as the drive has: give values to search from")
     found.sort(key=lambda candidate: candidate.cost)
-    if found[0].cost > explained(measured):
+    # As in the search: one end may be stuck next to the right minimum, two alike that explain the response are not.
+    agreed = sum(candidate.cost < _SAME * found[0].cost for candidate in found) > 1
+    if not agreed or found[0].cost > explained(measured):
         response = Response(problem, found[0].values)
         ends = search(response, measured, most=20)
         origin = f"a search around the resonances of {found[0].origin.removeprefix(_CLOSED)}"
@@ -118,8 +120,6 @@ def _closed(problem: Problem, measured: Measured) -> Iterator[Candidate]:
         end = polish(response, measured, response.start)
         if np.isfinite(end.cost):
             yield _candidate(response, end, measured, _CLOSED + name)
-        if end.cost < explained(measured):
-            return
 
 
 def _candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:

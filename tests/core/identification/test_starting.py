@@ -251,7 +251,7 @@ def test_reciprocals_offsets_and_words(seed: int) -> None:
     best = fit(problem, [record])
     found = fit_from_scratch(replace(problem, nominal={**THREE.values, **THREE.wrong(seed)}), [record])
     assert found.cost <= AT_OPTIMUM * best.cost
-    assert found.words[-1].startswith("Started from the resonances of")
+    assert "resonances" in found.words[-1]
     from_given = fit_from(problem, [record], {"1/Ja": 2 / THREE.values["Ja"], "kg": 0.5 * THREE.values["kg"]})
     assert from_given.cost <= AT_OPTIMUM * best.cost
     assert from_given.words[-1].startswith("Started from a search around the values given")
