@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from monitor_core.identification.drive_response import drive_response
 from monitor_core.identification.greybox import compare
+from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from service.config import Config
@@ -199,11 +200,12 @@ def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
 
 def test_the_simulation_makes_its_own_friction(folder: Path, robot: Config) -> None:
     """By the simulated speed, not the measured one, which no simulation knows."""
-    made = task(folder, robot, "second.csv")
-    problem = replace(made.problem, nominal={**made.problem.nominal, "fc": 0.3})
-    records = [one.record for one in made.estimation]
-    (expected,) = compare(problem, records)
-    (trace,) = traces_of(problem, records)
+    (angle,) = (one.record for one in task(folder, robot, "second.csv").estimation)
+    record = Record(angle.t, angle.u, np.gradient(angle.y, angle.t), "speed")
+    values = {**REFERENCE_VALUES, "fc": 0.3, "tau0": 0.0}
+    problem = Problem(three_mass("speed"), values, ("fm",), K=(0.0, 0.0, 0.3, 0.0, 0.0))
+    (expected,) = compare(problem, [record])
+    (trace,) = traces_of(problem, [record])
     assert trace.fit_simulation == pytest.approx(expected.simulation, abs=1e-6)
     assert trace.fit == pytest.approx(expected.one_step, abs=1e-6)
 
