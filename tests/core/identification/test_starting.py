@@ -129,7 +129,7 @@ def test_ends_at_the_optimum(name: str, count: int, way: Way, seed: int) -> None
 def test_from_the_measured_angle(name: str, seed: int) -> None:
     """Where the nominal values are of no use; the fit of the record itself is not asked."""
     case = CASES[name]
-    record = case.record(seed, 0.1, "angle")
+    record = case.record(seed, output="angle")
     best, *_ = start(case.problem(case.wrong(seed), "angle"), [record])
     found = {n: best.values[n] / case.values[n] for n in case.free if n[0] in "Jk"}
     assert np.abs(np.log(list(found.values()))).max() < 0.3, found
