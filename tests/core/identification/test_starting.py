@@ -20,7 +20,8 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch, start
 from monitor_core.identification.starting.inverse import Chain, chain_of_modes, chain_of_roots, modes_of_chain
 from monitor_core.identification.starting.modal import Response
-from monitor_core.identification.starting.response import Target
+from monitor_core.identification.starting.modes import black_boxes, modal
+from monitor_core.identification.starting.response import Target, measure
 from monitor_core.identification.starting.slots import Slots
 from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES, five_mass, three_mass, two_mass
@@ -133,6 +134,18 @@ def test_from_the_measured_angle(name: str, seed: int) -> None:
     best, *_ = start(case.problem(case.wrong(seed), "angle"), [record])
     found = {n: best.values[n] / case.values[n] for n in case.free if n[0] in "Jk"}
     assert np.abs(np.log(list(found.values()))).max() < 0.3, found
+
+
+@pytest.mark.parametrize("name", ["three", "five"])
+def test_closed_form_alone_comes_near(name: str, seed: int) -> None:
+    """Before anything is fitted: within a factor of two, though the drive has losses and the record noise."""
+    case = CASES[name]
+    measured, slots = measure([case.record(seed)]), Slots(case.problem(case.wrong(seed)))
+    *_, (_, poles, residues), _ = black_boxes(measured, slots.masses)
+    seen = modal(measured, slots.masses, poles, residues)
+    values = slots.values(chain_of_modes(seen.p, seen.a), seen.decay)
+    found = {n: values[n] / case.values[n] for n in case.free if n[0] in "Jk"}
+    assert np.abs(np.log(list(found.values()))).max() < np.log(2), found
 
 
 chains = st.integers(2, 5).flatmap(
