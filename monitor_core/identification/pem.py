@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from monitor_core.identification.record import Bools
-from monitor_core.kernel.compile import entry
+from monitor_core.kernel.compile import entry, kernel
 from monitor_core.kernel.tables import Floats
 
 
@@ -83,32 +83,66 @@ def slopes(
         W[i, r + i] = 1.0
     x, after = x0.copy(), np.empty(n)
     for t in range(u.size):
-        e = 0.0
-        now[:] = 0.0
-        if known[t]:
-            e = y[t]
-            for i in range(n):
-                e -= C[i] * x[i]
-                for k in range(q):
-                    now[k] += C[i] * W[i, k]
-                for k in range(r):
-                    now[k] += DC[i, k] * x[i]
+        e = _innovation(C, DC, x, W, y[t], now) if known[t] else _nothing(now)
         eps[t] = e
         for k in range(q):
             psi[t, k] = now[k]
-        for i in range(n):
-            s = B[i] * u[t] + K[i] * e
-            for k in range(q):
-                G[i, k] = -K[i] * now[k]
-            for k in range(r):
-                G[i, k] += DB[i, k] * u[t] + DK[i, k] * e
-            G[i, q - 1] += B[i]
-            for j in range(n):
-                s += A[i, j] * x[j]
-                for k in range(q):
-                    G[i, k] += A[i, j] * W[j, k]
-                for k in range(r):
-                    G[i, k] += DA[i, j, k] * x[j]
-            after[i] = s
+        _move(A, B, K, DA, DB, DK, x, W, now, u[t], e, after, G)
         x, after = after, x
         W, G = G, W
+
+
+@kernel
+def _innovation(C: Floats, DC: Floats, x: Floats, W: Floats, y: float, psi: Floats) -> float:
+    """eps = y - C x; psi_i = C w_i + dC_i x is filled."""
+    e = y
+    _nothing(psi)
+    for i in range(x.size):
+        e -= C[i] * x[i]
+        for k in range(psi.size):
+            psi[k] += C[i] * W[i, k]
+        for k in range(DC.shape[1]):
+            psi[k] += DC[i, k] * x[i]
+    return e
+
+
+@kernel
+def _nothing(psi: Floats) -> float:
+    """No measurement: neither an error nor what it depends on."""
+    for k in range(psi.size):
+        psi[k] = 0.0
+    return 0.0
+
+
+@kernel
+def _move(
+    A: Floats,
+    B: Floats,
+    K: Floats,
+    DA: Floats,
+    DB: Floats,
+    DK: Floats,
+    x: Floats,
+    W: Floats,
+    psi: Floats,
+    u: float,
+    e: float,
+    after: Floats,
+    G: Floats,
+) -> None:
+    """x+ into ``after``, w_i+ into the columns of ``G``; the last column is that of d, which acts as the torque."""
+    n, q, r = x.size, psi.size, DB.shape[1]
+    for i in range(n):
+        s = B[i] * u + K[i] * e
+        for k in range(q):
+            G[i, k] = -K[i] * psi[k]
+        for k in range(r):
+            G[i, k] += DB[i, k] * u + DK[i, k] * e
+        G[i, q - 1] += B[i]
+        for j in range(n):
+            s += A[i, j] * x[j]
+            for k in range(q):
+                G[i, k] += A[i, j] * W[j, k]
+            for k in range(r):
+                G[i, k] += DA[i, j, k] * x[j]
+        after[i] = s

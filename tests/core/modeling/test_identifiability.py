@@ -214,14 +214,18 @@ def rank_by_svd(ss: StateSpace, names: Sequence[str], seed: int) -> int:
     return int(np.sum(sizes > 1e-9))
 
 
+def some_chain(masses: int, data: st.DataObject) -> Chain:
+    """Dampers, friction and the sensor anywhere."""
+    some = st.frozensets(st.integers(0, masses - 1))
+    return Chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1)))
+
+
 @law
 @given(seed=seeds, masses=st.integers(1, 3), data=st.data())
 def test_as_many_are_seen_as_the_transfer_function_has_free_coefficients(
     seed: int, masses: int, data: st.DataObject
 ) -> None:
-    some = st.frozensets(st.integers(0, masses - 1))
-    chain = Chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1)))
-    ss = chain.state_space()
+    ss = some_chain(masses, data).state_space()
     names = data.draw(st.lists(st.sampled_from([p.name for p in ss.drawn]), min_size=1, unique=True))
     found = structural(ss, names, seed)
     assert found.count == rank_by_svd(ss, names, seed)
@@ -236,8 +240,7 @@ def test_what_can_be_found_is_what_no_hidden_direction_moves(
     seed: int, masses: int, data: st.DataObject
 ) -> None:
     """A parameter is seen by itself if holding it known leaves one less to find, and no less is hidden."""
-    some = st.frozensets(st.integers(0, masses - 1))
-    ss = Chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1))).state_space()
+    ss = some_chain(masses, data).state_space()
     names = [p.name for p in ss.drawn]
     found = structural(ss, names, seed)
     for name in names:
@@ -260,8 +263,7 @@ def test_equal_combinations_give_equal_transfer_functions(
     seed: int, masses: int, data: st.DataObject
 ) -> None:
     """Along the hidden directions (found here by SVD) the value of each combination stands still."""
-    some = st.frozensets(st.integers(0, masses - 1))
-    ss = Chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1))).state_space()
+    ss = some_chain(masses, data).state_space()
     names = [p.name for p in ss.drawn]
     found = structural(ss, names, seed)
     rng = np.random.default_rng(seed)
