@@ -1,6 +1,7 @@
 """Axes, settings and records that the tests of the engine share."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -31,12 +32,17 @@ class Case(NamedTuple):
     zero: tuple[str, ...] = ()  # parameters whose nominal value is zero though the true one is not
     drive: Callable[[Output], Drive] = three_mass
     speed_scale: float = 1.0
+    within: float | None = None  # share of their nominal values by which the monitored parameters may change
 
     @property
     def model(self) -> AxisModel:
         nominal = {k: 0.0 if k in self.zero else v for k, v in self.values.items()}
         scales = {name: abs(self.values[name]) for name in self.zero}
-        return AxisModel(self.drive(self.output), nominal, self.monitored, scales)
+        free = AxisModel(self.drive(self.output), nominal, self.monitored, scales)
+        if self.within is None:
+            return free
+        bounds = np.outer(free.theta0, (1 - self.within, 1 + self.within))
+        return replace(free, bounds={n: (lo, up) for n, (lo, up) in zip(self.monitored, bounds, strict=True)})
 
     def settings(self, relative_sd: float = 0.01, **changes: float | bool | tuple[float, ...]) -> Settings:
         """Settings with this standard deviation (relative) of theta at the start."""

@@ -33,6 +33,9 @@ FIVE_MASSES = (
     ),
 )
 SAMPLES = 500
+WITHIN = 0.3
+"""Of nominal.  Parameters drawn at random, and a weight to balance, are led anywhere: where the predictor is unstable
+it magnifies rounding as all else, and nothing is left to compare."""
 
 
 @pytest.mark.parametrize("lanes", [False, True], ids=["scalar", "lanes"])
@@ -74,7 +77,8 @@ def test_any_number_of_masses_and_any_parameters(masses: int, seed: int) -> None
     given = values(masses, gravity)
     names = [n if rng.random() < 0.5 else f"1/{n}" for n in rng.choice(sorted(given), masses, replace=False)]
     drive = partial(chain, masses, sensor=sensor, gravity=gravity)
-    case = Case("any", output, tuple(names), given, drive=drive, speed_scale=rng.uniform(0.2, 2.0))
+    scale = rng.uniform(0.2, 2.0)
+    case = Case("any", output, tuple(names), given, drive=drive, speed_scale=scale, within=WITHIN)
     rec = record(seed, case, SAMPLES, jitter=0.2, gaps=1)
     paper = Paper(case.model, case.settings(alpha1=0.5, alpha2=0.5))
     paper.run(*rec)
