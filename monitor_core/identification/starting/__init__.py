@@ -6,5 +6,6 @@ from broad to narrow in the frequency response.  Either way the best ends start 
 """
 
 from monitor_core.identification.starting.api import Candidate, fit_from, fit_from_scratch, start
+from monitor_core.identification.starting.progress import Progress
 
-__all__ = ["Candidate", "fit_from", "fit_from_scratch", "start"]
+__all__ = ["Candidate", "Progress", "fit_from", "fit_from_scratch", "start"]

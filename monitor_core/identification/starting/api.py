@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,8 +13,9 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.starting.inverse import chain_of_modes
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
+from monitor_core.identification.starting.progress import Progress, Steps
 from monitor_core.identification.starting.response import Measured, measure
-from monitor_core.identification.starting.search import Found, explained, polish, search
+from monitor_core.identification.starting.search import MOST, Found, explained, polish, search
 from monitor_core.identification.starting.slots import Slots
 
 _RIVALS = 2
@@ -22,6 +23,10 @@ _RIVALS = 2
 _DOUBTFUL = 10.0
 """A rival whose cost is so many times that of the best is not tried."""
 _SAME = 1.02
+_FEWER = 20
+"""Searches around what the closed form has found."""
+_FIT = 20
+"""Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,11 @@ class Candidate:
 
 
 def start(
-    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None = None
+    problem: Problem,
+    records: Sequence[Record],
+    given: Mapping[str, float] | None = None,
+    *,
+    progress: Progress | None = None,
 ) -> tuple[Candidate, ...]:
     """Starting values for the free parameters, the best first.
 
@@ -51,45 +60,72 @@ def start(
         records: of the drive.
         given: values to search from, for free parameters that are not as in the problem's nominal ones.  None: the
             records alone, in closed form.
+        progress: called with searches done and how many there are at most.
 
     Raises:
         ValueError: the records tell no frequency response; without ``given``: the motor does not see a chain of
             masses that are all free, or no black box shows as many resonances as it has.
     """
-    measured = measure(records)
-    if given is None:
-        return _from_records(problem, measured)
-    return _from_given(problem, measured, given)
+    steps = Steps(progress, MOST)
+    found = _candidates(problem, records, given, steps.reached)
+    steps.reached(MOST)
+    return found
 
 
-def fit_from_scratch(problem: Problem, records: Sequence[Record]) -> Estimate:
+def fit_from_scratch(
+    problem: Problem, records: Sequence[Record], *, progress: Progress | None = None
+) -> Estimate:
     """The fit from the records alone; the nominal values of what is free are not looked at.
+
+    ``progress`` is called with steps done and how many there are at most.
 
     Raises:
         ValueError: as ``start`` and ``fit``.
     """
-    return _fit(problem, records, start(problem, records))
+    return _fit(problem, records, None, progress)
 
 
 def fit_from(
-    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None = None
+    problem: Problem,
+    records: Sequence[Record],
+    given: Mapping[str, float] | None = None,
+    *,
+    progress: Progress | None = None,
 ) -> Estimate:
     """The fit from values that may be far off; default: the problem's nominal ones.
+
+    ``progress`` is called with steps done and how many there are at most.
 
     Raises:
         KeyError: values for what is not free.
         ValueError: as ``start`` and ``fit``.
     """
-    return _fit(problem, records, start(problem, records, given or {}))
+    return _fit(problem, records, given or {}, progress)
 
 
-def _from_given(problem: Problem, measured: Measured, given: Mapping[str, float]) -> tuple[Candidate, ...]:
+def _candidates(
+    problem: Problem,
+    records: Sequence[Record],
+    given: Mapping[str, float] | None,
+    reached: Callable[[int], None],
+) -> tuple[Candidate, ...]:
+    measured = measure(records)
+    if given is None:
+        return _from_records(problem, measured, reached)
+    return _from_given(problem, measured, given, reached)
+
+
+def _from_given(
+    problem: Problem, measured: Measured, given: Mapping[str, float], reached: Callable[[int], None]
+) -> tuple[Candidate, ...]:
     response = Response(problem, _by_base(problem, given))
-    ends = search(response, measured)
+    ends = search(response, measured, reached=reached)
     return tuple(_candidate(response, end, measured, "a search around the values given") for end in ends)
 
 
-def _from_records(problem: Problem, measured: Measured) -> tuple[Candidate, ...]:
+def _from_records(
+    problem: Problem, measured: Measured, reached: Callable[[int], None]
+) -> tuple[Candidate, ...]:
     found = list(_closed(problem, measured))
     if not found:
         raise ValueError("no black box shows as many resonances as the drive has: give values to search from")
@@ -98,7 +134,7 @@ def _from_records(problem: Problem, measured: Measured) -> tuple[Candidate, ...]
     agreed = sum(candidate.cost < _SAME * found[0].cost for candidate in found) > 1
     if not agreed or found[0].cost > explained(measured):
         response = Response(problem, found[0].values)
-        ends = search(response, measured, most=20)
+        ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
         origin = f"a search around the resonances of {found[0].origin.removeprefix(_CLOSED)}"
         found += [_candidate(response, end, measured, origin) for end in ends]
     return tuple(_distinct(found))
@@ -134,19 +170,31 @@ def _distinct(found: Sequence[Candidate]) -> Iterator[Candidate]:
             last = candidate.cost
 
 
-def _fit(problem: Problem, records: Sequence[Record], candidates: Sequence[Candidate]) -> Estimate:
+def _fit(
+    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None, progress: Progress | None
+) -> Estimate:
     """The best of the fits from the best candidates, with a word on which won."""
+    steps = Steps(progress, MOST + _RIVALS * _FIT)
+    candidates = _candidates(problem, records, given, steps.part(0, MOST))
     rivals = [one for one in candidates[:_RIVALS] if one.cost <= _DOUBTFUL * candidates[0].cost]
     ends, problems = list[tuple[Estimate, Candidate]](), list[ValueError]()
-    for one in rivals:
+    for i, one in enumerate(rivals):
+        evaluated = steps.part(MOST + i * _FIT, _FIT)
         try:
-            ends.append((fit(problem, records, _free(problem, one.values)), one))
+            ends.append((_fit_one(problem, records, one, evaluated), one))
         except ValueError as error:
             problems.append(error)
     if not ends:
         raise problems[0]
+    steps.reached(MOST + _RIVALS * _FIT)
     best, winner = min(ends, key=lambda end: end[0].cost)
     return replace(best, words=(*best.words, _word(winner, len(candidates), len(rivals))))
+
+
+def _fit_one(
+    problem: Problem, records: Sequence[Record], one: Candidate, evaluated: Callable[[int], None]
+) -> Estimate:
+    return fit(problem, records, _free(problem, one.values), progress=lambda count, _: evaluated(count))
 
 
 def _word(winner: Candidate, candidates: int, rivals: int) -> str:

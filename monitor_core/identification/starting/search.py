@@ -31,6 +31,8 @@ from monitor_core.kernel.tables import Floats
 Kind = Literal["linear", "log", "both"]
 KINDS: tuple[Kind, ...] = ("linear", "log", "both")
 """Relative errors of G; their logarithm; those of G and of 1/G, which see resonances and anti-resonances alike."""
+MOST = 80
+"""Searches, if none of them explains the response."""
 _STAGES = (
     (30.0, 100.0),
     (20.0, 100.0),
@@ -75,7 +77,12 @@ def explained(measured: Measured) -> float:
 
 
 def search(
-    response: Response, measured: Measured, most: int = 80, again: int = 15, seed: int = 0
+    response: Response,
+    measured: Measured,
+    most: int = MOST,
+    again: int = 15,
+    seed: int = 0,
+    reached: Callable[[int], None] | None = None,
 ) -> tuple[Found, ...]:
     """The distinct ends of searches from the response's start and around it, the best first.
 
@@ -86,10 +93,13 @@ def search(
         again: it is over, too, when so many have ended at the same best values; two suffice where these explain the
             response.
         seed: of the further starts; the result is the same each time.
+        reached: told after each search how many there have been.
     """
     ends = list[Found]()
     for count, end in enumerate(_ends(response, measured, seed)):
         ends.append(end)
+        if reached:
+            reached(count + 1)
         best = min(e.cost for e in ends)
         needed = 2 if best < explained(measured) else again
         if count + 1 >= most or sum(e.cost < _SAME * best for e in ends) >= needed:
