@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from service.kernel_cache import choose
 
@@ -22,7 +23,12 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".cache" / "numba"))
 choose(os.environ)
 
 SEED = int(os.environ.get("AXISWATCH_SEED") or secrets.randbits(32))
+os.environ["AXISWATCH_SEED"] = str(SEED)  # the same one in every process of this run
 _REPEAT = f"axiswatch seed: {SEED} (AXISWATCH_SEED={SEED} repeats this run)"
+
+if not CI:  # hypothesis has its own profile for CI
+    settings.register_profile("axiswatch", deadline=None)  # no assertion on time: machines are shared
+    settings.load_profile("axiswatch")
 
 DEBIAN_PACKAGE = {
     "promtool": "prometheus",

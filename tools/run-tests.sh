@@ -10,7 +10,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
 PYTEST=(.venv/bin/python -m pytest)
 NOTHING_RAN=5 # pytest's exit status
 
-"${PYTEST[@]}" "$@"
+# Side by side; the seed is the same in all processes. More than four would only crowd each other's daemons.
+"${PYTEST[@]}" --numprocesses auto --maxprocesses 4 --dist worksteal "$@"
 main=$?
 
 echo
