@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monitor_core.identification.suspicion import LIMITS
 from service.config.schema import Config, FurtherConfig, NamedAxis
@@ -17,6 +16,7 @@ from service.ingest.log_record import LogRecord
 from service.ingest.rows import Floats, Rows
 from service.ingest.table_record import AxisColumns, SampleBlock, Times
 from service.ingest.tables import Table, check_columns, open_table
+from service.ingest.torn_rows import Bools, ahead, torn
 
 _NO_NUMBER = 1e30
 """In a column of which nothing is known: above that it is no measurement, not even a time in nanoseconds."""
@@ -36,8 +36,9 @@ def table_samples(path: Path, axis: NamedAxis) -> AxisSamples:
     """From a .csv, .parquet or .mat file.
 
     A row with an absurd number in it is refused as a whole and counted as "absurd": where one cell is broken the
-    others of its row, shifted or torn, cannot be trusted.  In a CSV without names all columns are looked at, else
-    those that are read.
+    others of its row, shifted or torn, cannot be trusted.  Rows beside it that belong to the same damage are counted
+    as "torn", rows whose time alone runs ahead of the others' as "ahead".  In a CSV without names all columns are
+    looked at, else those that are read.
 
     Raises:
         RecordError: the file cannot be read, is damaged, or lacks a column.
@@ -47,16 +48,12 @@ def table_samples(path: Path, axis: NamedAxis) -> AxisSamples:
     further = [signal for signal in axis.config.signal if signal.column is not None]
     wanted = columns.wanted() | {str(s.column): f"the signal {s.name} of axis {axis.id}" for s in further}
     check_columns(path, table, wanted)
-    blocks, signals, first_row, absurd = list[SampleBlock](), list[list[Floats]](), 0, 0
-    for rows in table.rows(list(dict.fromkeys((*wanted, *_all_columns(table))))):
-        sound = _sound(rows, columns, axis)
-        absurd += int(np.count_nonzero(~sound))
-        index, block = columns.chosen(rows, first_row, sound)
-        first_row += len(sound)
-        blocks.append(block)
-        signals.append([_value(signal, rows.columns[str(signal.column)][index]) for signal in further])
-    joined = {s.name: _joined(values) for s, *values in zip(further, *signals, strict=True)}
-    return AxisSamples(*_samples(blocks), joined, columns.dropped | {"absurd": absurd})
+    rows = _all_rows(table, list(dict.fromkeys((*wanted, *_all_columns(table)))))
+    refused = _refused(rows, columns, axis)
+    index, block = columns.chosen(rows, 0, ~np.any(list(refused.values()), axis=0))
+    signals = {s.name: _value(s, rows.columns[str(s.column)][index]) for s in further}
+    counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
+    return AxisSamples(*block, signals, columns.dropped | counts)
 
 
 def log_samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
@@ -81,13 +78,31 @@ def _all_columns(table: Table) -> tuple[str, ...]:
     return tuple(table.names) if isinstance(table, CsvTable) and not table.has_names else ()
 
 
-def _sound(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> NDArray[np.bool_]:
-    """Which rows hold no absurd number; what is missing is none."""
+def _all_rows(table: Table, names: list[str]) -> Rows:
+    blocks = list(table.rows(names))
+    return Rows({name: _joined([block.columns[name] for block in blocks]) for name in names}, 1.0)
+
+
+def _refused(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> dict[str, Bools]:
+    """Which rows (N,) cannot be trusted, by reason."""
+    time = axis.config.time.column
+    absurd = _absurd(rows, columns, axis)
+    values = [of for name, of in rows.columns.items() if name != time]
+    beside = torn(np.column_stack(values), absurd)
+    late = np.zeros(len(absurd), np.bool_)
+    if time is not None:
+        times = rows.columns[time]
+        late = ahead(times, ~absurd & ~beside & np.isfinite(times))
+    return {"absurd": absurd, "torn": beside, "ahead": late}
+
+
+def _absurd(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> Bools:
+    """Which rows hold an absurd number; what is missing is none."""
     torque, motion = columns.quantities(rows)
-    sound = ~(abs(torque) > LIMITS["torque"]) & ~(abs(motion) > LIMITS[axis.config.output])
+    absurd = (abs(torque) > LIMITS["torque"]) | (abs(motion) > LIMITS[axis.config.output])
     for values in rows.columns.values():
-        sound &= ~(abs(values) > _NO_NUMBER)
-    return np.asarray(sound, np.bool_)
+        absurd |= abs(values) > _NO_NUMBER
+    return np.asarray(absurd, np.bool_)
 
 
 def _samples(blocks: list[SampleBlock]) -> tuple[Times, Floats, Floats]:

@@ -104,24 +104,46 @@ def differences(first: Estimate, second: Estimate) -> dict[str, float]:
 
 
 def test_torn_rows_are_refused_one_by_one(records_dir: Path, tmp_path: Path) -> None:
-    """Ten of 1139 rows hold numbers up to 1e293."""
+    """Ten of 1139 rows hold numbers up to 1e293; the ten before and between hold what might be angles, up to 253 rad.
+
+    From the 21st row on all joints stand where they stay for the next second.
+    """
     path = records_dir / "ur10e" / TORN
     rows = np.array([[float(cell) for cell in line.split(",")] for line in path.read_text().splitlines()])
-    sound = (abs(rows) < 1e30).all(axis=1)
-    assert (~sound).sum() == 10
-    record, source = read(records_dir, TORN, tmp_path, 1)
-    assert source.dropped["absurd"] == 10
-    assert "10 absurd" in source.words
-    assert np.array_equal(record.y, rows[sound, 1])
-    assert np.array_equal(record.u, rows[sound, 13])
+    absurd = np.asarray((abs(rows) >= 1e30).any(axis=1))
+    assert (absurd.sum(), absurd[20:].sum()) == (10, 0)
+    assert abs(rows[20:60, 1:7] - rows[20, 1:7]).max() < 1e-3
+    for joint in JOINTS:
+        record, source = read(records_dir, TORN, tmp_path, joint)
+        assert (source.dropped["absurd"], source.dropped["torn"]) == (10, 10)
+        assert "10 absurd, 10 torn" in source.words
+        assert np.array_equal(record.y, rows[20:, joint])
+        assert np.array_equal(record.u, rows[20:, 12 + joint])
+        assert [f.number for f in suspicions(record) if f.kind == "outliers"] in (
+            [],
+            [1],
+        )  # a peak of the current
 
 
-def test_what_remains_of_torn_rows_is_told(records_dir: Path, tmp_path: Path) -> None:
-    """Rows shifted among the torn ones hold numbers that might be angles: 253 rad, 30.8 rad.
+@pytest.mark.parametrize("name", ["ur-20_01_22-joint_1", "ur-20_01_22-joint_2", "ur-20_02_19_14harm50sec"])
+def test_no_row_of_a_sound_file_is_refused(name: str, records_dir: Path, tmp_path: Path) -> None:
+    for joint in JOINTS:
+        assert not sum(read(records_dir, f"{name}.csv", tmp_path, joint).source.dropped.values())
 
-    They are read: no cell is absurd by itself.  The values that stand out are told, with the largest.
-    """
-    record = read(records_dir, TORN, tmp_path, 1).record
-    found = [f for f in suspicions(record) if f.kind == "outliers"]
-    assert len(found) == 1
-    assert "253 rad" in found[0].sentence
+
+def test_rows_beside_a_broken_one_are_not_refused_for_that(
+    records_dir: Path, tmp_path: Path, seed: int
+) -> None:
+    """One broken row at a random place of a sound file costs that row only."""
+    lines = (records_dir / "ur10e" / "ur-20_01_22-joint_2.csv").read_text().splitlines(keepends=True)
+    for at in np.random.default_rng(seed).choice(np.arange(1, len(lines) - 1), 5, replace=False).tolist():
+        cells = lines[at].split(",")
+        folder = tmp_path / "ur10e"
+        folder.mkdir(exist_ok=True)
+        (folder / "a.csv").write_text(
+            "".join([*lines[:at], ",".join([*cells[:-1], "1e99\n"]), *lines[at + 1 :]])
+        )
+        dropped = read(tmp_path, "a.csv", tmp_path, 2).source.dropped
+        assert {reason: count for reason, count in dropped.items() if count} in (
+            {"absurd": 1}, {"absurd": 1, "missing": 1}
+        )  # fmt: skip

@@ -142,6 +142,15 @@ def test_a_torn_row_of_a_file_without_names_is_refused_as_a_whole(tmp_path: Path
     assert found.source.dropped["absurd"] == 2
 
 
+def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int) -> None:
+    columns = table(seed, 100)
+    columns["t"][[20, 21]] *= 1000
+    columns["t"][40] = 50.41
+    found = load(str(write(tmp_path / "a.csv", columns)), timed(tmp_path), "r.one")
+    assert np.array_equal(found.record.u, np.delete(columns["torque_one"], [20, 21, 40]))
+    assert "3 missing, 3 ahead" in found.source.words
+
+
 def test_a_signal_that_a_table_lacks_or_that_no_table_has(tmp_path: Path, seed: int) -> None:
     columns = table(seed, 100)
     del columns["w"]
@@ -287,9 +296,7 @@ def test_the_corrupt_record_of_a_real_axis(tmp_path: Path, records_dir: Path) ->
         real(tmp_path, "13", "1", "angle", "0", 0.0105),
     )
     found = load(str(path), *config)
-    assert (found.source.samples, found.source.dropped["absurd"]) == (1129, 10)
-    assert abs(found.record.y).max() == 253
-    assert ("outliers", "warn") in kinds(found)
-    sound = load(f"{path}@0.22:", *config)
-    assert abs(sound.record.y).max() < 3
-    assert kinds(sound) == []
+    dropped = {reason: count for reason, count in found.source.dropped.items() if count}
+    assert (found.source.samples, dropped) == (1119, {"absurd": 10, "torn": 10})
+    assert abs(found.record.y).max() < 3
+    assert kinds(found) == []
