@@ -14,7 +14,7 @@ from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.plant import Controller, Plant
 from monitor_core.excitation.prediction import Estimation
 from service.axes import axis_model, axis_settings
-from service.config import NamedAxis, drive_of, given_values
+from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.words import did_you_mean
 
 _LONGEST = 2_000_000
@@ -41,6 +41,7 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
         AxisError: the axis has no predictor.
     """
     config = asked.axis.config
+    _check_known(asked.axis)
     model = axis_model(config)
     settings = axis_settings(asked.axis, model)
     values, h = given_values(config), config.sample_interval_s
@@ -78,6 +79,24 @@ def planned(task: Task, seed: int | None) -> Experiment:
         ExcitationError: there is none.
     """
     return plan(task, np.random.default_rng(seed))
+
+
+def _check_known(axis: NamedAxis) -> None:
+    """That there is something to plan with; an axis that is on no bus may lack it."""
+    drive, values, predictor = drive_of(axis.config), given_values(axis.config), predictor_of(axis.config)
+    lacking = []
+    try:
+        drive.complete(values)
+    except KeyError:
+        lacking = [p.name for p in drive.parameters if p.name not in values]
+    if predictor.innovation_variance is None:
+        noises = {"torque_noise": predictor.torque_noise, "output_noise": predictor.output_noise}
+        lacking += [name for name, value in noises.items() if value is None]
+    if lacking:
+        raise ExcitationError(
+            f"{axis.id}: a motion is planned with the drive's values and noises, and the configuration has no"
+            f" {', '.join(lacking)}: give a guess, or identify a first record and name its nominal_file"
+        )
 
 
 def _samples(asked: Asked, interval_s: float) -> int:

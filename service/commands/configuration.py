@@ -13,18 +13,31 @@ ConfigPath = Annotated[
     Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")
 ]
 
+_NO_BUS = (
+    "no bus: such a configuration is for `identify`, `excite` and `model`; add [[bus]] with its DBC and, to each axis,"
+    " bus, and message and signal of torque and motion"
+)
+
 CANNOT_RUN = 2
 """Exit status where a command cannot do anything: the configuration is wrong."""
 
 
-def configuration(path: Path) -> Config:
+def configuration(path: Path, without_bus: bool = False) -> Config:
     """The configuration of a file and the environment.
+
+    Args:
+        path: the file.
+        without_bus: the command needs no bus.
 
     Raises:
         typer.Exit: with status 2, after all problems have been written to the error stream.
     """
     try:
-        return load(path)
+        found = load(path)
+        if not found.bus and not without_bus:
+            typer.echo(f"axiswatch: {path}: {_NO_BUS}", err=True)
+            raise typer.Exit(CANNOT_RUN)
+        return found
     except ConfigErrors as errors:
         console = Console(stderr=True, soft_wrap=True, highlight=False)
         for problem in errors.problems:

@@ -23,8 +23,8 @@ from service.commands.which_drive import axis_named
 if TYPE_CHECKING:
     from monitor_core.identification.problem import Predictor
     from service.config import NamedAxis
+    from service.identification.beginning import Start
     from service.identification.found import Provenance
-    from service.identification.task import Start
 
 
 class Command(OptionalValueCommand):
@@ -104,11 +104,11 @@ HoldNoise = Annotated[
 ]
 Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
 StartOption = Annotated[
-    Beginning,
+    Beginning | None,
     typer.Option(
         "--start",
         help="Where the fit starts: at the configured values and where a search around them ends; there only (fast);"
-        " or at what the records alone tell.",
+        " or at what the records alone tell. Default: search; records where the configuration has no values.",
     ),
 ]
 Folder = Annotated[
@@ -143,7 +143,7 @@ def identify(
     disturbance: Slow = None,
     hold_noise: HoldNoise = False,
     robust: Robust = False,
-    start: StartOption = Beginning.SEARCH,
+    start: StartOption = None,
     output_dir: Folder = None,
     output: Output = None,
     report: Report = None,
@@ -157,7 +157,7 @@ def identify(
     """
     files = Files.of(output_dir, output, report, json)
     files.check(force)
-    read = configuration(config)
+    read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)
     with explained():
         from service.identification.running import run
@@ -182,13 +182,13 @@ def _kind(predictor: Kind | None) -> Predictor | None:
     return None if predictor is None else kinds[predictor]
 
 
-def _start(start: Beginning) -> Start:
+def _start(start: Beginning | None) -> Start | None:
     starts: dict[Beginning, Start] = {
         Beginning.SEARCH: "search",
         Beginning.VALUES: "values",
         Beginning.RECORDS: "records",
     }
-    return starts[start]
+    return None if start is None else starts[start]
 
 
 def _names(given: list[str] | None) -> tuple[str, ...]:
@@ -206,20 +206,17 @@ def _provenance(axis: NamedAxis) -> Provenance:
 
 
 @contextmanager
-def _shown(name: str) -> Iterator[Callable[[int, float], None]]:
-    """A bar of the evaluations, on the error stream where that is a terminal."""
+def _shown(name: str) -> Iterator[Callable[[str, int, int], None]]:
+    """A bar of the steps of what is going on, on the error stream where that is a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from service.identification.running import MOST_ITERATIONS
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(name, total=MOST_ITERATIONS)
+        task = progress.add_task(name)
 
-        def told(evaluations: int, cost: float) -> None:
-            words = f"{name}: evaluation {evaluations}, sum of squares {cost:.4g}"
-            progress.update(task, completed=min(evaluations, MOST_ITERATIONS), description=words)
+        def told(words: str, done: int, most: int) -> None:
+            progress.update(task, completed=done, total=most, description=f"{name}: {words}")
 
         yield told

@@ -82,7 +82,7 @@ def axis_of(config: Path, wanted: str | None) -> NamedAxis:
     """
     from service.commands.configuration import configuration
 
-    return axis_named(configuration(config).axes, wanted)
+    return axis_named(configuration(config, without_bus=True).axes, wanted)
 
 
 def axis_named(axes: tuple[NamedAxis, ...], wanted: str | None) -> NamedAxis:

@@ -108,7 +108,7 @@ def _by_axis(config: Config) -> Iterator[list[_Wanted]]:
 def _of_axis(axis: AxisConfig, path: Keys) -> Iterator[_Wanted]:
     for quantity in ("torque", "angle", "speed"):
         signal = getattr(axis, quantity) if present(axis, quantity) else None
-        if signal is not None and present(signal, "message", "signal"):
+        if signal is not None and present(signal, "message", "signal") and signal.message and signal.signal:
             where = (*path, quantity)
             yield _Wanted(axis.bus, (*where, "message"), signal.message, (*where, "signal"), signal.signal)
     if not present(axis, "time") or not present(axis.time, "counter_message", "counter_signal"):

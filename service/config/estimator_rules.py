@@ -29,7 +29,7 @@ def predictor(axis: AxisConfig) -> Iterator[Finding]:
 def noises(axis: AxisConfig) -> Iterator[Finding]:
     """What the filter gain and lambda_0 are to be computed from is there."""
     estimator = axis.estimator
-    if nominal_file_of(axis) is not None:
+    if nominal_file_of(axis) is not None or axis.records_only:
         return
     pair = {"torque_noise": estimator.torque_noise, "output_noise": estimator.output_noise}
     missing = [name for name, value in pair.items() if value is None]

@@ -40,12 +40,14 @@ def measurable(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
-    """Nominal values are of parameters of the drive, and of all of them."""
+    """Nominal values are of parameters of the drive, and, if it is watched, of all of them."""
     drive = usable_drive(axis)
     known = _by_name(drive)
     for name in axis.model.nominal:
         if name not in known:
             yield Finding(("model", "nominal", name), _no_parameter(name, known))
+    if axis.records_only:  # an identification finds what is missing
+        return
     given = {*given_values(axis), *axis.model.nominal}  # also what is given wrongly
     for name in dict.fromkeys(part for p in drive.parameters for part in _lacking(drive, p.name, given)):
         p = known[name]

@@ -12,8 +12,8 @@ from service.config.estimator_rules import ESTIMATOR_RULES
 from service.config.model_rules import MODEL_RULES
 from service.config.nominal_rules import NOMINAL_RULES
 from service.config.positions import Keys
-from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig
-from service.config.tables import Absent, present
+from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
+from service.config.tables import Absent, Table, present
 from service.config.wording import Finding
 from service.ingest.interfaces import interface_names
 from service.words import did_you_mean
@@ -58,12 +58,59 @@ def axis_names(robot: RobotConfig) -> Iterator[Finding]:
 
 
 def bus_references(config: Config) -> Iterator[Finding]:
-    """Every axis names a bus of the file."""
+    """Every axis names a bus of the file, if it has any."""
     known = [bus.name for bus in config.bus if present(bus, "name")]
+    for path, axis in _axes(config):
+        if not present(axis, "bus") or axis.bus in known:
+            continue
+        if config.bus:
+            message = (
+                f"no such bus: {did_you_mean(axis.bus, known)}" if axis.bus else _missing(AxisConfig, "bus")
+            )
+            yield Finding((*path, "bus"), message)
+        elif axis.bus:
+            yield Finding((*path, "bus"), f"no such bus: {_NO_BUS}")
+
+
+def sources(config: Config) -> Iterator[Finding]:
+    """Torque and motion are in a message of the bus; in a file without any bus, in a column."""
+    for path, axis in _axes(config):
+        for quantity in ("torque", "angle", "speed"):
+            source = getattr(axis, quantity) if present(axis, quantity) else None
+            if source is not None:
+                find = _on_bus if not present(config, "bus") or config.bus else _in_tables
+                yield from (finding.inside((*path, quantity)) for finding in find(source))
+
+
+def _on_bus(source: SignalConfig) -> Iterator[Finding]:
+    for key in ("message", "signal"):
+        if present(source, key) and not getattr(source, key):
+            yield Finding((key,), _missing(SignalConfig, key))
+
+
+def _in_tables(source: SignalConfig) -> Iterator[Finding]:
+    for key in ("message", "signal"):
+        if present(source, key) and getattr(source, key):
+            yield Finding((key,), f"is on a bus, but {_NO_BUS}")
+    if present(source, "column") and source.column is None:
+        yield Finding(
+            ("column",), f"{_missing(SignalConfig, 'column')}: without a [[bus]] it is read from there"
+        )
+
+
+_NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"
+
+
+def _missing(table: type[Table], key: str) -> str:
+    """As for a key that is always needed."""
+    return f"missing ({table.model_fields[key].description})"
+
+
+def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
+    """All axes with their paths."""
     for i, robot in enumerate(config.robot):
         for k, axis in enumerate(robot.axis if present(robot, "axis") else ()):
-            if present(axis, "bus") and axis.bus not in known:
-                yield Finding(("robot", i, "axis", k, "bus"), f"no such bus: {did_you_mean(axis.bus, known)}")
+            yield ("robot", i, "axis", k), axis
 
 
 def interface(bus: BusConfig) -> Iterator[Finding]:
@@ -145,7 +192,7 @@ def _same_names(
             yield Finding((key, i, "name"), "must differ from the name of", (key, first[table.name]))
 
 
-FILE_RULES: tuple[Rule[Config], ...] = (bus_names, robot_names, bus_references, *DBC_RULES)
+FILE_RULES: tuple[Rule[Config], ...] = (bus_names, robot_names, bus_references, sources, *DBC_RULES)
 BUS_RULES: tuple[Rule[BusConfig], ...] = (interface, bus_options)
 ROBOT_RULES: tuple[Rule[RobotConfig], ...] = (axis_names,)
 AXIS_RULES: tuple[Rule[AxisConfig], ...] = (

@@ -91,10 +91,10 @@ class BusConfig(Table):
 
 
 class SignalConfig(Table):
-    """[robot.axis.torque], .angle, .speed: where a quantity comes from."""
+    """[robot.axis.torque], .angle, .speed: where a quantity comes from; without a bus only ``column`` is given."""
 
-    message: Text = Field(description="name of the message in the DBC")
-    signal: Text = Field(description="name of the signal in that message")
+    message: Text = Field("", description="name of the message in the DBC")
+    signal: Text = Field("", description="name of the signal in that message")
     factor: Real = Field(1.0, description="SI value = factor * signal + offset; negative turns the direction")
     offset: Real = Field(0.0, description="SI value = factor * signal + offset")
     column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
@@ -191,7 +191,7 @@ class AxisConfig(Table):
     """[[robot.axis]]: one axis, where its samples come from and how they are watched."""
 
     name: Name = Field(description="name of the axis: letters, digits, - and _")
-    bus: Text = Field(description="name of a [[bus]]")
+    bus: Text = Field("", description="name of a [[bus]]")
     sample_interval_s: Positive = Field(ge=1e-5, le=1, description="nominal sample interval [s]")
     pairing_tolerance_s: Positive = Field(
         default_factory=_intervals(0.4),
@@ -215,8 +215,13 @@ class AxisConfig(Table):
         description="further signals of the axis in records: reference, temperature, ..., [[robot.axis.signal]]",
     )
     model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
-    estimator: EstimatorConfig = Field(description="recursive estimator")
+    estimator: EstimatorConfig = Field(default_factory=EstimatorConfig, description="recursive estimator")
     detector: DetectorConfig = Field(default_factory=DetectorConfig, description="change detector")
+
+    @property
+    def records_only(self) -> bool:
+        """It is on no bus: nobody watches it, it is only to be identified from tables."""
+        return not self.bus
 
     @property
     def motion(self) -> SignalConfig:
@@ -254,7 +259,9 @@ class Config(Table):
         default_factory=lambda: ServiceConfig.model_validate({}), description="what the daemon keeps"
     )
     web: WebConfig = Field(default_factory=WebConfig, description="where it is served")
-    bus: tuple[BusConfig, ...] = Field(min_length=1, description="CAN buses, [[bus]]")
+    bus: tuple[BusConfig, ...] = Field(
+        (), description="CAN buses, [[bus]]; without any, axes are only identified from tables"
+    )
     robot: tuple[RobotConfig, ...] = Field(min_length=1, description="robots, [[robot]]")
 
     @property

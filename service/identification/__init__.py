@@ -1,9 +1,10 @@
 """From records of an axis to its nominal values: `axiswatch identify`.
 
-free.py     which parameters are to be found
-task.py     the axis, its drive, its start values, and the records
-traces.py   what was measured, predicted and simulated, sample by sample
-bode.py     frequency responses of the drive found, of a black box, and of the record itself
-found.py    all that was found, for the reports
-running.py  the whole way
+free.py       which parameters are to be found
+beginning.py  the values to start from, if there are any
+task.py       the axis, its drive, and the records
+traces.py     what was measured, predicted and simulated, sample by sample
+bode.py       frequency responses of the drive found, of a black box, and of the record itself
+found.py      all that was found, for the reports
+running.py    the whole way
 """

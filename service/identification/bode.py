@@ -39,36 +39,38 @@ _LONGEST = 60_000
 
 @dataclass(frozen=True, eq=False)
 class Bode:
-    """``drive`` with what was found, ``before`` with nominal values; the others where the records allow; why not."""
+    """``drive`` with what was found, ``before`` with nominal values, if known; the others where the records allow."""
 
     drive: FrequencyResponse
-    before: FrequencyResponse
+    before: FrequencyResponse | None
     black_box: FrequencyResponse | None
     measured: FrequencyResponse | None
     words: tuple[str, ...]
 
 
-def bode_of(estimate: Estimate, start: Problem, records: Sequence[Record]) -> Bode:
+def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]) -> Bode:
     """The frequency responses over the band in which the records have torque.
 
     Args:
         estimate: what was found.
-        start: with the values before.
+        start: with the values before; None: there were none.
         records: that it was found from.
     """
     f, h = band(records), estimate.interval_s
+    shown = _as_speed if records[0].quantity == "angle" else _as_it_is
     regular, words = _regular(records, h)
     found = _drive(
         estimate.drive, estimate.values, h, f, estimate.delay_s, "drive, identified",
         names=estimate.names, covariance=estimate.covariance,
     )  # fmt: skip
-    before = _drive(start.drive, start.nominal, h, f, start.delay_s, "drive, nominal before")
+    before = None
+    if start is not None:
+        before = shown(_drive(start.drive, start.nominal, h, f, start.delay_s, "drive, nominal before"))
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
     measured, no_spectrum = _tried("frequency response of the record", lambda: _measured(regular, f))
-    shown = _as_speed if records[0].quantity == "angle" else _as_it_is
     return Bode(
         shown(found),
-        shown(before),
+        before,
         black_box and shown(black_box),
         measured and shown(measured),
         (*words, *no_box, *no_spectrum),

@@ -84,7 +84,8 @@ class Found:
                 yield Row(name, "s", "delay of the torque", value, sd, start.delay_s)
             else:
                 p = e.drive.parameter(name)
-                yield Row(name, p.unit, p.meaning, value, sd, _value(start.nominal, name))
+                before = None if split_name(name)[0] in self.task.unknown else _value(start.nominal, name)
+                yield Row(name, p.unit, p.meaning, value, sd, before)
         for name, reason in self.task.choice.held.items():
             p = e.drive.parameter(name)
             yield Row(name, p.unit, p.meaning, e.values[name], None, start.nominal[name], reason)

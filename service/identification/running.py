@@ -21,13 +21,13 @@ MOST_ITERATIONS = 100
 _LESS = 1 - 1e-4
 """Of the cost: where two ends are the same, that from the configured values is taken."""
 
-Progress = Callable[[int, float], None]
+Progress = Callable[[str, int, int], None]
 
 
 def run(task: Task, provenance: Provenance, progress: Progress | None = None) -> Found:
     """Fit the drive, predict and simulate all records, compare with a black box.
 
-    ``progress`` is told the number of evaluations and the cost.
+    ``progress`` is told what is going on, in words, how many steps of it are done, and how many there are at most.
 
     Raises:
         IdentificationError: the fit cannot start, for instance since the drive is unstable with these values.
@@ -44,7 +44,7 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
         estimate,
         traces_of(estimate.problem, records),
         validation,
-        bode_of(estimate, task.problem, records),
+        bode_of(estimate, None if task.unknown else task.problem, records),
         colour_of(estimate, task.axis.config.model.monitor, records),
         provenance,
     )
@@ -56,20 +56,37 @@ def _best(task: Task, records: Sequence[Record], progress: Progress | None) -> E
     Raises:
         ValueError: there is none.
     """
-    problem = task.problem
+    problem, told = task.problem, progress or _nobody
+
+    def of_search(done: int, most: int) -> None:
+        told("search for starting values", done, most)
+
     if task.start == "records":
-        return fit_from_scratch(problem, records)
+        return fit_from_scratch(problem, records, progress=of_search)
     try:
-        direct = fit(problem, records, most_iterations=MOST_ITERATIONS, progress=progress)
+        direct = fit(
+            problem,
+            records,
+            most_iterations=MOST_ITERATIONS,
+            progress=lambda done, cost: _fitting(told, done, cost),
+        )
     except ValueError:
         if task.start == "values":
             raise
-        return fit_from(problem, records)
+        return fit_from(problem, records, progress=of_search)
     if task.start == "values":
         return direct
     try:
-        searched = fit_from(problem, records)
+        searched = fit_from(problem, records, progress=of_search)
     except ValueError:
         return direct
     better = searched.converged or not direct.converged
     return searched if better and searched.cost < _LESS * direct.cost else direct
+
+
+def _nobody(_: str, __: int, ___: int) -> None:
+    """Is told nothing."""
+
+
+def _fitting(told: Progress, done: int, cost: float) -> None:
+    told(f"fit, sum of squares {cost:.4g}", min(done, MOST_ITERATIONS), MOST_ITERATIONS)

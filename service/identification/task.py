@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from monitor_core.drive import Drive
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
 from monitor_core.identification.suspicion import Finding, Known, known_of, suspicions
-from monitor_core.model import AxisModel
 from monitor_core.modeling.statespace import StateSpace
-from service.config import Config, NamedAxis, given_values, predictor_of
+from service.config import Config, NamedAxis, predictor_of
 from service.config import Predictor as Configured
+from service.identification.beginning import Nominal, Start, nominal_of, start_of
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice, choose
 from service.ingest.identification_records import Loaded, load
 from service.modeling import model_of_axis
-
-Start = Literal["values", "search", "records"]
 
 _SLOW = 0.1
 """Where the level of the slow disturbance starts, as part of the torque's standard deviation."""
@@ -37,7 +34,8 @@ class Wishes:
         hold_noise: K follows from the noises of the configuration, which are not estimated.
         robust: outliers count less.
         start: where the fit starts: at the configured values; also where a search around them in the frequency
-            response ends; or at what the records alone tell, without looking at the values.
+            response ends; or at what the records alone tell, without looking at the values.  None: "search" if there
+            are values, else "records".
     """
 
     free: tuple[str, ...] = ()
@@ -47,12 +45,15 @@ class Wishes:
     disturbance_s: float | None = None
     hold_noise: bool = False
     robust: bool = False
-    start: Start = "search"
+    start: Start | None = None
 
 
 @dataclass(frozen=True)
 class Task:
-    """Everything that a fit needs, checked."""
+    """Everything that a fit needs, checked.
+
+    ``unknown``: parameters whose nominal values in the problem stand for nothing, since there are none.
+    """
 
     axis: NamedAxis
     space: StateSpace
@@ -62,6 +63,7 @@ class Task:
     validation: tuple[Loaded, ...]
     warnings: tuple[str, ...]
     start: Start
+    unknown: tuple[str, ...] = ()
 
     @property
     def drive(self) -> Drive:
@@ -87,29 +89,31 @@ def task_of(
         RecordError, DbcError, IngestError: a record cannot be read.
     """
     space, drive, *_ = model_of_axis(axis.config)
-    nominal = _start(axis, drive)
-    choice = choose(space, drive, nominal, wishes.free, wishes.fix)
+    nominal = nominal_of(axis, drive)
+    choice = choose(space, drive, nominal.values, wishes.free, wishes.fix)
+    start = start_of(nominal, choice, wishes.start)
     used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
-    speed_scale = predictor_of(axis.config).friction_speed_scale
-    known = known_of(drive, nominal, len(choice.free), speed_scale)
-    warnings = _looked_at([*used, *kept_aside], known)
-    problem = _problem(axis, drive, nominal, choice, used, wishes)
+    warnings = _looked_at([*used, *kept_aside], _known(axis, drive, nominal, len(choice.free)))
+    problem = _problem(axis, drive, nominal.values, choice, used, wishes)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
-    return Task(axis, space, choice, problem, tuple(used), tuple(kept_aside), warnings, wishes.start)
+    return Task(
+        axis, space, choice, problem, tuple(used), tuple(kept_aside), warnings, start, nominal.unknown
+    )
 
 
-def _start(axis: NamedAxis, drive: Drive) -> dict[str, float]:
-    """Values of all parameters, as configured or as found before."""
-    names = {p.name for p in (*drive.parameters, *drive.drawn)}
-    given = {name: value for name, value in given_values(axis.config).items() if name in names}
-    return dict(AxisModel(drive, given, ()).nominal)
+def _known(axis: NamedAxis, drive: Drive, nominal: Nominal, parameters: int) -> Known:
+    """What the records can be compared with."""
+    speed_scale = predictor_of(axis.config).friction_speed_scale
+    if nominal.unknown:
+        return Known(parameters, speed_scale=speed_scale)
+    return known_of(drive, nominal.values, parameters, speed_scale)
 
 
 def _problem(
     axis: NamedAxis,
     drive: Drive,
-    nominal: dict[str, float],
+    nominal: Mapping[str, float],
     choice: Choice,
     used: Sequence[Loaded],
     wishes: Wishes,

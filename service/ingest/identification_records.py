@@ -142,6 +142,10 @@ def _samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
     if suffix in TABLE_SUFFIXES:
         return table_samples(path, axis)
     if suffix in LOG_SUFFIXES:
+        if axis.config.records_only:
+            raise RecordError(
+                f"{path} is a CAN log, and there is no [[bus]] in the configuration that tells its DBC"
+            )
         return log_samples(path, config, axis)
     raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")
 

@@ -53,7 +53,7 @@ def _parameter(row: Row) -> str:
         )
     change = "" if row.held else percent(row.change, signed=True)
     return (
-        f"<tr{HELD if row.held else ''}><th>{escaped(row.name)}</th>{_number(number(row.value))}"
+        f"<tr{HELD if row.held else ''}><th>{escaped(row.name)}</th>{_number(number(row.value, row.sd))}"
         f'<td class="unit">{escaped(row.unit)}</td>{middle}{_number(number(row.before))}{_number(change)}'
         f'<td class="meaning">{escaped(row.meaning)}</td></tr>'
     )

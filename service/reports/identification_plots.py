@@ -107,7 +107,8 @@ def bode_picture(bode: Bode) -> str:
         gain, phase = drawn.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         if bode.measured is not None:
             _measured(gain, phase, bode.measured, bode.drive)
-        _dashed(gain, phase, bode.before, BEFORE, (0, (1, 2)))
+        if bode.before is not None:
+            _dashed(gain, phase, bode.before, BEFORE, (0, (1, 2)))
         if bode.black_box is not None:
             _dashed(gain, phase, bode.black_box, OTHER, (0, (5, 2)))
         _banded(gain, phase, bode.drive)

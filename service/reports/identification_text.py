@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -31,14 +32,15 @@ def print_text(found: Found, console: Console) -> None:
 
 
 def _parameters(found: Found) -> Table:
-    table = Table("parameter", title=f"{found.task.axis.id}: {found.task.drive.name}", title_justify="left")
+    title = f"{found.task.axis.id}: {found.task.drive.name}"
+    table = Table("parameter", title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for name in ("value", "unit", "sd", "sd", "before", "change"):
-        table.add_column(name, justify="left" if name == "unit" else "right")
+        table.add_column(name, justify="left" if name == "unit" else "right", no_wrap=True)
     for row in found.rows():
         style = "dim" if row.held else None
         cells = (
             row.name,
-            number(row.value),
+            number(row.value, row.sd),
             row.unit,
             "held" if row.held else deviation(row),
             percent(row.relative_sd),
@@ -50,7 +52,8 @@ def _parameters(found: Found) -> Table:
 
 
 def _fits(found: Found) -> Table:
-    table = Table("record", "for", title="Fit, 100 (1 - |y - yhat| / |y - mean y|)", title_justify="left")
+    title = "Fit, 100 (1 - |y - yhat| / |y - mean y|)"
+    table = Table("record", "for", title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for name in ("one step ahead", "simulated"):
         table.add_column(name, justify="right")
     for purpose, _, trace in fits(found):

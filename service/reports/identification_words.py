@@ -15,6 +15,7 @@ _NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 _FULL = 1e7
+_MANY = 10.0
 
 
 def escaped(text: str) -> str:
@@ -22,9 +23,11 @@ def escaped(text: str) -> str:
     return html.escape(_NOT_XML.sub("", text))
 
 
-def number(value: float | None) -> str:
-    """Five digits."""
-    return "" if value is None else plain(value, 5)
+def number(value: float | None, sd: float | None = None) -> str:
+    """Five digits; two where the standard deviation is larger than the value."""
+    if value is None:
+        return ""
+    return plain(value, 5 if sd is None or sd < abs(value) else 2)
 
 
 def plain(value: float, digits: int) -> str:
@@ -34,9 +37,11 @@ def plain(value: float, digits: int) -> str:
 
 
 def percent(value: float | None, signed: bool = False) -> str:
-    """``0.12 %``, two digits."""
+    """``0.12 %``, two digits; beyond ten times nothing is told but that."""
     if value is None:
         return ""
+    if abs(value) > _MANY:
+        return f"> {100 * _MANY:g} %"
     digits = float(f"{100 * value:.2g}")
     return f"{digits:+g} %" if signed else f"{digits:g} %"
 

@@ -8,6 +8,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+import tomllib
 import urllib.request
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,10 +27,12 @@ from tests.end_to_end.processes import (
     running,
     wait_for,
 )
+from tests.service.identification.conftest import write_record, write_robot
 from tests.service.monitoring.robots import blocks
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 CONSOLE = re.findall(r"^\$ (.+)$", "\n".join(re.findall(r"```console\n(.*?)```", README, re.S)), re.M)
+TOML = re.findall(r"```toml\n(.*?)```", README, re.S)
 
 
 def shown(start: str) -> list[list[str]]:
@@ -93,6 +96,24 @@ def test_an_experiment_is_planned(tmp_path: Path) -> None:
     assert (tmp_path / "motion.csv").read_text(encoding="utf-8").startswith("t_s,torque_Nm,")
 
 
+def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, seed: int) -> None:
+    """What the motor feels of each mass, spring and bearing, within five standard deviations and half a per cent."""
+    (tmp_path / "axis.toml").write_text(TOML[0], encoding="utf-8")
+    assert len(TOML[0].splitlines()) <= 10
+    true = load(write_robot(tmp_path), {})
+    write_record(tmp_path / "healthy.csv", true, 30, seed)
+    identify, _ = shown("axiswatch identify")
+    done = run_program(*arguments(identify, tmp_path), "--output-dir", tmp_path, patience_s=300)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "report.html").stat().st_size > 100_000
+    found = tomllib.loads((tmp_path / "nominal.toml").read_text(encoding="utf-8"))
+    values, sds, nominal = found["values"], found["standard_deviations"], true.axes[0].config.model.nominal
+    for name in ("Jm", "Jg", "Ja", "kg", "ka", "fm"):
+        scale = 1.0 if name in ("Jm", "fm") else (values["r"] / nominal["r"]) ** 2
+        off = abs(values[name] * scale - nominal[name])
+        assert off < 5 * sds[name] * scale + 0.005 * nominal[name], name
+
+
 def test_an_axis_is_identified_and_watched(tmp_path: Path, seed: int) -> None:
     """From a rough guess: quiet on healthy records afterwards, and a fault is named."""
     config = demo_config(tmp_path, axes=1)
@@ -102,7 +123,7 @@ def test_an_axis_is_identified_and_watched(tmp_path: Path, seed: int) -> None:
     for name, guess in {"Jm": 0.004, "Ja": 150, "kg": 2e5, "ka": 4e5, "fm": 0.03, "fc": 0, "tau0": 0}.items():
         text = re.sub(rf"^{name} = [\d.]+", f"{name} = {guess}", text, flags=re.MULTILINE)
     config.write_text(text, encoding="utf-8")
-    (identify,) = shown("axiswatch identify")
+    _, identify = shown("axiswatch identify")
     done = run_program(*arguments(identify, tmp_path), patience_s=300)
     assert done.returncode == 0, done.stderr
     assert "second.log" in done.stdout
@@ -130,7 +151,7 @@ def write_log(path: Path, config: Config, seconds: float, seed: int, faults: Seq
 
 def pointed_at_nominal(text: str) -> str:
     """The configuration with the lines of the README, without nominal values and noises of its own."""
-    (snippet,) = re.findall(r"```toml\n(.*?)```", README, re.S)
+    _, snippet = TOML
     text = re.sub(r"\[robot\.axis\.model\.nominal\]\n.*?\n\n", "", text, flags=re.S)
     text = re.sub(r"^(torque_noise|output_noise|initial_p) = .*\n", "", text, flags=re.MULTILINE)
     return text.replace("[robot.axis.model]\n", snippet)

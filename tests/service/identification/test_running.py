@@ -15,12 +15,13 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from service.config import Config
+from service.identification.beginning import Start
 from service.identification.bode import band
 from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
 from service.identification.found import Found
 from service.identification.running import run
-from service.identification.task import Start, Task, Wishes, task_of
+from service.identification.task import Task, Wishes, task_of
 from service.identification.traces import traces_of
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE
 
@@ -58,6 +59,7 @@ def test_traces_have_the_fits_of_the_engine(found: Found) -> None:
 def test_the_responses_agree_where_the_torque_is(found: Found) -> None:
     """Drive, black box and record, each by its own deviations; a drive as before does not."""
     b = found.bode
+    assert b.before is not None
     assert b.words == ()
     assert b.black_box is not None
     assert b.measured is not None
@@ -222,3 +224,20 @@ def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> N
     late = axis._replace(config=axis.config.model_copy(update={"torque_delay_s": 0.0013}))
     made = task_of(robot, late, [str(folder / "healthy.csv")], [], Wishes(start="values", free=FREE))
     assert made.problem.delay_s == 0.0013
+
+
+@pytest.mark.parametrize(("start", "phases"), [("search", ["fit", "search"]), ("records", ["search"])])
+def test_progress_is_told_in_every_phase(
+    folder: Path, robot: Config, start: Start, phases: list[str]
+) -> None:
+    told = list[tuple[str, int, int]]()
+    wishes = Wishes(start=start, free=FREE)
+    run(task(folder, robot, "second.csv", wishes=wishes), PROVENANCE, lambda *step: told.append(step))
+    words = [text.split()[0].rstrip(",") for text, _, _ in told]
+    assert list(dict.fromkeys(words)) == phases
+    for phase in phases:
+        steps = [step for word, step in zip(words, told, strict=True) if word == phase]
+        done = [step[1] for step in steps]
+        assert done == sorted(done)
+        assert len(set(done)) > 2
+        assert all(0 <= step[1] <= step[2] for step in steps)
