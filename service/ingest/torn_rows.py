@@ -30,16 +30,15 @@ def torn(values: Floats, broken: Bools) -> Bools:
         values: of all columns but the time (N, C); NaN: missing, which tells nothing.
         broken: (N,).
     """
-    near = _near(broken)
-    largest = _largest_steps(values, ~near)
-    starts = np.flatnonzero(np.append(True, _apart(values, broken, near, largest)))
+    largest = _largest_steps(values, ~_near(broken))
+    starts = np.flatnonzero(np.append(True, _apart(values, broken, largest)))
     ends = np.append(starts[1:], len(broken)) - 1
     long = ends - starts >= _NEAR
     out, long_starts, long_ends = np.zeros(len(broken), np.bool_), starts[long], ends[long]
     if not long.any():
         return out
     for first, last in zip(starts[~long].tolist(), ends[~long].tolist(), strict=True):
-        if not broken[first] and near[first : last + 1].any():
+        if not broken[first]:
             next_ = int(np.searchsorted(long_starts, first))
             pairs = [(first, k) for k in long_ends[max(next_ - 1, 0) : next_].tolist()]
             pairs += [(last, k) for k in long_starts[next_ : next_ + 1].tolist()]
@@ -61,10 +60,10 @@ def _largest_steps(values: Floats, quiet: Bools) -> Floats:
     return np.asarray(np.fmax.reduce(abs(np.diff(values, axis=0))[pairs], axis=0, initial=0.0))
 
 
-def _apart(values: Floats, broken: Bools, near: Bools, largest: Floats) -> Bools:
+def _apart(values: Floats, broken: Bools, largest: Floats) -> Bools:
     """Whether each row but the first does not follow the one before it (N - 1,)."""
     far = (abs(np.diff(values, axis=0)) > (1 + _MORE) * largest).any(axis=1)
-    return np.asarray(broken[1:] | broken[:-1] | (far & near[1:]), np.bool_)
+    return np.asarray(broken[1:] | broken[:-1] | far, np.bool_)
 
 
 def _continue(values: Floats, i: int, k: int, largest: Floats) -> bool:

@@ -70,6 +70,32 @@ def test_sound_rows_between_two_broken_ones_stay(seed: int) -> None:
         assert not torn(rows, broken).any()
 
 
+@pytest.mark.parametrize("at", [3, 196])
+def test_a_few_sound_rows_at_an_end_stay(at: int, seed: int) -> None:
+    rows = smooth(np.random.default_rng(seed), 200)
+    assert not torn(rows, np.arange(200) == at).any()
+
+
+def test_rows_that_agree_with_each_other_only_are_refused(seed: int) -> None:
+    """Seven, all with cells shifted by one; a row of the right size, but far from any sound one."""
+    rng = np.random.default_rng(seed)
+    rows, broken, expected = smooth(rng, 60), np.zeros(60, np.bool_), np.zeros(60, np.bool_)
+    rows[30:37], broken[[29, 37]], expected[30:37] = np.roll(rows[30:37], 1, axis=1), True, True
+    assert np.array_equal(torn(rows, broken), expected)
+    rows, broken, expected = smooth(rng, 100), np.zeros(100, np.bool_), np.arange(100) == 50
+    broken[35:66] = True
+    broken[50] = False
+    rows[50] = rows[34]
+    assert np.array_equal(torn(rows, broken), expected)
+
+
+def test_steps_far_from_the_damage_are_no_sign_of_it(seed: int) -> None:
+    """A column that stands at another value for five rows, long before."""
+    rows = smooth(np.random.default_rng(seed), 300)
+    rows[50:55, 2] += 1e3
+    assert not torn(rows, np.arange(300) == 200).any()
+
+
 @pytest.mark.parametrize("count", [1, 2, 15])
 def test_in_too_few_rows_only_broken_ones_are_refused(count: int) -> None:
     """How far the columns step is not known."""
@@ -101,6 +127,8 @@ def test_times_as_they_should_be_or_merely_late(seed: int) -> None:
     usable[[20, 40]] = False
     assert not ahead(times, usable).any()
     assert not ahead(np.zeros(0), np.zeros(0, np.bool_)).any()
+    either = np.array([0, 1, 2, 3, 2.5, 3.5])  # which of two comes first is believed
+    assert not ahead(either, np.ones(6, np.bool_)).any()
 
 
 def test_as_many_rows_as_possible_are_believed(seed: int) -> None:
