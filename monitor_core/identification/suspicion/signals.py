@@ -33,7 +33,9 @@ _DIGITS = 3.0
 _REFUSE = 0.5
 """Part of the samples."""
 _MOVING = 0.5
-"""Of the typical speed: below that the axis may well stand still, held by friction."""
+"""Of the typical speed: below that the axis may well come to a standstill, held by friction."""
+_STANDS = 0.1
+"""The same of a measured speed: what does not change while the torque does is a standstill only if it is next to 0."""
 _ABRUPT = 0.6
 """Of the speed one step further from the standstill: with a constant acceleration it is a third."""
 
@@ -139,7 +141,7 @@ def _moves(t: Floats, y: Floats, found: Runs, record: Record) -> Bools:
     visible = steps > _DIGITS * steps.min()
     if record.quantity == "speed":
         speed = abs(y[found.start])
-        return np.asarray((speed > _MOVING * np.median(speed)) & np.append(visible, True), np.bool_)
+        return np.asarray((speed > _STANDS * np.median(speed)) & np.append(visible, True), np.bool_)
     elapsed = t[found.start[1:]] - t[found.start[1:] - 1]
     speed = steps / elapsed
     clear = (speed > _MOVING * np.median(speed)) & visible

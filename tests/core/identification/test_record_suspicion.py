@@ -124,6 +124,17 @@ def test_stuck_output(record: Record) -> None:
     assert f"from {record.t[start] - record.t[0]:.3f} s on" in findings[0].sentence
 
 
+def test_a_speed_that_is_stuck_anywhere_but_at_zero(seed: int) -> None:
+    """A constant speed under a changing torque is none, be it a fifth of the usual one."""
+    rng = np.random.default_rng(seed)
+    record = healthy(rng, "speed", samples=1500)
+    fast = 100 + np.flatnonzero(abs(record.y[100:1400]) > 0.2 * np.median(abs(record.y)))
+    for start in rng.choice(fast, 20):
+        y = record.y.copy()
+        y[start : start + 60] = y[start]
+        assert "stuck" in [kind for kind, _ in kinds(with_y(record, y))]
+
+
 @pytest.mark.parametrize("quantity", OUTPUTS)
 def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
     """The axis rests first; its encoder shows the same number, while the torque is below the friction."""
