@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
-from service.config import AxisConfig, Config, ModelConfig, NamedAxis, nominal_file_of
+from service.config import AxisConfig, Config, ModelConfig, NamedAxis, nominal_file_of, remarks
 from service.modeling import SUFFIX
 
 
@@ -18,6 +18,8 @@ def check(config: ConfigPath) -> None:
     console = Console()
     console.print(_buses(read))
     console.print(_axes(read))
+    for remark in remarks(read):
+        console.print(Text.assemble(("Note: ", "bold yellow"), remark), soft_wrap=True)
     console.print(Text(f"{config}: no problems", style="green"), soft_wrap=True)
 
 

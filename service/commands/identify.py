@@ -80,6 +80,15 @@ Fix = Annotated[
 PredictorOption = Annotated[
     Kind | None, typer.Option("--predictor", help="How the motion is predicted. Default: as configured.")
 ]
+Varying = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--varying",
+        metavar="NAME:SIGNALS",
+        help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "Ja: payload, cos(angle2)".'
+        " Of a signal there are cos, sin and square.",
+    ),
+]
 Validate = Annotated[
     list[str] | None,
     typer.Option("--validate", metavar="RECORD", help="Also predict this record, which is not fitted."),
@@ -137,6 +146,7 @@ def identify(
     axis: Axis = None,
     free: Free = None,
     fix: Fix = None,
+    varying: Varying = None,
     predictor: PredictorOption = None,
     validate: Validate = None,
     delay: Delay = False,
@@ -165,7 +175,15 @@ def identify(
 
         kind = _kind(predictor)
         wishes = Wishes(
-            _names(free), _names(fix), kind, delay, disturbance, hold_noise, robust, _start(start)
+            _names(free),
+            _names(fix),
+            kind,
+            delay,
+            disturbance,
+            hold_noise,
+            robust,
+            _start(start),
+            tuple(varying or ()),
         )
         task = task_of(read, chosen, records, validate or [], wishes)
         with _shown(chosen.id) as progress:

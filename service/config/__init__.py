@@ -2,7 +2,7 @@
 
 from service.config.drives import drive_of, given_values
 from service.config.loading import load
-from service.config.nominal import Predictor, nominal_file_of, predictor_of
+from service.config.nominal import Predictor, nominal_file_of, predictor_of, remarks
 from service.config.problems import ConfigErrors, Problem
 from service.config.schema import (
     AxisConfig,
@@ -42,4 +42,5 @@ __all__ = [
     "load",
     "nominal_file_of",
     "predictor_of",
+    "remarks",
 ]

@@ -15,6 +15,8 @@ from service.words import did_you_mean
 
 T = TypeVar("T")
 
+_SAME = 1e-6
+
 
 def one_drive(axis: AxisConfig) -> Iterator[Finding]:
     """A drive is named or drawn, not both."""
@@ -52,6 +54,18 @@ def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
     for name in dict.fromkeys(part for p in drive.parameters for part in _lacking(drive, p.name, given)):
         p = known[name]
         yield Finding(("model", "nominal", name), f"missing ({p.meaning} [{p.unit}])")
+
+
+def merged_values(axis: AxisConfig) -> Iterator[Finding]:
+    """A merged parameter that is given has the value of what it is merged from, if that is given, too."""
+    given = _present(axis.model.nominal)
+    for merged in usable_drive(axis).definitions:
+        if merged.name in given and merged.names <= given.keys():
+            with suppress(ValueError):
+                value = merged.value(given)
+                if not math.isclose(value, given[merged.name], rel_tol=_SAME):
+                    message = f"is given twice: {', '.join(sorted(merged.names))} make {value:.6g}"
+                    yield Finding(("model", "nominal", merged.name), message)
 
 
 def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
@@ -230,6 +244,7 @@ MODEL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     known_drive,
     measurable,
     nominal_names,
+    merged_values,
     nominal_values,
     monitored,
     monitored_sizes,

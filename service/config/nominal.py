@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
-from service.config.schema import AxisConfig, EstimatorConfig
+from service.config.schema import AxisConfig, Config, EstimatorConfig
 from service.config.tables import Absent
 
 
@@ -36,10 +37,9 @@ def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
 
 
 def predictor_of(axis: AxisConfig) -> Predictor:
-    """The predictor of an axis; what the configuration says goes before what the file says.
+    """The predictor of an axis, from its file of nominal values or from the configuration.
 
-    A rule of the configuration sees to it that they do not contradict each other, except in lambda_0, which only sets
-    what is told from noise.
+    A rule of the configuration sees to it that they do not contradict each other.
     """
     e, found = axis.estimator, nominal_file_of(axis)
     if found is None:
@@ -49,10 +49,24 @@ def predictor_of(axis: AxisConfig) -> Predictor:
         )  # fmt: skip
     p = found.predictor
     return Predictor(
-        p.kind, p.gain, e.innovation_variance or p.lam0, *_noises(e, found),
+        p.kind, p.gain, p.lam0, *_noises(e, found),
         p.torque_delay_s, found.drive.friction_speed_scale,
     )  # fmt: skip
 
 
 def _noises(e: EstimatorConfig, found: NominalFile) -> tuple[float | None, float | None]:
     return e.torque_noise or found.noise.torque or None, e.output_noise or found.noise.output or None
+
+
+def remarks(config: Config) -> Iterator[str]:
+    """What the files of nominal values know and the daemon does not do, for its user."""
+    for axis in config.axes:
+        found = nominal_file_of(axis.config)
+        if found is None:
+            continue
+        for v in found.varying:
+            yield (
+                f"{axis.id}: {v.parameter} follows {v.signal} (slope {v.slope:.3g} around {v.reference:g}, in"
+                f" {found.path.name}), but is not watched so yet: its value at {v.reference:g} is taken for nominal"
+                " throughout, and elsewhere an alarm may tell of the signal only"
+            )

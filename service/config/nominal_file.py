@@ -73,6 +73,17 @@ class NoiseTable(_Table):
     output: NotNegative = 0.0
 
 
+class VaryingTable(_Table):
+    """[[varying]]: parameter = value + slope (signal - reference)."""
+
+    parameter: str
+    signal: str
+    slope: Real
+    standard_deviation: NotNegative
+    reference: Real
+    range: tuple[Real, Real]
+
+
 class NominalFile(_Table):
     """The whole file."""
 
@@ -84,6 +95,7 @@ class NominalFile(_Table):
     predictor: PredictorTable
     noise: NoiseTable
     values: dict[str, Real] = Field(min_length=1)
+    varying: tuple[VaryingTable, ...] = ()
 
 
 def read_nominal(path: Path) -> NominalFile:

@@ -102,9 +102,24 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
         if here is not None and not _alike(here, there):
             shown = f"has {there:.6g}" if isinstance(there, float) else f"has {there or 'none'}"
             yield Finding(path, f"but {_name(found)} {shown}: remove this, or", FILE)
+    given = _given(e, "innovation_variance")
+    if given is not None and not any(_alike(given, there) for there in (p.innovation_variance, p.lam0)):
+        message = f"but {_name(found)} has {p.lam0:.6g}: remove this, or"
+        yield Finding(("estimator", "innovation_variance"), message, FILE)
     gain = e.gain
     if gain and (len(gain) != len(p.gain) or not all(map(_alike, gain, p.gain))):
         yield Finding(("estimator", "gain"), f"differs from that in {_name(found)}: remove this, or", FILE)
+
+
+def initial_p(axis: AxisConfig) -> Iterator[Finding]:
+    """P(0) is that of the predictor along its nominal values, of which there are new ones."""
+    found = _found(axis)
+    if axis.estimator.initial_p:
+        message = (
+            f"belongs to the predictor that it was found with, not to the one in {_name(found)}: remove it, and P(0) is"
+            " found from the first samples, or remove"
+        )
+        yield Finding(("estimator", "initial_p"), message, FILE)
 
 
 def _found(axis: AxisConfig) -> NominalFile:
@@ -149,4 +164,5 @@ NOMINAL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     same_drive,
     same_values,
     same_predictor,
+    initial_p,
 )

@@ -2,6 +2,7 @@
 
 free.py       which parameters are to be found
 beginning.py  the values to start from, if there are any
+varying.py    parameters that follow measured signals
 task.py       the axis, its drive, and the records
 traces.py     what was measured, predicted and simulated, sample by sample
 bode.py       frequency responses of the drive found, of a black box, and of the record itself

@@ -14,6 +14,7 @@ from monitor_core.identification.result import Estimate
 from service.identification.bode import Bode
 from service.identification.task import Task
 from service.identification.traces import Trace
+from service.identification.varying import Follows
 
 _SURE = 3.0
 """Standard deviations."""
@@ -43,6 +44,24 @@ class Row(NamedTuple):
     def change(self) -> float | None:
         """Of the value before."""
         return None if not self.before else self.value / self.before - 1
+
+
+class Slope(NamedTuple):
+    """How a parameter follows a signal: its value at the reference, the slope and its standard deviation."""
+
+    follows: Follows
+    value: float
+    slope: float
+    sd: float
+
+    def at(self, signal: float) -> float:
+        """The parameter where the signal has that value."""
+        return self.value + self.slope * (signal - self.follows.reference)
+
+    @property
+    def told(self) -> bool:
+        """The slope can be told from none."""
+        return abs(self.slope) > _SURE * self.sd
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +95,13 @@ class Found:
         return (*self.task.warnings, *self.estimate.words)
 
     def rows(self) -> Iterator[Row]:
-        """Of the free parameters in their order, then of what is held."""
+        """Of the free parameters in their order, then of what is held; slopes have rows of their own."""
         e, start = self.estimate, self.task.problem
         values = dict(zip(e.names, zip(e.theta.tolist(), e.sd.tolist(), strict=True), strict=True))
+        slopes = {one.slope for one in self.task.follows}
         for name, (value, sd) in values.items():
+            if name in slopes:
+                continue
             if name == DELAY:
                 yield Row(name, "s", "delay of the torque", value, sd, start.delay_s)
             else:
@@ -89,6 +111,13 @@ class Found:
         for name, reason in self.task.choice.held.items():
             p = e.drive.parameter(name)
             yield Row(name, p.unit, p.meaning, e.values[name], None, start.nominal[name], reason)
+
+    def slopes(self) -> Iterator[Slope]:
+        """Of the parameters that follow signals."""
+        e = self.estimate
+        found = dict(zip(e.names, zip(e.theta.tolist(), e.sd.tolist(), strict=True), strict=True))
+        for one in self.task.follows:
+            yield Slope(one, found[one.parameter][0], *found[one.slope])
 
     def trustworthy(self) -> str:
         """Why no nominal values should be made of it; empty if they may."""

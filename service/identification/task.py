@@ -14,6 +14,7 @@ from service.config import Predictor as Configured
 from service.identification.beginning import Nominal, Start, nominal_of, start_of
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice, choose
+from service.identification.varying import Asked, Follows, asked, followed, with_varying
 from service.ingest.identification_records import Loaded, load
 from service.modeling import model_of_axis
 
@@ -36,6 +37,7 @@ class Wishes:
         start: where the fit starts: at the configured values; also where a search around them in the frequency
             response ends; or at what the records alone tell, without looking at the values.  None: "search" if there
             are values, else "records".
+        varying: parameters that follow signals, "fm: temperature"; see ``service.identification.varying``.
     """
 
     free: tuple[str, ...] = ()
@@ -46,13 +48,15 @@ class Wishes:
     hold_noise: bool = False
     robust: bool = False
     start: Start | None = None
+    varying: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Task:
     """Everything that a fit needs, checked.
 
-    ``unknown``: parameters whose nominal values in the problem stand for nothing, since there are none.
+    ``unknown``: parameters whose nominal values in the problem stand for nothing, since there are none.  ``follows``:
+    parameters that follow signals.
     """
 
     axis: NamedAxis
@@ -64,6 +68,7 @@ class Task:
     warnings: tuple[str, ...]
     start: Start
     unknown: tuple[str, ...] = ()
+    follows: tuple[Follows, ...] = ()
 
     @property
     def drive(self) -> Drive:
@@ -90,15 +95,27 @@ def task_of(
     """
     space, drive, *_ = model_of_axis(axis.config)
     nominal = nominal_of(axis, drive)
+    varying = asked(wishes.varying, axis.config)
     choice = choose(space, drive, nominal.values, wishes.free, wishes.fix)
+    choice = with_varying(choice, varying, wishes.free)
     start = start_of(nominal, choice, wishes.start)
     used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
     warnings = _looked_at([*used, *kept_aside], _known(axis, drive, nominal, len(choice.free)))
-    problem = _problem(axis, drive, nominal.values, choice, used, wishes)
+    follows, used, kept_aside = followed(varying, used, kept_aside)
+    problem = _problem(axis, drive, nominal.values, choice, used, wishes, varying)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     return Task(
-        axis, space, choice, problem, tuple(used), tuple(kept_aside), warnings, start, nominal.unknown
+        axis,
+        space,
+        choice,
+        problem,
+        tuple(used),
+        tuple(kept_aside),
+        warnings,
+        start,
+        nominal.unknown,
+        follows,
     )
 
 
@@ -117,6 +134,7 @@ def _problem(
     choice: Choice,
     used: Sequence[Loaded],
     wishes: Wishes,
+    varying: Asked,
 ) -> Problem:
     predictor = predictor_of(axis.config)
     configured: Predictor = "output-error" if predictor.kind == "output-error" else "innovations"
@@ -126,7 +144,7 @@ def _problem(
         return Problem(
             drive, nominal, choice.free, kind,
             speed_scale=predictor.friction_speed_scale, delay_s=predictor.torque_delay_s, free_delay=wishes.delay,
-            disturbance=noise, loss="huber" if wishes.robust else "squares",
+            disturbance=noise, loss="huber" if wishes.robust else "squares", varying=varying,
         )  # fmt: skip
     except ValueError as error:
         raise IdentificationError(str(error)) from None

@@ -12,6 +12,7 @@ from service.reports.identification_pages import (
     parameter_table,
     provenance,
     record_table,
+    slope_table,
 )
 from service.reports.identification_plots import bode_picture, residual_picture, trace_picture
 from service.reports.identification_style import STYLE
@@ -43,6 +44,8 @@ def _sections(found: Found) -> Iterator[str]:
     if doubts:
         yield _section("What to look at", _list(doubts))
     yield _section("Parameters", parameter_table(found))
+    if found.task.follows:
+        yield _section("What follows measured signals", slope_table(found))
     yield _section("Drive", drive_picture(found.task.space))
     yield _section("Measured and predicted", record_table(found), *_traces(found))
     yield _section("Frequency response", *_bode(found))
@@ -74,7 +77,10 @@ def _verdict(found: Found) -> str:
 
 def _tiles(found: Found) -> str:
     e = found.estimate
-    worst = max((row.relative_sd or 0.0 for row in found.rows() if row.sd is not None), default=0.0)
+    worst = max(
+        (row.relative_sd or 0.0 for row in found.rows() if row.sd is not None),
+        default=0.0,
+    )
     validation = min((trace.fit_simulation for trace in found.validation), default=None)
     tiles = [
         (f"{min(t.fit_simulation for t in found.estimation):.1f} %", "fit of the simulation"),

@@ -9,7 +9,7 @@ from typing import Any
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.residuals import Correlation
 from monitor_core.kernel.tables import Floats
-from service.identification.found import Found, Row
+from service.identification.found import Found, Row, Slope
 from service.identification.traces import Trace
 from service.ingest.identification_records import Loaded
 from service.reports.identification_words import residual_words
@@ -27,6 +27,7 @@ def as_json(found: Found) -> str:
         "trustworthy": not found.trustworthy(),
         "why_not": found.trustworthy() or None,
         "parameters": [_parameter(row) for row in found.rows()],
+        "varying": [_slope(one) for one in found.slopes()],
         "names": list(e.names),
         "covariance": _numbers(e.covariance),
         "correlation": _numbers(e.correlation),
@@ -64,6 +65,18 @@ def _parameter(row: Row) -> Json:
         "nominal_before": row.before,
         "change": row.change,
         "held": row.held or None,
+    }
+
+
+def _slope(one: Slope) -> Json:
+    f = one.follows
+    return {
+        "parameter": f.parameter,
+        "signal": f.term,
+        "slope": one.slope,
+        "standard_deviation": one.sd,
+        "reference": f.reference,
+        "range": [f.low, f.high],
     }
 
 

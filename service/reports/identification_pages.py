@@ -10,9 +10,9 @@ import numpy as np
 
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.statespace import StateSpace
-from service.identification.found import Found, Row
+from service.identification.found import Found, Row, Slope
 from service.ingest.identification_records import Source
-from service.reports.identification_words import deviation, escaped, fits, number, percent
+from service.reports.identification_words import deviation, escaped, fits, number, percent, plain
 from service.reports.model_svg import as_svg
 
 _LEAST, _MOST = 1e-4, 1.0
@@ -42,6 +42,37 @@ def parameter_table(found: Found) -> str:
         f" {percent(_LEAST)} to {percent(_MOST)}.</p>"
     )
     return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+
+
+def slope_table(found: Found) -> str:
+    """How parameters follow signals; empty where none does."""
+    rows = "".join(
+        _slope(one, found.estimate.drive.parameter(one.follows.parameter).unit) for one in found.slopes()
+    )
+    if not rows:
+        return ""
+    titles = ("", "follows", "from", "to", "is then from", "to", "unit", "slope", "sd", "")
+    legend = (
+        '<p class="legend">The values of parameters above hold where signals have their references:'
+        f" {escaped(_references(found))}. The daemon does not follow signals yet, it takes these values.</p>"
+    )
+    return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+
+
+def _references(found: Found) -> str:
+    references = {one.follows.term: one.follows.reference for one in found.slopes()}
+    return ", ".join(f"{term} = {reference:g}" for term, reference in references.items())
+
+
+def _slope(s: Slope, unit: str) -> str:
+    f = s.follows
+    ends = "".join(_number(f"{x:.4g}") for x in (f.low, f.high))
+    ends += "".join(_number(number(s.at(x))) for x in (f.low, f.high))
+    doubt = "" if s.told else "cannot be told from none"
+    return (
+        f"<tr><th>{escaped(f.parameter)}</th><td>{escaped(f.term)}</td>{ends}<td class='unit'>{escaped(unit)}</td>"
+        f"{_number(number(s.slope, s.sd))}{_number(plain(s.sd, 2))}<td class='why'>{doubt}</td></tr>"
+    )
 
 
 def _parameter(row: Row) -> str:
@@ -131,7 +162,8 @@ def _head(titles: Iterable[str]) -> str:
 
 
 def _titles(titles: Iterable[str]) -> Iterator[str]:
-    right = {"value", "before", "change", "sd", "fit one step ahead", "fit of the simulation"}
+    right = {"value", "before", "change", "sd", "from", "to", "is then from", "slope"}
+    right |= {"fit one step ahead", "fit of the simulation"}
     for title in titles:
         yield f"<th{NUMBER if title in right else ''}>{escaped(title)}</th>"
 

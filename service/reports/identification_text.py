@@ -16,12 +16,15 @@ from service.reports.identification_words import (
     percent,
     predictor_words,
     residual_words,
+    slope_words,
 )
 
 
 def print_text(found: Found, console: Console) -> None:
     """Parameters, fits, tests, doubts."""
     console.print(_parameters(found))
+    for words in slope_words(found):
+        console.print(escape(words), soft_wrap=True)
     console.print(f"Predictor: {escape(predictor_words(found))}\n", soft_wrap=True)
     console.print(_fits(found))
     for test in residual_words(found):

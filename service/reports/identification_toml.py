@@ -10,7 +10,7 @@ import numpy as np
 from monitor_core.drive import split_name
 from monitor_core.identification.problem import DELAY
 from service.config.nominal_file import FORMAT, structure_of
-from service.identification.found import Found, Row
+from service.identification.found import Found, Row, Slope
 from service.identification.traces import Trace
 from service.ingest.identification_records import Loaded
 
@@ -19,8 +19,9 @@ _DIGITS, _FEW = 10, 5
 
 def as_toml(found: Found) -> str:
     """The whole file."""
-    parts = (_head, _drive, _predictor, _noise, _values, _deviations, _correlation, _fits, _provenance)
-    blocks = [list(part(found)) for part in parts]
+    blocks = [list(part(found)) for part in (_head, _drive, _predictor, _noise, _values)]
+    blocks += [list(_varying(slope)) for slope in found.slopes()]
+    blocks += [list(part(found)) for part in (_deviations, _correlation, _fits, _provenance)]
     blocks += [list(_record("estimation", *pair)) for pair in _pairs(found.task.estimation, found.estimation)]
     blocks += [list(_record("validation", *pair)) for pair in _pairs(found.task.validation, found.validation)]
     return "\n".join("\n".join([*block, ""]) for block in blocks if block)
@@ -105,6 +106,18 @@ def _about(name: str, rows: Mapping[str, Row], found: Found) -> str:
     else:
         sure = f"+- {100 * row.relative_sd:.2g} %" if row.relative_sd is not None else f"+- {row.sd:.2g}"
     return f"{p.unit}, {sure}; {p.meaning}"
+
+
+def _varying(s: Slope) -> Iterator[str]:
+    f = s.follows
+    yield f"# {_one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
+    yield "[[varying]]"
+    yield f"parameter = {_text(f.parameter)}"
+    yield f"signal = {_text(f.term)}  # of [[robot.axis.signal]] in the configuration"
+    yield f"slope = {_number(s.slope)}"
+    yield f"standard_deviation = {_number(s.sd, _FEW)}"
+    yield f"reference = {_number(f.reference)}"
+    yield f"range = {_numbers([f.low, f.high], _FEW)}  # of the signal in the records"
 
 
 def _deviations(found: Found) -> Iterator[str]:

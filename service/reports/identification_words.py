@@ -84,6 +84,16 @@ def residual_words(found: Found) -> Iterator[Tested]:
     yield Tested(independent, f"The prediction errors {verdict} (p = {p:.2g}).")
 
 
+def slope_words(found: Found) -> Iterator[str]:
+    """One sentence on each signal that a parameter follows."""
+    for s in found.slopes():
+        f, unit = s.follows, found.estimate.drive.parameter(s.follows.parameter).unit
+        ends = " and ".join(f"{number(s.at(x))} where it is {x:.4g}" for x in (f.low, f.high))
+        doubt = "" if s.told else ", which cannot be told from none"
+        slope = f"by {number(s.slope, s.sd)} {unit} for each 1 of it (sd {plain(s.sd, 2)}){doubt}"
+        yield f"{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
+
+
 def fits(found: Found) -> Iterator[tuple[str, str, Trace]]:
     """Purpose, line about the source, and trace of each record."""
     for purpose, loaded, traces in (

@@ -44,7 +44,7 @@ def shown(start: str) -> list[list[str]]:
 
 def arguments(command: list[str], folder: Path) -> list[str]:
     """Without the program's name, its files in this folder."""
-    files = (".toml", ".log", ".json", ".mo", ".csv", ".html")
+    files = (".toml", ".log", ".json", ".mo", ".csv", ".html", "warm")
     return [str(folder / word) if word.endswith(files) else word for word in command[1:]]
 
 
@@ -102,7 +102,7 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     assert len(TOML[0].splitlines()) <= 10
     true = load(write_robot(tmp_path), {})
     write_record(tmp_path / "healthy.csv", true, 30, seed)
-    identify, _ = shown("axiswatch identify")
+    identify, warm, _ = shown("axiswatch identify")
     done = run_program(*arguments(identify, tmp_path), "--output-dir", tmp_path, patience_s=300)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "report.html").stat().st_size > 100_000
@@ -112,6 +112,15 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
         scale = 1.0 if name in ("Jm", "fm") else (values["r"] / nominal["r"]) ** 2
         off = abs(values[name] * scale - nominal[name])
         assert off < 5 * sds[name] * scale + 0.005 * nominal[name], name
+    (tmp_path / "warm.toml").write_text(TOML[0] + TOML[1], encoding="utf-8")
+    rows = (tmp_path / "healthy.csv").read_text(encoding="utf-8").splitlines()
+    warmer = [f"{row},{20 + n // 500 % 4}" for n, row in enumerate(rows[1:2001])]
+    (tmp_path / "warm.csv").write_text("\n".join((rows[0] + ",temp", *warmer, "")), encoding="utf-8")
+    (tmp_path / "warm").mkdir()
+    done = run_program(*arguments(warm, tmp_path), patience_s=300)
+    assert done.returncode == 0, done.stderr
+    (slope,) = tomllib.loads((tmp_path / "warm/nominal.toml").read_text(encoding="utf-8"))["varying"]
+    assert abs(slope["slope"]) < 5 * slope["standard_deviation"] + 0.001 * values["fm"]
 
 
 def test_an_axis_is_identified_and_watched(tmp_path: Path, seed: int) -> None:
@@ -123,7 +132,7 @@ def test_an_axis_is_identified_and_watched(tmp_path: Path, seed: int) -> None:
     for name, guess in {"Jm": 0.004, "Ja": 150, "kg": 2e5, "ka": 4e5, "fm": 0.03, "fc": 0, "tau0": 0}.items():
         text = re.sub(rf"^{name} = [\d.]+", f"{name} = {guess}", text, flags=re.MULTILINE)
     config.write_text(text, encoding="utf-8")
-    _, identify = shown("axiswatch identify")
+    *_, identify = shown("axiswatch identify")
     done = run_program(*arguments(identify, tmp_path), patience_s=300)
     assert done.returncode == 0, done.stderr
     assert "second.log" in done.stdout
@@ -151,7 +160,7 @@ def write_log(path: Path, config: Config, seconds: float, seed: int, faults: Seq
 
 def pointed_at_nominal(text: str) -> str:
     """The configuration with the lines of the README, without nominal values and noises of its own."""
-    _, snippet = TOML
+    *_, snippet = TOML
     text = re.sub(r"\[robot\.axis\.model\.nominal\]\n.*?\n\n", "", text, flags=re.S)
     text = re.sub(r"^(torque_noise|output_noise|initial_p) = .*\n", "", text, flags=re.MULTILINE)
     return text.replace("[robot.axis.model]\n", snippet)

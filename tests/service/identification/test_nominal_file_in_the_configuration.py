@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ from typer.testing import CliRunner
 from monitor_core.kalman import filter_gain
 from service.axes import axis_model, axis_settings
 from service.commands.check import check
-from service.config import AxisConfig, Config, ConfigErrors, Problem, load
+from service.commands.main import app as main
+from service.config import AxisConfig, Config, ConfigErrors, Problem, drive_of, load, remarks
 from tests.service.identification.nominal_texts import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
@@ -30,9 +32,9 @@ AXIS = load(SHIPPED / "demo.toml", {}).axes[0].config
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
-    """One axis of the demo, without nominal values and noises of its own."""
+    """One axis of the demo, without nominal values, noises and P(0) of its own."""
     (tmp_path / "demo.dbc").symlink_to(SHIPPED / "demo.dbc")
-    text = "[[robot.axis]]".join(DEMO[:2]).replace(NOISES, "")
+    text = re.sub(r"initial_p = .*\n", "", "[[robot.axis]]".join(DEMO[:2]).replace(NOISES, ""))
     before = "[robot.axis.model.nominal]" + NOMINAL
     assert before in text
     text = text.replace(before, "")
@@ -104,9 +106,12 @@ def test_the_state_of_a_disturbance_belongs_to_the_drive(robot: Path) -> None:
     assert model.nominal["Td"] == 0.2
 
 
-def test_the_same_may_be_said_twice_and_lambda_0_goes_before(robot: Path) -> None:
-    file_with(robot, {"noise": {"torque": 0.05, "output": 0.0001}})
-    same = f'predictor = "innovations"\n{NOISES}innovation_variance = 5e-8\n'
+@pytest.mark.parametrize("lam0", [4e-8, 1.2e-7])
+def test_the_same_may_be_said_twice(robot: Path, lam0: float) -> None:
+    """Of lambda_0 with its colour or without: the file has both."""
+    found = {"innovation_variance": 4e-8, "colour": 3.0}
+    file_with(robot, {"noise": {"torque": 0.05, "output": 0.0001}, "predictor": found})
+    same = f'predictor = "innovations"\n{NOISES}innovation_variance = {lam0}\n'
     changed(
         robot,
         (KIND, same),
@@ -114,7 +119,7 @@ def test_the_same_may_be_said_twice_and_lambda_0_goes_before(robot: Path) -> Non
     )
     axis = only(load(robot, {}))
     settled = axis._replace(config=axis.config.model_copy(update={"settling_time_s": 1}))
-    assert axis_settings(settled, axis_model(axis.config)).lam0 == 5e-8
+    assert axis_settings(settled, axis_model(axis.config)).lam0 == pytest.approx(1.2e-7)
 
 
 @pytest.mark.parametrize(
@@ -124,6 +129,8 @@ def test_the_same_may_be_said_twice_and_lambda_0_goes_before(robot: Path) -> Non
         ((KIND, "torque_noise = 0.07\n"), "estimator.torque_noise", ("0.07", "0.05")),
         ((KIND, "output_noise = 0.07\n"), "estimator.output_noise", ("0.07", "0.0001")),
         ((KIND, "gain = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"), "estimator.gain", ("1.0", "differs")),
+        ((KIND, "innovation_variance = 5e-7\n"), "estimator.innovation_variance", ("5e-07", "1e-06")),
+        ((KIND, "initial_p = { kT = 1.0, \"1/Ja\" = 1.0, fm = 1.0 }\n"), "estimator.initial_p", ("belongs", "remove")),
         ((SPEED_SCALE, "friction_speed_scale = 2.0"), "model.friction_speed_scale", ("2.0", "1")),
         ((INTERVAL, f"{INTERVAL}\ntorque_delay_s = 0.002"), "torque_delay_s", ("0.002", "0")),
         ((INTERVAL, "sample_interval_s = 0.004"), "model.nominal_file", ("0.004", "0.005")),
@@ -223,3 +230,64 @@ def test_the_simulated_robot_has_the_values_and_noises_of_the_file(robot: Path) 
     angles = np.array([simulated.sample(k).motion for k in range(400)])
     scatter = np.std(np.diff(angles, 3)) / np.sqrt(20)
     assert 0.008 < scatter < 0.015
+
+
+FOLLOWS = """
+[[varying]]
+parameter = "fm"
+signal = "temperature"
+slope = -0.0012
+standard_deviation = 1e-5
+reference = 32.5
+range = [20.0, 45.0]
+"""
+
+
+def test_who_uses_a_value_that_follows_a_signal_is_told(robot: Path) -> None:
+    """By check and replay; the daemon logs it and shows it on its page."""
+    path = file_with(robot)
+    assert list(remarks(load(robot, {}))) == []
+    path.write_text(path.read_text(encoding="utf-8") + FOLLOWS, encoding="utf-8")
+    (remark,) = remarks(load(robot, {}))
+    assert (
+        "fm follows temperature (slope -0.0012 around 32.5, in nominal.toml), but is not watched so yet"
+        in remark
+    )
+    for command in (["check"], ["replay", str(robot.parent / "none.csv")]):
+        result = CliRunner().invoke(main, [command[0], "--config", str(robot), *command[1:]])
+        assert remark in result.output
+
+
+def test_a_slope_that_is_none_is_named(robot: Path) -> None:
+    path = file_with(robot)
+    path.write_text(path.read_text(encoding="utf-8") + FOLLOWS.replace("-0.0012", "nan"), encoding="utf-8")
+    (problem,) = problems(robot)
+    assert "nominal.toml: varying.0.slope" in problem.message
+
+
+def test_a_merged_parameter_given_twice_is_named(robot: Path) -> None:
+    drawn = f"""[robot.axis.model]
+monitor = ["f"]
+nominal = {{ Jm = 0.002, Jg = 0.003, f = 0.02, "Jg + Jm" = MERGED }}
+components.torque = {{ type = "torque", at = "shaft" }}
+components.motor = {{ type = "inertia", at = "shaft", J = "Jm" }}
+components.gear = {{ type = "inertia", at = "shaft", J = "Jg" }}
+components.bearing = {{ type = "viscous-friction", at = "shaft", d = "f" }}
+components.encoder = {{ type = "angle-sensor", at = "shaft" }}
+{ESTIMATOR}
+{NOISES}"""
+    start, rest = robot.read_text(encoding="utf-8").split("[robot.axis.model]")
+    rest = rest.split(ESTIMATOR)[1].replace(KIND, "")
+    text = start + drawn + rest
+    (drive,) = {drive_of(only(load(written(robot, text.replace(', "Jg + Jm" = MERGED', "")), {})).config)}
+    (name,) = (d.name for d in drive.definitions)
+    text = text.replace("Jg + Jm", name)
+    load(written(robot, text.replace("MERGED", "0.005")), {})
+    (problem,) = problems(written(robot, text.replace("MERGED", "0.006")))
+    assert problem.key == f'robot[1].axis[1].model.nominal."{name}"'
+    assert problem.message == "is given twice: Jg, Jm make 0.005"
+
+
+def written(robot: Path, text: str) -> Path:
+    robot.write_text(text, encoding="utf-8")
+    return robot

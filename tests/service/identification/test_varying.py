@@ -1,0 +1,176 @@
+"""Parameters that follow signals: what the user writes, what is found, and what the files and reports say of it."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from service.commands.main import app
+from service.config import Config, load
+from service.config.nominal_file import read_nominal
+from service.identification.errors import IdentificationError
+from service.identification.varying import asked
+from service.simulation.axis import ControlledAxis
+from tests.service.identification.conftest import SHIPPED, robot_text
+
+SIGNALS = """
+[[robot.axis.signal]]
+name = "temperature"
+column = "warm"
+factor = 10.0
+[[robot.axis.signal]]
+name = "angle2"
+column = "q2"
+[[robot.axis.signal]]
+name = "dead"
+column = "dead"
+"""
+SLOPE, MIDDLE = -0.0012, 32.5
+"""Of fm [N m s/rad per K], 0.06 in the middle of the temperatures."""
+
+
+def temperature(t: float) -> float:
+    """Stairs from 20 to 45 degrees in 12 s."""
+    return 20 + 5 * (t // 2 % 6)
+
+
+def write(path: Path, config: Config, seconds: float, seed: int) -> None:
+    """A record; the column holds the tenth part of the temperature, and the angle of another axis does nothing."""
+    (axis,) = config.axes
+    h = axis.config.sample_interval_s
+    plant, before = ControlledAxis(axis, np.random.default_rng(seed)), 1.0
+    rows = ["t,torque,angle,warm,q2,dead"]
+    for k in range(round(seconds / h)):
+        factor = 1 + SLOPE / 0.06 * (temperature(k * h) - MIDDLE)
+        if factor != before:
+            plant.break_down({"fm": factor / before})
+            before = factor
+        u, y = plant.sample(k)
+        rows.append(f"{k * h:.6f},{u:.10g},{y:.13g},{temperature(k * h) / 10},{(k // 300 % 5) / 2},")
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
+    """robot.toml with the true values, warm.csv of 12 s, other.csv of 6 s."""
+    made = tmp_path_factory.mktemp("varying")
+    (made / "demo.dbc").symlink_to(SHIPPED / "demo.dbc")
+    (made / "robot.toml").write_text(robot_text() + SIGNALS, encoding="utf-8")
+    config = load(made / "robot.toml", {})
+    write(made / "warm.csv", config, 12, seed)
+    write(made / "other.csv", config, 6, seed + 1)
+    return made
+
+
+@pytest.fixture
+def here(warm: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(warm)
+    return warm
+
+
+def identify(*words: str) -> Result:
+    line = ["identify", "warm.csv", "--config", "robot.toml", "--start", "values", "--force", *words]
+    result = CliRunner().invoke(app, line)
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    return result
+
+
+def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: Path) -> None:
+    words = ("--free", "Jm", "--free", "fm", "--validate", "other.csv", "--json", "all.json")
+    result = identify(*words, "--varying", "fm: temperature", "--varying", "Jm: cos(angle2)")
+    assert result.exit_code == 0, result.output
+    friction, inertia = json.loads((here / "all.json").read_text(encoding="utf-8"))["varying"]
+    sd = friction["standard_deviation"]
+    assert abs(friction["slope"] - SLOPE) < 5 * sd + 0.005 * abs(SLOPE)
+    assert sd < 0.1 * abs(SLOPE)
+    assert (friction["reference"], friction["range"]) == (MIDDLE, [20, 45])
+    assert abs(inertia["slope"]) < 5 * inertia["standard_deviation"] + 1e-5
+    assert inertia["signal"] == "cos(angle2)"
+    read = read_nominal(here / "nominal.toml")
+    assert read.values["fm"] == pytest.approx(0.06, abs=5 * sd * 12.5 + 0.01 * 0.06)
+    assert [v.model_dump() for v in read.varying] == [
+        {**one, "range": pytest.approx(tuple(one["range"]), rel=1e-4), "slope": pytest.approx(one["slope"]),
+         "standard_deviation": pytest.approx(one["standard_deviation"], rel=1e-4)}
+        for one in (friction, inertia)
+    ]  # fmt: skip
+    deviations = tomllib.loads((here / "nominal.toml").read_text(encoding="utf-8"))["standard_deviations"]
+    assert set(deviations) == {"Jm", "fm", "fm per temperature", "Jm per cos(angle2)"}
+    said = " ".join(result.stdout.split())
+    assert f"fm follows temperature, by {friction['slope']:.5g} N m s/rad for each 1 of it" in said
+    assert "at 32.5, " in said
+    page = (here / "report.html").read_text(encoding="utf-8")
+    assert "What follows measured signals" in page
+    assert "temperature = 32.5" in page
+
+
+def test_it_explains_what_constant_values_do_not(here: Path) -> None:
+    """The whole of the friction's change: the fit of a constant is worse in cost, by far more than by one number."""
+    costs = {}
+    for name, words in {"follows": ("--varying", "fm: temperature"), "constant": ()}.items():
+        assert identify("--free", "fm", "--json", "c.json", *words).exit_code == 0
+        costs[name] = json.loads((here / "c.json").read_text(encoding="utf-8"))["predictor"]
+    assert costs["constant"]["cost"] > 1.05 * costs["follows"]["cost"]
+    page = (here / "report.html").read_text(encoding="utf-8")
+    assert "What follows measured signals" not in page
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("fm temperature",), 'write PARAMETER: SIGNAL, as "fm: temperature"'),
+        ((": temperature",), "write PARAMETER: SIGNAL"),
+        (("fm:",), "write PARAMETER: SIGNAL"),
+        (("fm: temprature",), 'no signal temprature: did you mean "temperature"? there is temperature, angle2, dead'),
+        (("fm: tan(angle2)",), "no function tan of signals: there is cos, sin, square"),
+        (("fm: 2*angle2",), '"2*angle2" is neither a signal nor one of cos(...)'),
+        (("fm: angle2,",), '"" is neither a signal nor'),
+        (("fm: angle2, angle2",), "fm is to follow angle2 twice"),
+        (("fm: angle2", "fm: angle2"), "fm is to follow angle2 twice"),
+        (("fn: angle2",), "the drive has no parameter fn: there is"),
+        (("kT: angle2",), "kT is to vary but is held (known from the data sheet): name it in --free"),
+        (("fm: dead",), "warm.csv: the signal dead was never measured there"),
+    ],
+)  # fmt: skip
+def test_mistakes(words: tuple[str, ...], expected: str) -> None:
+    result = identify(*(part for word in words for part in ("--varying", word)))
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert expected in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.usefixtures("here")
+def test_names_are_those_of_what_is_free() -> None:
+    result = identify("--free", "1/Ja", "--varying", "Ja: temperature")
+    assert (result.exit_code, "free is 1/Ja: write the same in both" in result.stderr) == (2, True)
+    result = identify("--fix", "fm", "--varying", "fm: temperature")
+    assert (result.exit_code, "fm is to vary but is held (fixed by --fix)" in result.stderr) == (2, True)
+
+
+def test_a_signal_that_stays_as_it_is_tells_nothing(here: Path) -> None:
+    rows = (here / "warm.csv").read_text(encoding="utf-8").splitlines()
+    (here / "cold.csv").write_text("\n".join(rows[:400]) + "\n", encoding="utf-8")
+    line = ["identify", "cold.csv", "--config", "robot.toml", "--varying", "fm: temperature", "--force"]
+    result = CliRunner().invoke(app, line)
+    assert result.exit_code == 2
+    assert "temperature is 20 throughout the records" in result.stderr
+
+
+def test_a_configuration_without_signals_says_how_to_add_one(warm: Path) -> None:
+    (axis,) = load(warm / "robot.toml", {}).axes
+    none = axis.config.model_copy(update={"signal": ()})
+    with pytest.raises(
+        IdentificationError, match=r'add \[\[robot\.axis\.signal\]\] with name = "temperature"'
+    ):
+        asked(("fm: temperature",), none)
+
+
+def test_terms_are_read_with_blanks_or_without(warm: Path) -> None:
+    (axis,) = load(warm / "robot.toml", {}).axes
+    found = asked(("1/Ja:cos( angle2 ),temperature", "fm : square(angle2)"), axis.config)
+    assert found == {"1/Ja": ("cos(angle2)", "temperature"), "fm": ("square(angle2)",)}
