@@ -5,7 +5,10 @@ the dampers by linear least squares.  From values that may be wrong by a factor 
 from broad to narrow in the frequency response.  Either way the best ends start the fit of the records themselves.
 """
 
-from monitor_core.identification.starting.api import Candidate, fit_from, fit_from_scratch, start
+from monitor_core.identification.starting.api import fit_from, fit_from_scratch, start
+from monitor_core.identification.starting.candidates import Candidate
+from monitor_core.identification.starting.grow import grow
+from monitor_core.identification.starting.grown import Grown, Growth
 from monitor_core.identification.starting.progress import Progress
 
-__all__ = ["Candidate", "Progress", "fit_from", "fit_from_scratch", "start"]
+__all__ = ["Candidate", "Grown", "Growth", "Progress", "fit_from", "fit_from_scratch", "grow", "start"]

@@ -1,49 +1,32 @@
-"""Candidates for starting values, and the fits from the best of them."""
+"""Starting values of a given drive, from the records alone or from given values, and the fits from the best of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from monitor_core.drive import split_name
-from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.greybox import Estimate, Problem
 from monitor_core.identification.record import Record
+from monitor_core.identification.starting.candidates import (
+    FITTING,
+    Candidate,
+    best_fit,
+    candidate,
+    distinct_candidates,
+)
+from monitor_core.identification.starting.growth import longer, stems
 from monitor_core.identification.starting.inverse import chain_of_modes
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
 from monitor_core.identification.starting.progress import Progress, Steps
 from monitor_core.identification.starting.response import Measured, measure
-from monitor_core.identification.starting.search import MOST, Found, explained, polish, search
+from monitor_core.identification.starting.search import MOST, SAME, explained, polish, search
 from monitor_core.identification.starting.slots import Slots
 
-_RIVALS = 2
-"""Candidates from which the records themselves are fitted."""
-_DOUBTFUL = 10.0
-"""A rival whose cost is so many times that of the best is not tried."""
-_SAME = 1.02
 _FEWER = 20
 """Searches around what the closed form has found."""
-_FIT = 20
-"""Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """Starting values.
-
-    Args:
-        values: of all parameters of the drive.
-        origin: where they come from, in words.
-        cost: squared relative errors of their frequency response over their variances.
-        expected: what that is for the right values, as far as the response is known.
-    """
-
-    values: Mapping[str, float]
-    origin: str
-    cost: float
-    expected: float
 
 
 def start(
@@ -64,7 +47,7 @@ def start(
 
     Raises:
         ValueError: the records tell no frequency response; without ``given``: the motor does not see a chain of
-            masses that are all free, or no black box shows as many resonances as it has.
+            masses that are all free, or the response shows no chain of so many.
     """
     steps = Steps(progress, MOST)
     found = _candidates(problem, records, given, steps.reached)
@@ -103,6 +86,15 @@ def fit_from(
     return _fit(problem, records, given or {}, progress)
 
 
+def _fit(
+    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None, progress: Progress | None
+) -> Estimate:
+    steps = Steps(progress, MOST + FITTING)
+    candidates = _candidates(problem, records, given, steps.part(0, MOST))
+    steps.reached(MOST)
+    return best_fit(problem, records, candidates, steps.part(MOST, FITTING))
+
+
 def _candidates(
     problem: Problem,
     records: Sequence[Record],
@@ -120,32 +112,39 @@ def _from_given(
 ) -> tuple[Candidate, ...]:
     response = Response(problem, _by_base(problem, given))
     ends = search(response, measured, reached=reached)
-    return tuple(_candidate(response, end, measured, "a search around the values given") for end in ends)
+    return tuple(candidate(response, end, measured, "a search around the values given") for end in ends)
 
 
 def _from_records(
     problem: Problem, measured: Measured, reached: Callable[[int], None]
 ) -> tuple[Candidate, ...]:
-    found = list(_closed(problem, measured))
-    if not found:
-        raise ValueError("no black box shows as many resonances as the drive has: give values to search from")
-    found.sort(key=lambda candidate: candidate.cost)
-    # As in the search: one end may be stuck next to the right minimum, two alike that explain the response are not.
-    agreed = sum(candidate.cost < _SAME * found[0].cost for candidate in found) > 1
-    if not agreed or found[0].cost > explained(measured):
-        response = Response(problem, found[0].values)
-        ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
-        origin = f"a search around the resonances of {found[0].origin.removeprefix(_CLOSED)}"
-        found += [_candidate(response, end, measured, origin) for end in ends]
-    return tuple(_distinct(found))
-
-
-_CLOSED = "the resonances of "
-
-
-def _closed(problem: Problem, measured: Measured) -> Iterator[Candidate]:
-    """Closed form, polished, one for each black box that shows enough resonances."""
+    """What costs least first: closed form, growth, search; the next where the one before leaves doubts."""
     slots = Slots(problem)
+    found = list(_closed(problem, slots, measured))
+    if _doubtful(found, measured):
+        found += _grown(problem, slots, measured)
+    if not found:
+        raise ValueError(
+            "the frequency response shows no chain of so many masses: give values to search from"
+        )
+    if _doubtful(found, measured):
+        best = min(found, key=lambda one: one.cost)
+        response = Response(problem, best.values)
+        ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
+        origin = f"a search around {best.origin}"
+        found += [candidate(response, end, measured, origin) for end in ends]
+    return tuple(distinct_candidates(found))
+
+
+def _doubtful(found: Sequence[Candidate], measured: Measured) -> bool:
+    """As in the search: one end may be stuck next to the right minimum, two alike that explain the response are not."""
+    best = min((one.cost for one in found), default=np.inf)
+    agreed = sum(one.cost < SAME * best for one in found) > 1
+    return not agreed or best > explained(measured)
+
+
+def _closed(problem: Problem, slots: Slots, measured: Measured) -> Iterator[Candidate]:
+    """Closed form, polished, one for each black box that shows enough resonances."""
     for name, poles, residues in black_boxes(measured, slots.masses):
         try:
             seen = modal(measured, slots.masses, poles, residues)
@@ -155,54 +154,13 @@ def _closed(problem: Problem, measured: Measured) -> Iterator[Candidate]:
         response = Response(problem, values)
         end = polish(response, measured, response.start)
         if np.isfinite(end.cost):
-            yield _candidate(response, end, measured, _CLOSED + name)
+            yield candidate(response, end, measured, f"the resonances of {name}")
 
 
-def _candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
-    return Candidate(response.named(end.x), origin, end.cost, measured.expected)
-
-
-def _distinct(found: Sequence[Candidate]) -> Iterator[Candidate]:
-    last = 0.0
-    for candidate in sorted(found, key=lambda one: one.cost):
-        if candidate.cost > _SAME * last:
-            yield candidate
-            last = candidate.cost
-
-
-def _fit(
-    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None, progress: Progress | None
-) -> Estimate:
-    """The best of the fits from the best candidates, with a word on which won."""
-    steps = Steps(progress, MOST + _RIVALS * _FIT)
-    candidates = _candidates(problem, records, given, steps.part(0, MOST))
-    rivals = [one for one in candidates[:_RIVALS] if one.cost <= _DOUBTFUL * candidates[0].cost]
-    ends, problems = list[tuple[Estimate, Candidate]](), list[ValueError]()
-    for i, one in enumerate(rivals):
-        evaluated = steps.part(MOST + i * _FIT, _FIT)
-        try:
-            ends.append((_fit_one(problem, records, one, evaluated), one))
-        except ValueError as error:
-            problems.append(error)
-    if not ends:
-        raise problems[0]
-    steps.reached(MOST + _RIVALS * _FIT)
-    best, winner = min(ends, key=lambda end: end[0].cost)
-    return replace(best, words=(*best.words, _word(winner, len(candidates), len(rivals))))
-
-
-def _fit_one(
-    problem: Problem, records: Sequence[Record], one: Candidate, evaluated: Callable[[int], None]
-) -> Estimate:
-    return fit(problem, records, _free(problem, one.values), progress=lambda count, _: evaluated(count))
-
-
-def _word(winner: Candidate, candidates: int, rivals: int) -> str:
-    ratio = winner.cost / winner.expected
-    return (
-        f"Started from {winner.origin}, the best of {rivals} fits from {candidates} candidates; its frequency response"
-        f" misses the measured one by {np.sqrt(ratio):.2g} times what the record leaves unsure."
-    )
+def _grown(problem: Problem, slots: Slots, measured: Measured) -> Iterator[Candidate]:
+    """Chains that grew mass by mass."""
+    for stem in longer(problem, stems(measured, slots.masses - 1), measured):
+        yield candidate(stem.response, stem.end, measured, f"a chain that grew to {slots.masses} masses")
 
 
 def _by_base(problem: Problem, given: Mapping[str, float]) -> dict[str, float]:
@@ -216,14 +174,3 @@ def _by_base(problem: Problem, given: Mapping[str, float]) -> dict[str, float]:
             raise KeyError(f"start of {name}: it is not free")
     split = {name: split_name(name) for name in given}
     return {base: 1 / given[name] if inverse else given[name] for name, (base, inverse) in split.items()}
-
-
-def _free(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
-    """As ``fit`` takes them: free parameters by their names, inside their bounds."""
-    out = {}
-    for name in problem.free:
-        base, inverse = split_name(name)
-        value = 1 / values[base] if inverse else values[base]
-        lower, upper = problem.bounds.get(name, (-np.inf, np.inf))
-        out[name] = float(np.clip(value, lower, upper))
-    return out

@@ -23,7 +23,7 @@ from monitor_core.kernel.tables import Floats
 
 _SMALLEST = 0.01
 """Weight of a resonance as part of the largest: one that is not seen gets this."""
-_BEYOND = 1.3
+BEYOND = 1.3
 """Of the highest frequency measured: resonances a little above it are felt."""
 _SLOWEST = 0.02
 """Decay of the rigid motion, as part of the lowest frequency, where no pole tells it."""
@@ -63,14 +63,14 @@ def modal(measured: Measured, masses: int, poles: Complexes, residues: Complexes
     s, r = np.log(poles[good].astype(complex)) / h, residues[good]
     height = np.abs(r) / np.maximum(-s.real * h, 1e-4)
     low, high = 2 * np.pi * measured.frequency_hz[[0, -1]]
-    pairs = np.flatnonzero((s.imag > low) & (s.imag < _BEYOND * high) & (s.real < 0))
+    pairs = np.flatnonzero((s.imag > low) & (s.imag < BEYOND * high) & (s.real < 0))
     if pairs.size < masses - 1:
         raise ValueError(f"{pairs.size} resonances were found, {masses} masses have {masses - 1}")
     chosen = pairs[np.argsort(-height[pairs])[: masses - 1]]
     chosen = chosen[np.argsort(np.abs(s[chosen]))]
     decay = np.concatenate([[_rigid(s, height, low)], -s[chosen].real])
     p = np.concatenate([[0.0], np.abs(s[chosen])])
-    return Modal(p, _weights(measured, p, decay), decay)
+    return Modal(p, weights(measured, p, decay), decay)
 
 
 def _rigid(s: Complexes, height: Floats, low: float) -> float:
@@ -79,16 +79,17 @@ def _rigid(s: Complexes, height: Floats, low: float) -> float:
     return float(-s[real[np.argmax(height[real])]].real) if real.size else low / 2
 
 
-def _weights(measured: Measured, p: Floats, decay: Floats) -> Floats:
+def weights(measured: Measured, p: Floats, decay: Floats) -> Floats:
+    """Of modes (n,), not negative, that come next to the response."""
     target = measured.target()
-    columns = np.column_stack([_shape(target, w, d, measured.output) for w, d in zip(p, decay, strict=True)])
+    columns = np.column_stack([shape(target, w, d, measured.output) for w, d in zip(p, decay, strict=True)])
     columns *= (target.weight / np.abs(target.G))[:, None]
     right = target.weight * target.G / np.abs(target.G)
     a = nnls(np.vstack([columns.real, columns.imag]), np.concatenate([right.real, right.imag]))[0]
     return np.asarray(np.maximum(a, _SMALLEST * a.max()), dtype=np.float64)
 
 
-def _shape(target: Target, p: float, decay: float, output: Output) -> Complexes:
+def shape(target: Target, p: float, decay: float, output: Output) -> Complexes:
     """Response (F,) of a mode with weight 1."""
     s = (
         np.array([-decay + 0j])

@@ -60,7 +60,7 @@ _HELD = 1e4
 """Weight of the prior of what is held."""
 _SLACK = 4.0
 """Standard deviations of a chi-square by which the right model may exceed what is expected."""
-_SAME = 1.02
+SAME = 1.02
 """Costs within this factor are of the same minimum."""
 
 
@@ -102,7 +102,7 @@ def search(
             reached(count + 1)
         best = min(e.cost for e in ends)
         needed = 2 if best < explained(measured) else again
-        if count + 1 >= most or sum(e.cost < _SAME * best for e in ends) >= needed:
+        if count + 1 >= most or sum(e.cost < SAME * best for e in ends) >= needed:
             break
     return tuple(distinct(ends))
 
@@ -125,7 +125,7 @@ def distinct(ends: Iterable[Found]) -> Iterator[Found]:
     """Those that are finite, sorted by cost, each minimum once."""
     last = 0.0
     for end in sorted(ends, key=lambda e: e.cost):
-        if _SAME * last < end.cost < np.inf:
+        if SAME * last < end.cost < np.inf:
             yield end
             last = end.cost
 
@@ -149,6 +149,12 @@ def descend(response: Response, measured: Measured, x: Floats, kind: Kind) -> Fo
     centre = x
     for shift, prior in _STAGES:
         x = _minimum(response, measured.target(shift, _SUREST), kind, x, centre, prior, _STEPS).x
+    return polish(response, measured, x)
+
+
+def settle(response: Response, measured: Measured, x: Floats) -> Found:
+    """The minimum next to x: first of a smoother cost and not far away."""
+    x = _minimum(response, measured.target(0.0, _SUREST), "linear", x, x, 1.0, _STEPS).x
     return polish(response, measured, x)
 
 
@@ -183,7 +189,7 @@ def _criterion(
         hopeless = Normal(np.inf, np.zeros(x.size), np.eye(x.size), 1)
         with np.errstate(all="ignore"):
             try:
-                e, J = _errors(kind, target, *response.at(x, target))
+                e, J = errors(kind, target, *response.at(x, target))
             except (np.linalg.LinAlgError, ValueError):
                 return hopeless
             away = x - centre
@@ -194,7 +200,7 @@ def _criterion(
     return evaluate
 
 
-def _errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Complexes, Complexes]:
+def errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Complexes, Complexes]:
     """Weighted errors (F,) and their slopes (F, p), with the sign of Normal: the error falls by J step."""
     w = target.weight
     ratio: Complexes = target.G / G

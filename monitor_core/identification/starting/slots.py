@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from monitor_core.drive import Drive, split_name
+from monitor_core.identification.frequency import Complexes
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting.inverse import Chain, chain_of_modes
 from monitor_core.kernel.tables import TORQUE, Floats
@@ -20,6 +21,8 @@ from monitor_core.kernel.tables import TORQUE, Floats
 _DAMPING = "N m s/rad"
 _LITTLE = 0.1
 """Of the damping that the springs have on average: what each damper has at least."""
+_SLOWEST = 1e-3
+"""Decay, 1/s: what is slower looks like this."""
 _GROWN = 1.25
 _TOLERANCE = 1e-5
 
@@ -36,7 +39,7 @@ class Slots:
         bases = [split_name(name)[0] for name in problem.free]
         units = {name: problem.drive.parameter(name).unit for name in bases}
         self.dampers = tuple(name for name in bases if units[name] == _DAMPING)
-        self.masses = self._chain(problem.nominal).J.size
+        self.masses = self.chain(problem.nominal).J.size
         self._scale = dict[str, tuple[int, float]]()
         for name in bases:
             if name not in self.dampers and problem.nominal[name] > 0:
@@ -57,33 +60,49 @@ class Slots:
 
     def damped(self, values: Mapping[str, float], decay: Floats) -> dict[str, float]:
         """The values with dampers whose modal damping comes next to ``decay`` (n,): to first order it is linear."""
-        A = _lossless(self._drive, values)[0]
-        poles, V = np.linalg.eig(A)
-        W = np.linalg.inv(V)
-        chosen = np.argsort(np.where(poles.imag < -1e-9 * np.abs(poles).max(), np.inf, np.abs(poles)))
-        chosen = chosen[: self.masses]
+        A, W, V = self._modes(values)
         rates = np.empty((self.masses, len(self.dampers)))
         for j, name in enumerate(self.dampers):
-            dA = _lossless(self._drive, values, {name: 1.0})[0] - A
-            rates[:, j] = -np.einsum("ij,jk,ki->i", W[chosen], dA, V[:, chosen]).real
+            rates[:, j] = _decays(_lossless(self._drive, values, {name: 1.0})[0] - A, W, V)
         # Each damper in units in which all of them damp alike; each mode in units of its own decay.
         unit = 1 / np.maximum(rates.sum(axis=0), 1e-300)
         d = nnls(rates * unit / decay[:, None], np.ones(self.masses))[0]
         d = np.maximum(d, _LITTLE * decay.mean()) * unit
         return {**values, **dict(zip(self.dampers, d.tolist(), strict=True))}
 
-    def _chain(self, values: Mapping[str, float]) -> Chain:
+    def decays(self, values: Mapping[str, float]) -> Floats:
+        """(n,) of the rigid motion and of the resonances, 1/s, to first order in the dampers: what ``damped`` takes."""
+        A, W, V = self._modes(values)
+        dampers = {name: values[name] for name in self.dampers}
+        return np.maximum(_decays(_lossless(self._drive, values, dampers)[0] - A, W, V), _SLOWEST)
+
+    def _modes(self, values: Mapping[str, float]) -> tuple[Floats, Complexes, Complexes]:
+        """A without dampers; left (n, s) and right (s, n) eigenvectors, those of the rigid motion first."""
+        A = _lossless(self._drive, values)[0]
+        poles, V = np.linalg.eig(A.astype(np.complex128))
+        W = np.linalg.inv(V)
+        lower = poles.imag < -1e-9 * np.abs(poles).max()
+        chosen = np.argsort(np.where(lower, np.inf, np.abs(poles)))[: self.masses]
+        return A, W[chosen], V[:, chosen]
+
+    def chain(self, values: Mapping[str, float]) -> Chain:
+        """What the motor sees of the drive without its dampers."""
         return _taken_apart(*_lossless(self._drive, values))
 
     def _place(self, name: str) -> None:
         """Which number of the chain is this parameter times a constant."""
-        before = np.concatenate(self._chain(self._nominal))
+        before = np.concatenate(self.chain(self._nominal))
         grown = {**self._nominal, name: self._nominal[name] * _GROWN}
-        change = np.concatenate(self._chain(grown)) / before
+        change = np.concatenate(self.chain(grown)) / before
         moved = np.flatnonzero(np.abs(change - 1) > _TOLERANCE)
         if moved.size == 1 and abs(change[moved[0]] / _GROWN - 1) < _TOLERANCE:
             slot = int(moved[0])
             self._scale[name] = slot, float(before[slot] / self._nominal[name])
+
+
+def _decays(dA: Floats, W: Complexes, V: Complexes) -> Floats:
+    """-Re of what dA adds to the eigenvalues of these eigenvectors, to first order (n,)."""
+    return np.asarray(-np.einsum("ij,jk,ki->i", W, dA, V).real)
 
 
 def _lossless(

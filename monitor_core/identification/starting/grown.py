@@ -1,0 +1,129 @@
+"""Chains of different length compared.
+
+What decides is Schwarz' criterion,
+
+    BIC = N ln(V / samples) + p ln N,        N = samples / (1 + 2 sum_l r_l^2),
+
+with the autocorrelation r of the errors, since samples whose errors hang together tell no more than these fewer
+(Bartlett).  On records that are kept aside the longer chain must predict better, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monitor_core.identification.greybox import Estimate
+from monitor_core.identification.record import Record
+
+_WHITE = 0.01
+"""A p-value below which errors are not white."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """A chain of some masses, fitted.
+
+    Attributes:
+        masses: how many.
+        estimate: all values as the motor sees them, J1, k1, .. outwards.
+        samples: N of the criteria.
+        aic: Akaike's criterion.
+        bic: Schwarz' criterion.
+        validation: NRMSE in per cent of each record kept aside, one step ahead.
+    """
+
+    masses: int
+    estimate: Estimate
+    samples: float
+    aic: float
+    bic: float
+    validation: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Chains of one, two, .. masses.
+
+    Attributes:
+        models: the last may be one that is not asked for.
+        recommended: the number of masses that the records ask for.
+        words: why, in sentences.
+    """
+
+    models: tuple[Grown, ...]
+    recommended: int
+    words: tuple[str, ...]
+
+    @property
+    def best(self) -> Grown:
+        """The recommended one."""
+        return self.models[self.recommended - 1]
+
+
+def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
+    """The models with their criteria, all for the same N: that of the model whose errors are whitest."""
+    count = sum(int(record.measured.sum()) for record in records)
+    N = max(count / (1 + 2 * float(np.sum(one.estimate.whiteness.values**2))) for one in models)
+    out = []
+    for one in models:
+        initial = one.estimate.problem.initial == "free"
+        p = len(one.estimate.names) + initial * len(one.estimate.drive.states) * len(records)
+        fit = N * np.log(one.estimate.cost / count)
+        out.append(replace(one, samples=N, aic=float(fit + 2 * p), bic=float(fit + p * np.log(N))))
+    return out
+
+
+def asked(smaller: Grown, larger: Grown) -> bool:
+    """Whether the records ask for the larger one."""
+    if not larger.bic < smaller.bic:
+        return False
+    return not larger.validation or sum(larger.validation) > sum(smaller.validation)
+
+
+def verdict(models: Sequence[Grown], upto: int, failed: str) -> Growth:
+    """What is recommended.
+
+    Args:
+        models: of one mass, two, ..
+        upto: the most that were to be tried.
+        failed: why the next could not be fitted, if so.
+    """
+    enough = len(models) > 1 and not asked(*models[-2:])
+    recommended = len(models) - enough
+    if enough:
+        why = _notasked(*models[-2:])
+    elif failed:
+        why = f"No chain of {recommended + 1} masses could be fitted: {failed}."
+    else:
+        why = f"That is the most that was tried, and the records ask for {_masses(upto)}."
+    words = (f"{_masses(recommended).capitalize()}. {why}", _white(models[recommended - 1]))
+    return Growth(tuple(models), recommended, words)
+
+
+def _notasked(smaller: Grown, larger: Grown) -> str:
+    gain = 100 * (1 - larger.estimate.cost / smaller.estimate.cost)
+    more = f"With {_masses(larger.masses)} the squared errors are {gain:.2g} % less"
+    if larger.bic < smaller.bic:
+        a, b = (float(np.mean(one.validation)) for one in (smaller, larger))
+        return f"{more}, but the records kept aside are predicted with {b:.4g} % instead of {a:.4g} %."
+    return (
+        f"{more}: no more than chance makes of so many further parameters (BIC rises by"
+        f" {larger.bic - smaller.bic:.3g})."
+    )
+
+
+def _white(model: Grown) -> str:
+    p = model.estimate.whiteness.p_value
+    if p >= _WHITE:
+        return f"Its errors are white (p = {p:.2g}): the record holds nothing that this model leaves out."
+    return (
+        f"Its errors are not white (p = {p:.2g}): they hold what no further mass in a row explains, such as friction"
+        " that depends on the direction, backlash, or a disturbance."
+    )
+
+
+def _masses(count: int) -> str:
+    return "one mass" if count == 1 else f"{count} masses"

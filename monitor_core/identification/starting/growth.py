@@ -1,0 +1,88 @@
+"""Chains that grow in the frequency response, mass by mass, each out of the ones before.
+
+From one rigid mass: where the response of the fitted chain lacks a resonance most (pursuit.py), a mass and a spring
+join in, and all is fitted again.  The few best of each length go on.  No black box has to resolve the resonances, and
+what one of them hides the next fit uncovers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.drive import Output
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.starting.chains import chain, names
+from monitor_core.identification.starting.inverse import chain_of_modes
+from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.starting.modes import Modal, weights
+from monitor_core.identification.starting.pursuit import joined, lacking, modes_of
+from monitor_core.identification.starting.response import Measured
+from monitor_core.identification.starting.search import Found, distinct, settle
+from monitor_core.identification.starting.slots import Slots
+
+_BEAM = 3
+"""Chains of each length that go on."""
+
+
+class Stem(NamedTuple):
+    """A chain that was fitted to the response."""
+
+    response: Response
+    end: Found
+    slots: Slots | None
+
+    @property
+    def known(self) -> Modal:
+        """Its modes."""
+        values = self.response.named(self.end.x)
+        if self.slots is None:
+            J, fm = values["J1"], values["fm"]
+            return Modal(np.zeros(1), np.array([1 / J]), np.array([fm / J]))
+        return modes_of(self.slots, values)
+
+
+def rigid(measured: Measured) -> tuple[Stem, ...]:
+    """One mass."""
+    low = 2 * np.pi * measured.frequency_hz[:1]
+    a = float(weights(measured, np.zeros(1), low / 2)[0])
+    problem = bare(1, measured.output)
+    response = Response(problem, {"J1": 1 / a, "fm": float(low[0]) / 2 / a})
+    return (Stem(response, settle(response, measured, response.start), None),)
+
+
+def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple[Stem, ...]:
+    """Chains with one mass more, ``problem``'s, grown out of shorter ones; the best first."""
+    slots = Slots(problem)
+    found = [one for stem in stems for one in _grown(problem, slots, stem, measured)]
+    best = {one.end.cost: one for one in found}
+    return tuple(best[end.cost] for end in distinct(one.end for one in found))[:_BEAM]
+
+
+def stems(measured: Measured, masses: int) -> tuple[Stem, ...]:
+    """Chains of so many masses, grown from one."""
+    found = rigid(measured)
+    for n in range(2, masses + 1):
+        found = longer(bare(n, measured.output), found, measured)
+    return found
+
+
+def bare(masses: int, output: Output) -> Problem:
+    """A chain of which all is free but Coulomb friction and offset."""
+    given = dict.fromkeys(names(masses), 1.0)
+    nominal = {**given, "fm": 1.0, "fc": 0.0, "tau0": 0.0}
+    return Problem(chain(masses, output), nominal, (*given, "fm"), predictor="output-error")
+
+
+def _grown(problem: Problem, slots: Slots, stem: Stem, measured: Measured) -> Iterator[Stem]:
+    known = stem.known
+    for mode in lacking(stem.response, stem.end.x, measured):
+        modal = joined(known, mode)
+        try:
+            values = slots.values(chain_of_modes(modal.p, modal.a), modal.decay)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        response = Response(problem, values)
+        yield Stem(response, settle(response, measured, response.start), slots)
