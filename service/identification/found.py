@@ -18,6 +18,7 @@ from service.identification.varying import Follows
 
 _SURE = 3.0
 """Standard deviations."""
+_STARTED = "Started from "
 _SKEWED = (
     "the torque acts {:.3g} ms late, but the daemon can follow delays of 0 to one interval only: shift the torque"
     " against the motion where they are recorded"
@@ -39,6 +40,11 @@ class Row(NamedTuple):
     def relative_sd(self) -> float | None:
         """Of the value; None where that is zero."""
         return None if self.sd is None or self.value == 0 else self.sd / abs(self.value)
+
+    @property
+    def about_zero(self) -> bool:
+        """It cannot be told from zero."""
+        return self.sd is not None and abs(self.value) < _SURE * self.sd
 
     @property
     def change(self) -> float | None:
@@ -92,7 +98,12 @@ class Found:
     @property
     def warnings(self) -> tuple[str, ...]:
         """All doubts, in sentences: of the records, then of the fit."""
-        return (*self.task.warnings, *self.estimate.words)
+        return (*self.task.warnings, *(word for word in self.estimate.words if word != self.origin))
+
+    @property
+    def origin(self) -> str:
+        """Where the fit started, which is no doubt; empty: at the configured values."""
+        return next((word for word in self.estimate.words if word.startswith(_STARTED)), "")
 
     def rows(self) -> Iterator[Row]:
         """Of the free parameters in their order, then of what is held; slopes have rows of their own."""

@@ -16,7 +16,7 @@ from service.reports.identification_pages import (
 )
 from service.reports.identification_plots import bode_picture, residual_picture, trace_picture
 from service.reports.identification_style import STYLE
-from service.reports.identification_words import escaped, predictor_words, residual_words
+from service.reports.identification_words import escaped, percent, predictor_words, residual_words
 
 
 def as_html(found: Found) -> str:
@@ -77,15 +77,17 @@ def _verdict(found: Found) -> str:
 
 def _tiles(found: Found) -> str:
     e = found.estimate
-    worst = max(
-        (row.relative_sd or 0.0 for row in found.rows() if row.sd is not None),
-        default=0.0,
-    )
+    rows = [row for row in found.rows() if row.sd is not None]
+    worst = max((row.relative_sd or 0.0 for row in rows if not row.about_zero), default=0.0)
+    zero = ", ".join(row.name for row in rows if row.about_zero)
     validation = min((trace.fit_simulation for trace in found.validation), default=None)
     tiles = [
         (f"{min(t.fit_simulation for t in found.estimation):.1f} %", "fit of the simulation"),
         ("-" if validation is None else f"{validation:.1f} %", "the same, on records kept aside"),
-        (f"{100 * worst:.2g} %", "largest standard deviation of a parameter"),
+        (
+            percent(worst),
+            f"largest standard deviation of a parameter{f'; about 0: {escaped(zero)}' if zero else ''}",
+        ),
         (
             "yes" if e.independence.p_value >= 1 - LEVEL else "no",
             "does the drive explain all that the torque does?",

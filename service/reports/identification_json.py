@@ -49,6 +49,7 @@ def as_json(found: Found) -> str:
             "words": [test.words for test in residual_words(found)],
         },
         "warnings": list(found.warnings),
+        "started_from": found.origin or None,
         "bode": _bode(found),
         "provenance": {"axiswatch": p.version, "date": p.date, "command": p.command, "drawing": p.drawing},
     }

@@ -12,7 +12,7 @@ from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.statespace import StateSpace
 from service.identification.found import Found, Row, Slope
 from service.ingest.identification_records import Source
-from service.reports.identification_words import deviation, escaped, fits, number, percent, plain
+from service.reports.identification_words import deviation, escaped, fits, number, percent, plain, relative
 from service.reports.model_svg import as_svg
 
 _LEAST, _MOST = 1e-4, 1.0
@@ -35,8 +35,9 @@ def drive_picture(space: StateSpace) -> str:
 
 def parameter_table(found: Found) -> str:
     """All parameters, with bars of their standard deviations."""
-    titles = ("", "value", "unit", "sd", "sd", "", "before", "change", "meaning")
-    rows = "".join(map(_parameter, found.rows()))
+    known = any(row.before is not None for row in found.rows() if not row.held)
+    titles = ("", "value", "unit", "sd", "sd", "", *(("before", "change") if known else ()), "meaning")
+    rows = "".join(_parameter(row, known) for row in found.rows())
     legend = (
         f'<p class="legend">sd: standard deviation; bars: it as part of the value, on a logarithmic scale from'
         f" {percent(_LEAST)} to {percent(_MOST)}.</p>"
@@ -75,17 +76,21 @@ def _slope(s: Slope, unit: str) -> str:
     )
 
 
-def _parameter(row: Row) -> str:
+def _parameter(row: Row, known: bool) -> str:
     if row.held:
         middle = f'<td colspan="3" class="why">held: {escaped(row.held)}</td>'
     else:
         middle = (
-            f"{_number(deviation(row))}{_number(percent(row.relative_sd))}<td>{_bar(row.relative_sd)}</td>"
+            f"{_number(deviation(row))}{_number(relative(row))}"
+            f"<td>{'' if row.about_zero else _bar(row.relative_sd)}</td>"
         )
-    change = "" if row.held else percent(row.change, signed=True)
+    before = ""
+    if known:
+        change = "" if row.held else percent(row.change, signed=True)
+        before = f"{_number(number(row.before))}{_number(change)}"
     return (
         f"<tr{HELD if row.held else ''}><th>{escaped(row.name)}</th>{_number(number(row.value, row.sd))}"
-        f'<td class="unit">{escaped(row.unit)}</td>{middle}{_number(number(row.before))}{_number(change)}'
+        f'<td class="unit">{escaped(row.unit)}</td>{middle}{before}'
         f'<td class="meaning">{escaped(row.meaning)}</td></tr>'
     )
 
@@ -144,9 +149,10 @@ def provenance(found: Found) -> str:
         if p.drawing
         else ""
     )
+    started = f"<p>{escaped(found.origin)}</p>" if found.origin else ""
     program = f"<p>axiswatch {escaped(p.version)}, {escaped(p.date)}. To do it again:</p>"
     program += f"<pre>{escaped(p.command)}</pre>"
-    return f"{_list(map(_source, sources))}{drawing}{program}"
+    return f"{_list(map(_source, sources))}{drawing}{started}{program}"
 
 
 def _source(source: Source) -> str:

@@ -15,6 +15,7 @@ from service.reports.identification_words import (
     number,
     percent,
     predictor_words,
+    relative,
     residual_words,
     slope_words,
 )
@@ -37,7 +38,8 @@ def print_text(found: Found, console: Console) -> None:
 def _parameters(found: Found) -> Table:
     title = f"{found.task.axis.id}: {found.task.drive.name}"
     table = Table("parameter", title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    for name in ("value", "unit", "sd", "sd", "before", "change"):
+    known = any(row.before is not None for row in found.rows() if not row.held)
+    for name in ("value", "unit", "sd", "sd", *(("before", "change") if known else ())):
         table.add_column(name, justify="left" if name == "unit" else "right", no_wrap=True)
     for row in found.rows():
         style = "dim" if row.held else None
@@ -46,11 +48,11 @@ def _parameters(found: Found) -> Table:
             number(row.value, row.sd),
             row.unit,
             "held" if row.held else deviation(row),
-            percent(row.relative_sd),
+            relative(row),
             number(row.before),
             percent(row.change, signed=True) if not row.held else "",
         )
-        table.add_row(*map(escape, cells), style=style)
+        table.add_row(*map(escape, cells if known else cells[:-2]), style=style)
     return table
 
 

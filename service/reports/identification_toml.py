@@ -13,6 +13,7 @@ from service.config.nominal_file import FORMAT, structure_of
 from service.identification.found import Found, Row, Slope
 from service.identification.traces import Trace
 from service.ingest.identification_records import Loaded
+from service.reports.identification_words import percent
 
 _DIGITS, _FEW = 10, 5
 
@@ -104,7 +105,8 @@ def _about(name: str, rows: Mapping[str, Row], found: Found) -> str:
     if row is None or row.held:
         sure = f"held: {row.held}" if row else "held"
     else:
-        sure = f"+- {100 * row.relative_sd:.2g} %" if row.relative_sd is not None else f"+- {row.sd:.2g}"
+        told = row.relative_sd is not None and not row.about_zero
+        sure = f"+- {percent(row.relative_sd)}" if told else f"+- {row.sd:.2g}, about 0"
     return f"{p.unit}, {sure}; {p.meaning}"
 
 

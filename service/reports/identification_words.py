@@ -46,6 +46,11 @@ def percent(value: float | None, signed: bool = False) -> str:
     return f"{digits:+g} %" if signed else f"{digits:g} %"
 
 
+def relative(row: Row) -> str:
+    """The standard deviation as part of the value, where that makes sense."""
+    return "about 0" if row.about_zero else percent(row.relative_sd)
+
+
 def deviation(row: Row) -> str:
     """The standard deviation, or why there is none."""
     return plain(row.sd, 2) if row.sd is not None else f"held: {row.held}"
