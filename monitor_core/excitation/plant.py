@@ -46,7 +46,7 @@ class Controller:
 class Plant:
     """A drive whose output is the angle, sampled with an interval.
 
-    ``speed_scale`` is that of Coulomb friction, rad/s.
+    ``speed_scale`` is that of Coulomb friction, rad/s; of that friction there is ``coulomb`` times as much as given.
 
     Raises:
         ValueError: the output of the drive is the speed.
@@ -57,6 +57,7 @@ class Plant:
     values: Mapping[str, float]
     interval_s: float
     speed_scale: float = 1.0
+    coulomb: float = 1.0
 
     def __post_init__(self) -> None:
         if self.drive.output != "angle":
@@ -67,6 +68,7 @@ class Plant:
     def _balanced(self) -> tuple[Floats, Floats, Floats]:
         """A, B and the rows of angle and speed (2, n), in states x_i / d_i."""
         A, B, C = (self.drive.matrix(which, self.values) for which in ("A", "B", "C"))
+        B[:, [kind == COULOMB for kind in self.drive.inputs]] *= self.coulomb
         d = np.asarray(sla.matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)
         A, B, C = A / d[:, None] * d, B / d[:, None], C * d
         return A, B, np.vstack([C, C @ A])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,11 +16,31 @@ from monitor_core.modeling.accuracy import FAIR, percent
 _MOST_LINES = 80
 _WORTH_IT = 1.5
 """A band that makes a standard deviation so much smaller is worth the words."""
+_OFF = 0.2
+"""Of Coulomb friction: it may well have changed so much since it was configured, with the temperature alone."""
 
 
 def warnings(experiment: Experiment) -> tuple[str, ...]:
-    """Sentences on each parameter that is not told well, and on pairs that are not told apart."""
-    return (*_poor(experiment), *experiment.accuracy.words())
+    """Sentences on where it ends, on each parameter that is not told well, and on pairs that are not told apart."""
+    return (*_ends(experiment), *_poor(experiment), *experiment.accuracy.words())
+
+
+def _ends(experiment: Experiment) -> Iterator[str]:
+    """A torque is the same whatever the drive does; a controller would bring it back."""
+    task, plant = experiment.task, experiment.task.plant
+    if task.command != "torque" or plant.is_linear:
+        return
+    torque = experiment.motion.torque
+    motions = [replace(plant, coulomb=factor).moved(torque) for factor in (1 - _OFF, 1 + _OFF)]
+    away, speed = (max(abs(float(getattr(m, what)[-1, 0])) for m in motions) for what in ("angle", "speed"))
+    shares = [share for m in motions for share in task.limits.used(m).items() if share[1] > 1]
+    name, share = max(shares, key=lambda of: of[1], default=("", 0.0))
+    beyond = f", and comes to {100 * share:.0f} % of the {name} limit on its way" if share else ""
+    yield (
+        f"The torque brings the drive back and to rest with the friction that is configured; with {percent(_OFF)} more"
+        f" or less Coulomb friction it ends up to {away:.2g} rad away, at up to {speed:.2g} rad/s{beyond}. Nothing but"
+        " friction stops it there: have the controller or the brake take over at the last sample."
+    )
 
 
 def _poor(experiment: Experiment) -> Iterator[str]:

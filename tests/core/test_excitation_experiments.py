@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
 from monitor_core.discretize import zero_order_hold
+from monitor_core.excitation.crest import crest_factor
 from monitor_core.excitation.design import Command, Experiment, Task, plan
 from monitor_core.excitation.limits import Limits, fitted
 from monitor_core.excitation.multisine import Multisine, lines_in
@@ -142,6 +144,33 @@ def test_an_offset_is_borne_so_that_nothing_drifts(seed: int) -> None:
 def test_with_friction_it_ends_nearly_at_rest(seed: int) -> None:
     x = planned(seed, task(Limits(2, 20), two_masses(fc=0.2)))
     assert abs(x.motion.speed[-1, 0]) < 0.05 * np.abs(x.motion.speed).max()
+
+
+@pytest.mark.parametrize("limits", [Limits(2, 20), Limits(angle=0.5)])
+def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: Limits, seed: int) -> None:
+    """Against another simulation, with 20 % more and less of it; a controller, or a linear drive, needs no words."""
+    x = planned(seed, task(limits, two_masses(fc=0.3)))
+    said = [words for words in warnings(x) if "Coulomb friction" in words]
+    motions = [
+        replayed(replace(x.task.plant, values=two_masses(fc=fc)), x.motion.torque[:, 0])
+        for fc in (0.24, 0.36)
+    ]
+    away, speed = (max(abs(m[i][-1]) for m in motions) for i in range(2))
+    largest = max(np.abs(angle).max() for angle, _ in motions)
+    assert len(said) == 1
+    (numbers,) = re.findall(r"ends up to (\S+) rad away, at up to (\S+) rad/s", said[0])
+    assert [float(n) for n in numbers] == pytest.approx([away, speed], rel=0.06)
+    assert (f"{100 * largest / limits.angle:.0f} % of the angle limit" in said[0]) == (largest > limits.angle)
+    for other in (task(limits, two_masses(fc=0.3), command="angle"), task(limits)):
+        assert not [words for words in warnings(planned(seed, other)) if "Coulomb friction" in words]
+
+
+def test_what_has_the_limit_gets_the_low_peaks(seed: int) -> None:
+    """The angle, where that is limited: a peak of 1.2 rms values, which phases made for the torque do not give it."""
+    x = planned(seed, task(Limits(angle=1.0)))
+    to_angle = x.task.plant.response(x.task.frequency_hz)[0]
+    assert crest_factor(x.trial.signal.through(to_angle).samples()) < 1.3
+    assert crest_factor(x.trial.signal.samples()) > 1.6
 
 
 def test_a_good_controller_follows_and_a_known_one_commands_the_signal(seed: int) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.excitation import Lines, Multisine, lines_in, multisine
-from monitor_core.excitation.crest import crest_factor, flattened
+from monitor_core.excitation.crest import _log_norm, crest_factor, flattened
 from monitor_core.excitation.multisine import Complex
 
 WHICH: st.SearchStrategy[Lines] = st.sampled_from(["all", "odd"])
@@ -87,6 +87,25 @@ def test_schroeders_phases_suit_any_spectrum(seed: int) -> None:
     lines = lines_in(4000, 0.005, (0.0, 30.0))
     m = Multisine.random(np.random.default_rng(seed), 4000, 0.005, lines, 1 / np.arange(10, 10 + len(lines)))
     assert crest_factor(m.with_schroeder_phases().samples()) < 2.2 < crest_factor(m.samples())
+
+
+def test_schroeders_phases_of_equal_lines() -> None:
+    """As he writes them: -pi k (k - 1) / L."""
+    m = Multisine(64, 0.01, np.arange(1, 11), np.full(10, 0.7), np.zeros(10))
+    k = np.arange(1, 11)
+    assert m.with_schroeder_phases().phases == pytest.approx(-np.pi * k * (k - 1) / 10, abs=1e-12)
+
+
+@given(multisines(), st.sampled_from([1, 2, 8, 64]), st.integers(0, 2**32))
+def test_slopes_of_the_norm_of_several_signals(m: Multisine, p: int, seed: int) -> None:
+    """Against differences, in a random direction."""
+    rng = np.random.default_rng(seed)
+    gains: Complex = m.amplitudes * (1 + rng.random((2, 1)) * np.exp(2j * np.pi * rng.random(len(m.lines))))
+    direction, h = rng.standard_normal(len(m.lines)), 1e-5
+    ends = [_log_norm(m.phases + sign * h * direction, gains, m.lines, m.N, p)[0] for sign in (1, -1)]
+    _, slopes = _log_norm(m.phases, gains, m.lines, m.N, p)
+    tolerance = 1e-6 * p * float(np.linalg.norm(direction))
+    assert slopes @ direction == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4, abs=tolerance)
 
 
 def test_the_largest_of_several_signals_counts(seed: int) -> None:
