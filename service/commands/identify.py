@@ -7,15 +7,35 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from enum import StrEnum
 from importlib.metadata import version
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import MISTAKE, explained
+from service.commands.identify_arguments import (
+    Axis,
+    Beginning,
+    Delay,
+    Fix,
+    Folder,
+    Force,
+    Free,
+    HoldNoise,
+    JsonFile,
+    Kind,
+    MassesOption,
+    Output,
+    PredictorOption,
+    Records,
+    Report,
+    Robust,
+    Slow,
+    StartOption,
+    Validate,
+    Varying,
+)
 from service.commands.identify_files import Files
 from service.commands.optional_value import OptionalValueCommand
 from service.commands.which_drive import axis_named
@@ -38,108 +58,6 @@ class Command(OptionalValueCommand):
         return word == "-" or word.endswith(".json") or word.startswith("/dev/")
 
 
-class Beginning(StrEnum):
-    """Where the fit starts."""
-
-    SEARCH = "search"
-    VALUES = "values"
-    RECORDS = "records"
-
-
-class Kind(StrEnum):
-    """How the motion is predicted."""
-
-    INNOVATIONS = "innovations"
-    OUTPUT_ERROR = "output-error"
-
-
-Records = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="RECORD...",
-        help="Tables (.csv .parquet .mat) or CAN logs (.log .asc .blf .trc) of the healthy axis; FILE@10:60 are its"
-        " seconds 10 to 60.",
-    ),
-]
-Axis = Annotated[
-    str | None,
-    typer.Option("--axis", metavar="NAME", help="Which axis, if there are several; its name, or robot.axis."),
-]
-Free = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--free",
-        metavar="NAMES",
-        help='Only these parameters, "Jm,fm,1/Ja". Default: all that can be told with kT and r held.',
-    ),
-]
-Fix = Annotated[
-    list[str] | None,
-    typer.Option("--fix", metavar="NAMES", help="These stay at their nominal values, beside kT and r."),
-]
-PredictorOption = Annotated[
-    Kind | None, typer.Option("--predictor", help="How the motion is predicted. Default: as configured.")
-]
-Varying = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--varying",
-        metavar="NAME:SIGNALS",
-        help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "Ja: payload, cos(angle2)".'
-        " Of a signal there are cos, sin and square.",
-    ),
-]
-Validate = Annotated[
-    list[str] | None,
-    typer.Option("--validate", metavar="RECORD", help="Also predict this record, which is not fitted."),
-]
-Delay = Annotated[bool, typer.Option("--delay", help="Also find by how much the torque acts late.")]
-Slow = Annotated[
-    float | None,
-    typer.Option(
-        "--disturbance",
-        metavar="SECONDS",
-        min=1e-3,
-        help="What disturbs the torque also has a slow part with this time constant, a state of the model.",
-    ),
-]
-HoldNoise = Annotated[
-    bool,
-    typer.Option(
-        "--hold-noise",
-        help="The gain follows from torque_noise and output_noise as configured. Default: from noise found in the"
-        " records.",
-    ),
-]
-Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
-StartOption = Annotated[
-    Beginning | None,
-    typer.Option(
-        "--start",
-        help="Where the fit starts: at the configured values and where a search around them ends; there only (fast);"
-        " or at what the records alone tell. Default: search; records where the configuration has no values.",
-    ),
-]
-Folder = Annotated[
-    Path | None,
-    typer.Option("--output-dir", metavar="DIR", help="Where nominal.toml and report.html go. Default: here."),
-]
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="The nominal values; default nominal.toml."),
-]
-Report = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE", help="The report; default report.html beside them.")
-]
-JsonFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--json", metavar="[FILE]", help="Also write everything here; - or nothing is standard output."
-    ),
-]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite nominal values that are there already.")]
-
-
 def identify(
     config: ConfigPath,
     records: Records,
@@ -154,6 +72,7 @@ def identify(
     hold_noise: HoldNoise = False,
     robust: Robust = False,
     start: StartOption = None,
+    masses: MassesOption = None,
     output_dir: Folder = None,
     output: Output = None,
     report: Report = None,
@@ -184,6 +103,7 @@ def identify(
             robust,
             _start(start),
             tuple(varying or ()),
+            _masses(masses),
         )
         task = task_of(read, chosen, records, validate or [], wishes)
         with _shown(chosen.id) as progress:
@@ -207,6 +127,23 @@ def _start(start: Beginning | None) -> Start | None:
         Beginning.RECORDS: "records",
     }
     return None if start is None else starts[start]
+
+
+def _masses(text: str | None) -> int | None:
+    """How many at most.
+
+    Raises:
+        typer.BadParameter: it is neither auto nor a number of masses.
+    """
+    from service.identification.masses import MOST, USUAL
+
+    if text is None:
+        return None
+    if text == "auto":
+        return USUAL
+    if not (text.isdecimal() and 1 <= int(text) <= MOST):
+        raise typer.BadParameter(f"{text}: write auto, or 1 to {MOST}", param_hint="--masses")
+    return int(text)
 
 
 def _names(given: list[str] | None) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ free.py       which parameters are to be found
 beginning.py  the values to start from, if there are any
 varying.py    parameters that follow measured signals
 task.py       the axis, its drive, and the records
+masses.py     how many masses the records ask for
 traces.py     what was measured, predicted and simulated, sample by sample
 bode.py       frequency responses of the drive found, of a black box, and of the record itself
 found.py      all that was found, for the reports

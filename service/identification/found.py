@@ -11,7 +11,9 @@ import numpy as np
 from monitor_core.drive import split_name
 from monitor_core.identification.problem import DELAY
 from monitor_core.identification.result import Estimate
+from monitor_core.identification.starting import Growth
 from service.identification.bode import Bode
+from service.identification.masses import masses_of
 from service.identification.task import Task
 from service.identification.traces import Trace
 from service.identification.varying import Follows
@@ -85,6 +87,7 @@ class Found:
     """``estimation`` and ``validation`` are the traces of the records of the task, ``bode`` the pictures' responses.
 
     ``colour``: how many times larger the variance of recursive estimates is than if the prediction errors were white.
+    ``growth``: how many masses the records ask for, if that was wished.
     """
 
     task: Task
@@ -94,11 +97,25 @@ class Found:
     bode: Bode
     colour: float
     provenance: Provenance
+    growth: Growth | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """All doubts, in sentences: of the records, then of the fit."""
-        return (*self.task.warnings, *(word for word in self.estimate.words if word != self.origin))
+        of_fit = (word for word in self.estimate.words if word != self.origin)
+        return (*self.task.warnings, *self._other_masses(), *of_fit)
+
+    def _other_masses(self) -> Iterator[str]:
+        """What is to be said where the drive has not as many masses as the records ask for."""
+        growth, has = self.growth, masses_of(self.estimate.problem)
+        if growth is None or has is None or growth.recommended == has:
+            return
+        asked = growth.recommended
+        if asked > has or len(growth.models) > asked:  # else more were not tried
+            yield (
+                f"The records ask for {_counted(asked)} in a row, and the drive {self.task.drive.name} has {has}:"
+                " identify a drive that has as many, of the library or drawn."
+            )
 
     @property
     def origin(self) -> str:
@@ -152,6 +169,10 @@ class Found:
         sd = float(e.sd[e.names.index(DELAY)])
         nearest = min(max(e.delay_s, 0.0), e.interval_s)
         return nearest if abs(nearest - e.delay_s) < _SURE * sd else e.delay_s
+
+
+def _counted(masses: int) -> str:
+    return "one mass" if masses == 1 else f"{masses} masses"
 
 
 def _value(values: Mapping[str, float], name: str) -> float | None:

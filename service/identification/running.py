@@ -14,6 +14,7 @@ from service.identification.bode import bode_of
 from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
 from service.identification.found import Found, Provenance
+from service.identification.masses import grown
 from service.identification.task import Task
 from service.identification.traces import traces_of
 
@@ -33,6 +34,8 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
         IdentificationError: the fit cannot start, for instance since the drive is unstable with these values.
     """
     records = [one.record for one in task.estimation]
+    told = progress or _nobody
+    growth = grown(task, lambda done, most: told("rows of masses", done, most))
     try:
         estimate = _best(task, records, progress)
         kept_aside = [one.record for one in task.validation]
@@ -47,6 +50,7 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
         bode_of(estimate, None if task.unknown else task.problem, records),
         colour_of(estimate, task.axis.config.model.monitor, records),
         provenance,
+        growth,
     )
 
 

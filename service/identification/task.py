@@ -38,6 +38,7 @@ class Wishes:
             response ends; or at what the records alone tell, without looking at the values.  None: "search" if there
             are values, else "records".
         varying: parameters that follow signals, "fm: temperature"; see ``service.identification.varying``.
+        masses: compare rows of up to so many masses; None: do not.
     """
 
     free: tuple[str, ...] = ()
@@ -49,6 +50,7 @@ class Wishes:
     robust: bool = False
     start: Start | None = None
     varying: tuple[str, ...] = ()
+    masses: int | None = None
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,7 @@ class Task:
     start: Start
     unknown: tuple[str, ...] = ()
     follows: tuple[Follows, ...] = ()
+    masses: int | None = None
 
     @property
     def drive(self) -> Drive:
@@ -116,6 +119,7 @@ def task_of(
         start,
         nominal.unknown,
         follows,
+        wishes.masses,
     )
 
 

@@ -9,6 +9,7 @@ from service.identification.found import Found
 from service.reports.identification_pages import (
     correlation_table,
     drive_picture,
+    masses_table,
     parameter_table,
     provenance,
     record_table,
@@ -47,6 +48,8 @@ def _sections(found: Found) -> Iterator[str]:
     if found.task.follows:
         yield _section("What follows measured signals", slope_table(found))
     yield _section("Drive", drive_picture(found.task.space))
+    if found.growth is not None:
+        yield _section("How many masses", masses_table(found.growth))
     yield _section("Measured and predicted", record_table(found), *_traces(found))
     yield _section("Frequency response", *_bode(found))
     yield _section(

@@ -8,6 +8,7 @@ from typing import Any
 
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.residuals import Correlation
+from monitor_core.identification.starting import Growth
 from monitor_core.kernel.tables import Floats
 from service.identification.found import Found, Row, Slope
 from service.identification.traces import Trace
@@ -28,6 +29,7 @@ def as_json(found: Found) -> str:
         "why_not": found.trustworthy() or None,
         "parameters": [_parameter(row) for row in found.rows()],
         "varying": [_slope(one) for one in found.slopes()],
+        "masses": _growth(found.growth) if found.growth else None,
         "names": list(e.names),
         "covariance": _numbers(e.covariance),
         "correlation": _numbers(e.correlation),
@@ -67,6 +69,23 @@ def _parameter(row: Row) -> Json:
         "change": row.change,
         "held": row.held or None,
     }
+
+
+def _growth(growth: Growth) -> Json:
+    models = [
+        {
+            "masses": one.masses,
+            "cost": one.estimate.cost,
+            "aic": one.aic,
+            "bic": one.bic,
+            "fit": list(one.estimate.fit),
+            "fit_simulation": list(one.estimate.fit_simulation),
+            "fit_validation": list(one.validation),
+            "values": dict(one.estimate.problem.nominal),
+        }
+        for one in growth.models
+    ]
+    return {"recommended": growth.recommended, "words": list(growth.words), "models": models}
 
 
 def _slope(one: Slope) -> Json:

@@ -8,11 +8,22 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from monitor_core.identification.starting import Growth
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.statespace import StateSpace
 from service.identification.found import Found, Row, Slope
 from service.ingest.identification_records import Source
-from service.reports.identification_words import deviation, escaped, fits, number, percent, plain, relative
+from service.reports.identification_words import (
+    MASSES_TITLES,
+    deviation,
+    escaped,
+    fits,
+    masses_rows,
+    number,
+    percent,
+    plain,
+    relative,
+)
 from service.reports.model_svg import as_svg
 
 _LEAST, _MOST = 1e-4, 1.0
@@ -116,6 +127,22 @@ def record_table(found: Found) -> str:
         " state at each sample; the simulation never looks at it again.</p>"
     )
     return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+
+
+def masses_table(growth: Growth) -> str:
+    """Rows of one, two, .. masses compared; what the records ask for stands out."""
+    rows = "".join(
+        f"<tr{'' if row.wanted else HELD}>{''.join(map(_number, row[:-1]))}</tr>"
+        for row in masses_rows(growth)
+    )
+    words = "".join(f"<p>{escaped(word)}</p>" for word in growth.words)
+    legend = (
+        '<p class="legend">Masses in a row, joined by springs and dampers, the motor first, each row fitted to the same'
+        " records. AIC and BIC, above their least values, weigh the squared errors against the number of parameters;"
+        " BIC decides, and the fit to records kept aside.</p>"
+    )
+    head = f"<thead><tr>{''.join(f'<th{NUMBER}>{title}</th>' for title in MASSES_TITLES)}</tr></thead>"
+    return f'{words}<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>{legend}'
 
 
 def correlation_table(found: Found) -> str:

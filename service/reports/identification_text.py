@@ -8,10 +8,13 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from monitor_core.identification.starting import Growth
 from service.identification.found import Found
 from service.reports.identification_words import (
+    MASSES_TITLES,
     deviation,
     fits,
+    masses_rows,
     number,
     percent,
     predictor_words,
@@ -28,6 +31,9 @@ def print_text(found: Found, console: Console) -> None:
         console.print(escape(words), soft_wrap=True)
     console.print(f"Predictor: {escape(predictor_words(found))}\n", soft_wrap=True)
     console.print(_fits(found))
+    if found.growth is not None:
+        console.print(_masses(found.growth))
+        console.print(f"{escape(' '.join(found.growth.words))}\n", soft_wrap=True)
     for test in residual_words(found):
         if test.passed:  # else it is among the warnings
             console.print(escape(test.words), soft_wrap=True)
@@ -53,6 +59,16 @@ def _parameters(found: Found) -> Table:
             percent(row.change, signed=True) if not row.held else "",
         )
         table.add_row(*map(escape, cells if known else cells[:-2]), style=style)
+    return table
+
+
+def _masses(growth: Growth) -> Table:
+    title = "Masses in a row; AIC and BIC above the least"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for name in MASSES_TITLES:
+        table.add_column(name, justify="right")
+    for row in masses_rows(growth):
+        table.add_row(*row[:-1], style="bold" if row.wanted else None)
     return table
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from monitor_core.identification.residuals import LEVEL
+from monitor_core.identification.starting import Growth
 from service.identification.found import Found, Row
 from service.identification.traces import Trace
 
@@ -97,6 +98,39 @@ def slope_words(found: Found) -> Iterator[str]:
         doubt = "" if s.told else ", which cannot be told from none"
         slope = f"by {number(s.slope, s.sd)} {unit} for each 1 of it (sd {plain(s.sd, 2)}){doubt}"
         yield f"{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
+
+
+class MassesRow(NamedTuple):
+    """One row of masses in the comparison, in words; ``wanted``: the records ask for it."""
+
+    masses: str
+    cost: str
+    aic: str
+    bic: str
+    fit: str
+    simulated: str
+    aside: str
+    wanted: bool
+
+
+MASSES_TITLES = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "simulated", "kept aside")
+
+
+def masses_rows(growth: Growth) -> Iterator[MassesRow]:
+    """The comparison; AIC and BIC above those of the best."""
+    least = [min(getattr(one, name) for one in growth.models) for name in ("aic", "bic")]
+    for one in growth.models:
+        e = one.estimate
+        yield MassesRow(
+            str(one.masses),
+            plain(e.cost, 5),
+            f"{one.aic - least[0]:+.0f}",
+            f"{one.bic - least[1]:+.0f}",
+            f"{min(e.fit):.2f} %",
+            f"{min(e.fit_simulation):.2f} %",
+            f"{min(one.validation):.2f} %" if one.validation else "",
+            one.masses == growth.recommended,
+        )
 
 
 def fits(found: Found) -> Iterator[tuple[str, str, Trace]]:

@@ -1,0 +1,129 @@
+"""``--masses``: rows of masses beside the drive, and what the reports say of them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from monitor_core.identification.starting import Grown, Growth
+from service.commands.main import app
+from service.config import Config, load
+from service.identification.errors import IdentificationError
+from service.identification.found import Found
+from service.identification.masses import grown, masses_of
+from service.identification.task import Wishes, task_of
+from tests.service.identification.conftest import FREE
+
+GRAVITY = """\
+[[robot]]
+name = "cell1"
+[[robot.axis]]
+name = "axis1"
+sample_interval_s = 0.005
+torque = { column = "torque" }
+angle = { column = "angle" }
+[robot.axis.model]
+monitor = ["f"]
+nominal = { J = 0.006, f = 0.06, gc = 1.0, gs = 0.0 }
+components.torque = { type = "torque", at = "shaft" }
+components.motor = { type = "inertia", at = "shaft", J = "J" }
+components.load = { type = "gravity", at = "shaft", gc = "gc", gs = "gs" }
+components.bearing = { type = "viscous-friction", at = "shaft", d = "f" }
+components.encoder = { type = "angle-sensor", at = "shaft" }
+"""
+
+
+def identify(*words: str | Path) -> Result:
+    result = CliRunner().invoke(app, ["identify", *map(str, words)])
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    return result
+
+
+def test_two_masses_are_not_enough_for_a_drive_of_three(folder: Path, tmp_path: Path) -> None:
+    """The comparison is in all reports, and the drive of three is not doubted by a search that ended at two."""
+    words = (
+        "--config",
+        folder / "robot.toml",
+        "--start",
+        "values",
+        "--free",
+        ",".join(FREE),
+        "--output-dir",
+        tmp_path,
+    )
+    result = identify(folder / "second.csv", *words, "--masses", "2", "--json", tmp_path / "all.json")
+    assert result.exit_code == 0, result.output
+    content = json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))
+    assert not any("in a row" in word for word in content["warnings"])
+    masses = content["masses"]
+    assert masses["recommended"] == 2
+    one, two = masses["models"]
+    assert (one["masses"], two["masses"]) == (1, 2)
+    assert two["cost"] < one["cost"]
+    assert two["bic"] < one["bic"]
+    assert set(one["values"]) == {"J1", "fm", "fc", "tau0"}
+    said = " ".join(result.stdout.split())
+    assert "Masses in a row; AIC and BIC above the least" in said
+    assert masses["words"][0] in said
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "How many masses" in page
+    assert masses["words"][0] in page
+
+
+def growth_of(found: Found, recommended: int, tried: int) -> Growth:
+    models = [Grown(n, found.estimate, 100.0, 10.0 - n, 20.0 - n, ()) for n in range(1, tried + 1)]
+    return Growth(tuple(models), recommended, ("Because.",))
+
+
+@pytest.mark.parametrize(
+    ("recommended", "tried", "words"),
+    [
+        (1, 2, "ask for one mass"),
+        (2, 3, "2 masses"),
+        (2, 2, ""),
+        (3, 3, ""),
+        (3, 4, ""),
+        (5, 5, "5 masses"),
+        (4, 5, "4 ma"),
+    ],
+)
+def test_another_number_than_the_drive_has_is_said(
+    found: Found, recommended: int, tried: int, words: str
+) -> None:
+    assert masses_of(found.estimate.problem) == 3
+    doubts = replace(found, growth=growth_of(found, recommended, tried)).warnings
+    said = [word for word in doubts if "in a row, and the drive three-mass has 3" in word]
+    assert len(said) == bool(words)
+    assert all(words in word for word in said)
+    assert set(found.warnings) == set(doubts) - set(said)
+
+
+def test_a_drive_that_is_not_free_has_no_number_of_masses(found: Found) -> None:
+    problem = replace(found.estimate.problem, free=("Jm", "fm"))
+    assert masses_of(problem) is None
+
+
+def test_nothing_is_compared_unless_it_is_wished(folder: Path, robot: Config) -> None:
+    assert grown(task_of(robot, robot.axes[0], [str(folder / "second.csv")], [], Wishes())) is None
+
+
+def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(GRAVITY, encoding="utf-8")
+    shutil.copy(folder / "second.csv", tmp_path)
+    config = load(tmp_path / "a.toml", {})
+    record = [str(tmp_path / "second.csv")]
+    task = task_of(config, config.axes[0], record, [], Wishes(masses=2, free=("J", "f", "gc")))
+    with pytest.raises(IdentificationError, match="without gravity, which acts on this drive"):
+        grown(task)
+
+
+@pytest.mark.parametrize("wrong", ["0", "10", "-1", "all", "2.5"])
+def test_a_wrong_number_is_named(folder: Path, wrong: str) -> None:
+    result = identify(folder / "second.csv", "--config", folder / "robot.toml", f"--masses={wrong}")
+    assert result.exit_code == 2
+    assert f"{wrong}: write auto, or 1 to 9" in result.stderr
