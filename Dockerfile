@@ -33,8 +33,8 @@ ENV PATH=/opt/axiswatch/bin:$PATH \
     OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
 USER axiswatch
 WORKDIR /var/lib/axiswatch
-# Compiled for the processor that builds the image; on another kind the first start compiles again.  Not in the
-# volume: that of an older image would hide it.
+# Daemon, identify and excite, compiled for the processor that builds the image; on another kind the first start of
+# each compiles again.  Not in the volume: that of an older image would hide it.
 RUN axiswatch warm
 VOLUME /var/lib/axiswatch
 EXPOSE 8080
