@@ -19,6 +19,7 @@ _NEARLY = 1e-3
 _FLAT = 1e-13
 """A part of the cost that no more is to be gained than this ends the search, too (data without noise)."""
 _DAMPING = 1.0
+UNDAMPED = 1e-12
 _MOST_DAMPING = 1e12
 STEP = 0.3
 """Longest step of a logarithm.  With these two, 25 of 25 fits of the reference drive from values wrong by 30 % ended
@@ -51,6 +52,7 @@ def minimise(
     clipped: Floats,
     most: int,
     progress: Callable[[int, float], None] | None = None,
+    damping: float = _DAMPING,
 ) -> End:
     """Minimise from xi.  A cost that is not finite only rejects the step.
 
@@ -62,11 +64,12 @@ def minimise(
         clipped: (P,) the same, but of the entry alone.
         most: evaluations.
         progress: called with the number of evaluations and the cost whenever that has fallen.
+        damping: of the first step, in units of the curvature; UNDAMPED where the problem is nearly linear.
 
     Raises:
         ValueError: the cost at the start is not finite.
     """
-    at, mu, grow = evaluate(xi), _DAMPING, 2.0
+    at, mu, grow = evaluate(xi), damping, 2.0
     if not np.isfinite(at.cost):
         raise ValueError("the predictor is unstable at the start values, or they make no sense")
     for count in range(1, most):

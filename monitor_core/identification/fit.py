@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.drive import DISTURBANCE_TIME
-from monitor_core.identification.descent import STEP, End, Normal, minimise
+from monitor_core.identification.descent import STEP, UNDAMPED, End, Normal, minimise
 from monitor_core.identification.layout import LEVEL
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import DELAY, Disturbance, Problem
@@ -104,7 +104,10 @@ def settled(predictor: Predictor, xi: Floats) -> Problem:
 
 
 def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
-    """The vector with the initial states that fit best, all else as at the start."""
+    """The vector with the initial states that fit best, all else as at the start.
+
+    Without friction and gravity of the simulated motion the errors are linear in them: one step.
+    """
     xi, shared = predictor.start(), predictor.layout.shared
     if xi.size == shared:
         return xi
@@ -116,7 +119,7 @@ def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
     own = xi[shared:]
     endless = np.full(own.size, np.inf)
     try:
-        found = minimise(evaluate, own, (-endless, endless), endless, endless, most).xi
+        found = minimise(evaluate, own, (-endless, endless), endless, endless, most, damping=UNDAMPED).xi
     except ValueError:
         found = own
     return np.concatenate([xi[:shared], found])
@@ -167,7 +170,9 @@ def _ratio(records: Sequence[Record]) -> float:
 
 
 def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> float:
-    predictor = Predictor(problem, records, noise)
+    """At the start: no derivatives by what stays where it is, which are most of the work."""
+    held = replace(problem, free=tuple(problem.varying), free_delay=False, initial="rest")
+    predictor = Predictor(held, records, noise)
     return criterion(predictor, predictor.start(), np.inf).cost
 
 

@@ -56,14 +56,14 @@ def gain(
     """
     enters = _noise_inputs(of, torque, at)
     held = hold(enters, np.array([at.interval_s]))
-    n, p = len(of.A), of.dA.shape[2]
+    n = len(of.A)
     Ad, G, dX = held.X[0, :, :n], held.X[0, :, n:], held.dX[0]
     s2, ds2 = _variances(at, torque, G.shape[1])
     P = prediction_variance(Ad, of.C, G * s2 @ G.T)
-    dQ = [_plus_transposed(dX[i, :, n:] * s2 @ G.T) for i in range(p)]
+    dQ = _plus_transposed(dX[:, :, n:] * s2 @ G.T)
     if time_constant is not None:
-        dQ[time_constant] = dQ[time_constant] + G * ds2["time_constant"] @ G.T
-    dQ += [G * ds2[name] @ G.T for name in free]
+        dQ[time_constant] += G * ds2["time_constant"] @ G.T
+    dQ = np.concatenate([dQ, *((G * ds2[name] @ G.T)[None] for name in free)])
     zeros = np.zeros((len(free), n, n))
     dC = np.hstack([of.dC, np.zeros((n, len(free)))])
     return _differentiated(Ad, of.C, P, np.concatenate([dX[:, :, :n], zeros]), dC, dQ)
@@ -96,23 +96,22 @@ def _variances(at: Levels, torque: NDArray[np.bool_], q: int) -> tuple[Floats, d
     }
 
 
-def _differentiated(Ad: Floats, C: Floats, P: Floats, dAd: Floats, dC: Floats, dQ: Sequence[Floats]) -> Gain:
+def _differentiated(Ad: Floats, C: Floats, P: Floats, dAd: Floats, dC: Floats, dQ: Floats) -> Gain:
+    """All k derivatives at once: dAd, dQ (k, n, n), dC (n, k)."""
     n = len(Ad)
     S = float(C @ P @ C) + 1
     K = P @ C / S
     J = np.eye(n) - np.outer(K, C)
     Pplus = J @ P @ J.T + np.outer(K, K)
     Phi = Ad @ J
+    moved = (Ad @ K)[:, None] * (dC.T @ (P @ Phi.T))[:, None, :]
+    W = _plus_transposed(dAd @ (Pplus @ Ad.T) - moved) + dQ
     lyapunov = sla.lu_factor(np.eye(n * n) - np.kron(Phi, Phi))
-    dK = np.empty((n, len(dQ)))
-    for i, (slope, extra) in enumerate(zip(dAd, dQ, strict=True)):
-        moved = -Ad @ np.outer(K, dC[:, i]) @ P @ J.T @ Ad.T
-        W = _plus_transposed(slope @ Pplus @ Ad.T + moved) + extra
-        dP = sla.lu_solve(lyapunov, W.ravel()).reshape(n, n)
-        dS = float(C @ dP @ C + 2 * dC[:, i] @ P @ C)
-        dK[:, i] = (dP @ C + P @ dC[:, i] - K * dS) / S
-    return Gain(K, dK, S)
+    dP = sla.lu_solve(lyapunov, W.reshape(-1, n * n).T).T.reshape(-1, n, n)
+    dS = dP @ C @ C + 2 * (C @ P @ dC)
+    return Gain(K, ((dP @ C).T + P @ dC - np.outer(K, dS)) / S, S)
 
 
 def _plus_transposed(M: Floats) -> Floats:
-    return M + M.T
+    """Of each matrix."""
+    return np.asarray(M + np.swapaxes(M, -1, -2))

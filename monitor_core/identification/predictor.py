@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.drive import DISTURBANCE_TIME, Drive
 from monitor_core.identification.held import hold, hold_late
@@ -17,7 +18,7 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.series import Series, series
 from monitor_core.identification.structure import Linear, Structure
 from monitor_core.kernel.fixed import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
-from monitor_core.kernel.tables import COULOMB, TORQUE, Floats
+from monitor_core.kernel.tables import COULOMB, TORQUE, Floats, Ints
 from monitor_core.model import AxisModel
 
 
@@ -52,8 +53,10 @@ class Predictor:
         start = self.layout.point(self.layout.start())
         self.d = AxisModel(self.drive, start.values, ()).balance()
         self._structure = Structure(self.drive, self.layout.free, self.d)
-        self._torque = np.array([kind == TORQUE for kind in self.drive.inputs])
+        self._kinds = np.array(self.drive.inputs)
+        self._torque = self._kinds == TORQUE
         self._source = np.array([self._source_of(kind) for kind in self.drive.inputs])
+        self._last: tuple[Floats, list[Errors]] = (np.empty(0), [])
         self._signal_mean = np.average(
             [s.signals[s.level].mean(axis=0) for s in self.series], axis=0, weights=[len(r) for r in records]
         )
@@ -121,7 +124,15 @@ class Predictor:
         return found._replace(dK=dK)
 
     def errors(self, xi: Floats) -> list[Errors]:
-        """Prediction errors and gradients of all records; not good where theta makes no sense."""
+        """Prediction errors and gradients of all records; not good where theta makes no sense.
+
+        Those of the last vector are kept: where a search ended they are asked for again.
+        """
+        if not np.array_equal(self._last[0], xi):
+            self._last = (xi.copy(), self._errors(xi))
+        return self._last[1]
+
+    def _errors(self, xi: Floats) -> list[Errors]:
         with np.errstate(all="ignore"):
             try:
                 K = self.gain(xi)
@@ -148,21 +159,27 @@ class Predictor:
     def _record_errors(self, xi: Floats, i: int, K: Gain) -> Errors:
         s, point = self.series[i], self.layout.point(xi)
         levels = [self._linear(point, signals) for signals in s.signals]
+        acts = self._acts(levels)
+        levels = [_with_inputs(of, acts) for of in levels]
         x0, Z0 = self._start(xi, i, levels[s.level[0]])
         P = Z0.shape[1]
         dK = np.zeros((self.n, P))
         dK[:, : K.dK.shape[1]] = K.dK
-        X, dX = self._held(point, s, levels)
-        scale, dscale = self._scales(levels, dX.shape[2] // self.n)
+        X, dX = self._held(point, s, levels, self._torque[acts])
+        scale, dscale = self._scales(levels, self._kinds[acts], dX.shape[2] // self.n)
         C = np.array([of.C for of in levels])
         dC = _widened(np.array([of.dC for of in levels]), dX.shape[2] // self.n)
         eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
-        kinds = np.array(self.drive.inputs)
         good = predict_record(
-            s.step, s.level, s.u, s.y, s.measured, kinds, self._source, self.drive.speed_state,
+            s.step, s.level, s.u, s.y, s.measured, self._kinds[acts], self._source[acts], self.drive.speed_state,
             scale, dscale, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
         )  # fmt: skip
         return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
+
+    def _acts(self, levels: Sequence[Linear]) -> NDArray[np.bool_]:
+        """Which inputs (m,) act at all: friction and gravity may be held at zero."""
+        acts = [of.B.any(axis=0) | of.dB.any(axis=(0, 2)) for of in levels]
+        return np.asarray(np.logical_or.reduce([self._torque, *acts]))
 
     def _start(self, xi: Floats, i: int, of: Linear) -> tuple[Floats, Floats]:
         columns = self.columns(i)
@@ -174,27 +191,32 @@ class Predictor:
         Z0[:, : of.drest.shape[1]] = of.drest * first
         return of.rest * first, Z0
 
-    def _held(self, point: Point, s: Series, levels: Sequence[Linear]) -> tuple[Floats, Floats]:
+    def _held(
+        self, point: Point, s: Series, levels: Sequence[Linear], torque: NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
         """X (G, n, n + m) and dX (G, n + m, n q) for the pairs of the series."""
         parts = [
-            self._held_level(point, s.pairs[s.pairs[:, 1] == j, 0] * 1e-6, of) for j, of in enumerate(levels)
+            self._held_level(point, s.pairs[s.pairs[:, 1] == j, 0] * 1e-6, of, torque)
+            for j, of in enumerate(levels)
         ]
         order = np.argsort(np.concatenate([np.flatnonzero(s.pairs[:, 1] == j) for j in range(len(levels))]))
         X = np.concatenate([part[0] for part in parts])[order]
         dX = np.concatenate([part[1] for part in parts])[order]
         return X, np.ascontiguousarray(dX.transpose(0, 3, 2, 1)).reshape(len(X), X.shape[2], -1)
 
-    def _held_level(self, point: Point, intervals_s: Floats, of: Linear) -> tuple[Floats, Floats]:
+    def _held_level(
+        self, point: Point, intervals_s: Floats, of: Linear, torque: NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
         late_s = max(point.delay_s - self._whole_s, 0.0)
         if not (self.layout.free_delay or late_s):
             return hold(of, intervals_s)
-        X, dX = hold_late(of, self._torque, intervals_s, late_s)
+        X, dX = hold_late(of, torque, intervals_s, late_s)
         return X, dX if self.layout.free_delay else dX[:, :-1]
 
-    def _scales(self, levels: Sequence[Linear], q: int) -> tuple[Floats, Floats]:
+    def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """What angle or speed is multiplied by to give the argument of an input (L, m), and derivatives (L, m, q)."""
         scale, dscale = np.array([of.ratio for of in levels]), np.array([of.dratio for of in levels])
-        friction = np.array(self.drive.inputs) == COULOMB
+        friction = kinds == COULOMB
         scale[:, friction] /= self.problem.speed_scale
         dscale[:, friction] /= self.problem.speed_scale
         if self.drive.output == "angle" and friction.any():
@@ -205,6 +227,11 @@ class Predictor:
                 dscale[j, friction] = dscale[j, friction] * sensor + scale[j, friction, None] * dsensor
                 scale[j, friction] *= sensor
         return scale, _widened(dscale, q)
+
+
+def _with_inputs(of: Linear, which: NDArray[np.bool_]) -> Linear:
+    """With these inputs alone."""
+    return of._replace(B=of.B[:, which], dB=of.dB[:, which], ratio=of.ratio[which], dratio=of.dratio[which])
 
 
 def _widened(slopes: Floats, q: int) -> Floats:

@@ -61,8 +61,15 @@ def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
 
 
 def _distinct(rows: Ints) -> tuple[Ints, NDArray[np.int64]]:
-    found, which = np.unique(rows, axis=0, return_inverse=True)
-    return found, np.asarray(which, dtype=np.int64).reshape(-1)
+    """The distinct rows in ascending order, and which of them each row is; column by column, most hold one value."""
+    which, found = np.zeros(len(rows), dtype=np.int64), rows[:1]
+    for column in rows.T:
+        if (column == column[:1]).all():
+            continue
+        values, part = np.unique(column, return_inverse=True)
+        _, first, which = np.unique(which * values.size + part, return_index=True, return_inverse=True)
+        found = rows[first]
+    return found, which.reshape(-1)
 
 
 def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:

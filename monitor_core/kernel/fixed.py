@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from monitor_core.kernel.compile import entry, kernel
+from monitor_core.kernel.side_by_side import carry, force, move, padded, padded_slopes, room, width
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, Floats, Ints
 
 FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
@@ -22,48 +23,31 @@ _DIVERGED = 1e100
 
 
 @kernel
-def _output(C: Floats, dC: Floats, x: Floats, Z: Floats, psi: Floats) -> float:
-    """Prediction yhat = C x and its gradient psi_i = C z_i + dC_i x."""
+def _output(
+    j: int, C: Floats, dC: Floats, varies: bool, x: Floats, b: int, Z: Floats, to: int, psi: Floats
+) -> float:
+    """Prediction yhat = C x, its gradient psi_i = C z_i + dC_i x into a row of psi; ``varies``: dC is not zero."""
     yhat = 0.0
-    psi[:] = 0.0
+    for i in range(psi.shape[1]):
+        psi[to, i] = 0.0
     for r in range(x.size):
-        yhat += C[r] * x[r]
-        if C[r] != 0.0:
-            for i in range(psi.size):
-                psi[i] += C[r] * Z[r, i]
-        for i in range(dC.shape[1]):
-            psi[i] += dC[r, i] * x[r]
+        c = C[j, r]
+        if c != 0.0:
+            yhat += c * x[r]
+            for i in range(psi.shape[1]):
+                psi[to, i] += c * Z[b, r, i]
+        if varies:
+            for i in range(dC.shape[2]):
+                psi[to, i] += dC[j, r, i] * x[r]
     return yhat
 
 
 @kernel
-def _correct(K: Floats, dK: Floats, eps: float, psi: Floats, x: Floats, Z: Floats) -> None:
+def _correct(K: Floats, dK: Floats, eps: float, k: int, psi: Floats, x: Floats, b: int, Z: Floats) -> None:
     for r in range(x.size):
         x[r] += K[r] * eps
-        for i in range(psi.size):
-            Z[r, i] += dK[r, i] * eps - K[r] * psi[i]
-
-
-@kernel
-def _argument(
-    source: int,
-    state: int,
-    measured: bool,
-    y: float,
-    C: Floats,
-    dC: Floats,
-    x: Floats,
-    Z: Floats,
-    slope: Floats,
-) -> float:
-    """The angle or speed that an input depends on, and its gradient into ``slope`` (p,)."""
-    slope[:] = 0.0
-    if source == FROM_STATE:
-        slope[:] = Z[state]
-        return float(x[state])
-    if source == FROM_RECORD and measured:
-        return y
-    return _output(C, dC, x, Z, slope)
+        for i in range(psi.shape[1]):
+            Z[b, r, i] += dK[r, i] * eps - K[r] * psi[k, i]
 
 
 @kernel
@@ -78,86 +62,93 @@ def _function(kind: int, a: float) -> tuple[float, float]:
 
 
 @kernel
-def _hold(
-    kind: Ints,
-    source: Ints,
+def _of_motion(
+    c: int,
+    kind: int,
+    source: int,
     state: int,
-    torque: float,
-    before: float,
     measured: bool,
     y: float,
+    j: int,
     scale: Floats,
     dscale: Floats,
     C: Floats,
     dC: Floats,
     x: Floats,
+    b: int,
     Z: Floats,
     slope: Floats,
-    w: Floats,
-    du: Floats,
-) -> None:
-    """The inputs from now on, behind the n states in w, and their derivatives du (m, p)."""
-    n, m = x.size, kind.size
-    if w.size > n + m:
-        w[n + m] = before
-    for c in range(m):
-        if kind[c] == TORQUE:
-            w[n + c] = torque
-        elif kind[c] == ONE:
-            w[n + c] = 1.0
-        else:
-            v = _argument(source[c], state, measured, y, C, dC, x, Z, slope)
-            w[n + c], rate = _function(kind[c], scale[c] * v)
-            for i in range(slope.size):
-                du[c, i] = rate * scale[c] * slope[i]
-            for i in range(dscale.shape[1]):
-                du[c, i] += rate * v * dscale[c, i]
-
-
-@kernel
-def _propagate(
-    X: Floats, dX: Floats, moves: bool, du: Floats, w: Floats, x: Floats, Z: Floats, F: Floats, Znext: Floats
-) -> None:
-    """Over one interval; X = [Ad Bd] (n, n + m), dX (n + m, n q); F (n q,) and Znext (n, p) are scratch."""
-    n, p = Z.shape
-    q = F.size // n
-    F[:] = 0.0
-    for c in range(w.size):
-        wc = w[c]
-        for e in range(F.size):
-            F[e] += dX[c, e] * wc
-    for r in range(n):
-        to = Znext[r]
-        to[:] = 0.0
-        for i in range(q):
-            to[i] = F[r * q + i]
-        for c in range(n):
-            a = X[r, c]
-            for i in range(p):
-                to[i] += a * Z[c, i]
-        if moves:
-            for c in range(du.shape[0]):
-                b = X[r, n + c]
-                for i in range(p):
-                    to[i] += b * du[c, i]
-        total = 0.0
-        for c in range(w.size):
-            total += X[r, c] * w[c]
-        x[r] = total
-    Z[:] = Znext
+) -> float:
+    """Input c, f(scale v) of the angle or speed v; its derivatives into row n + c of Z, slope (1, p) is scratch."""
+    to, v = x.size + c, y
+    for i in range(slope.shape[1]):
+        slope[0, i] = 0.0
+    if source == FROM_STATE:
+        v = x[state]
+        for i in range(slope.shape[1]):
+            slope[0, i] = Z[b, state, i]
+    elif source != FROM_RECORD or not measured:
+        v = _output(j, C, dC, True, x, b, Z, 0, slope)
+    f, rate = _function(kind, scale[j, c] * v)
+    for i in range(slope.shape[1]):
+        Z[b, to, i] = rate * scale[j, c] * slope[0, i]
+    for i in range(dscale.shape[2]):
+        Z[b, to, i] += rate * v * dscale[j, c, i]
+    return f
 
 
 @entry
 def simulate_known(u: Floats, X: Floats, dX: Floats, C: Floats, dC: Floats, psi: Floats) -> None:
     """Gradient psi (N, q) of the simulated output from rest, all inputs u (N, m) known, one held interval X, dX."""
-    n, q = dC.shape
-    x, Z, Znext, F = np.zeros(n), np.zeros((n, q)), np.empty((n, q)), np.empty(n * q)
-    w, none = np.zeros(X.shape[1]), np.zeros((0, q))
+    (n, q), wide = dC.shape, width(dC.shape[1])
+    Ad, slopes = padded(X.reshape((1, *X.shape))), padded_slopes(dX.reshape((1, *dX.shape)), n, wide)
+    x, w, flat = np.zeros(n), np.zeros(slopes.shape[1]), np.zeros((2, room(n) * wide))
+    Z = flat.reshape((2, room(n), wide))
+    C0, dC0 = C.reshape((1, n)), dC.reshape((1, n, q))
     for k in range(u.shape[0]):
-        _output(C, dC, x, Z, psi[k])
-        w[:n] = x
-        w[n:] = u[k]
-        _propagate(X, dX, False, none, w, x, Z, F, Znext)
+        _output(0, C0, dC0, True, x, k & 1, Z, k, psi)
+        for r in range(n):
+            w[r] = x[r]
+        for c in range(u.shape[1]):
+            w[n + c] = u[k, c]
+        move(0, Ad, w, x)
+        force(0, slopes, w, 1 - (k & 1), flat)
+        carry(0, Ad, n, Z.shape[1], k & 1, Z)
+
+
+@kernel
+def _corrects(K: Floats, dK: Floats) -> bool:
+    """K or a derivative of it is not zero."""
+    for r in range(K.size):
+        if K[r] != 0.0:
+            return True
+        for i in range(dK.shape[1]):
+            if dK[r, i] != 0.0:
+                return True
+    return False
+
+
+@kernel
+def _varies(slopes: Floats) -> bool:
+    """Something of (L, n, q) is not zero."""
+    for j in range(slopes.shape[0]):
+        for r in range(slopes.shape[1]):
+            for i in range(slopes.shape[2]):
+                if slopes[j, r, i] != 0.0:
+                    return True
+    return False
+
+
+@kernel
+def _moves(kind: Ints, source: Ints, measured: Ints, dscale: Floats) -> bool:
+    """An input has derivatives: of the motion that is predicted, or that is measured but scaled by a parameter."""
+    whole = True
+    for k in range(measured.size):
+        whole &= measured[k] != 0
+    for c in range(kind.size):
+        if kind[c] != TORQUE and kind[c] != ONE and not (source[c] == FROM_RECORD and whole):
+            return True
+    return _varies(dscale)
 
 
 @entry
@@ -191,30 +182,44 @@ def predict_record(
 
     Returns whether all is finite; if not, the rest of the record is left out.
     """
-    n, p = Z0.shape
-    q, m = dC.shape[2], kind.size
-    x, Z, Znext, F = x0.copy(), Z0.copy(), np.empty((n, p)), np.empty(n * q)
-    w, du, slope = np.zeros(X.shape[2]), np.zeros((m, p)), np.empty(p)
-    moves = False
-    for c in range(m):
-        moves |= kind[c] != TORQUE and kind[c] != ONE
+    (n, p), m = Z0.shape, kind.size
+    wide = width(p)
+    Ad, slopes = padded(X), padded_slopes(dX, n, wide)
+    flat = np.zeros((2, room(n + m) * wide))
+    Z = flat.reshape((2, room(n + m), wide))
+    Z[0, :n, :p] = Z0
+    x, w, slope = x0.copy(), np.zeros(slopes.shape[1]), np.zeros((1, p))
+    corrects, varies = _corrects(K, dK), _varies(dC)
+    rows = room(n + m) if _moves(kind, source, measured, dscale) else room(n)
     for k in range(u.size):
+        b, j = k & 1, level[k]
         if k > 0:
-            g = step[k - 1]
-            w[:n] = x
-            _propagate(X[g], dX[g], moves, du, w, x, Z, F, Znext)
-        j = level[k]
-        yhat = _output(C[j], dC[j], x, Z, psi[k])
+            for r in range(n):
+                w[r] = x[r]
+            move(step[k - 1], Ad, w, x)
+            force(step[k - 1], slopes, w, b, flat)
+            carry(step[k - 1], Ad, n, rows, 1 - b, Z)
+        yhat = _output(j, C, dC, varies, x, b, Z, k, psi)
         if not abs(yhat) < _DIVERGED:
             return False
         eps[k] = 0.0
         if measured[k]:
             eps[k] = y[k] - yhat
-            _correct(K, dK, eps[k], psi[k], x, Z)
-        _hold(
-            kind, source, state, u[k], u[max(k - 1, 0)], measured[k] != 0, y[k],
-            scale[j], dscale[j], C[j], dC[j], x, Z, slope, w, du,
-        )  # fmt: skip
-        if not measured[k]:
-            psi[k] = 0.0
+            if corrects:
+                _correct(K, dK, eps[k], k, psi, x, b, Z)
+        else:
+            for i in range(p):
+                psi[k, i] = 0.0
+        for c in range(m):
+            if kind[c] == TORQUE:
+                w[n + c] = u[k]
+            elif kind[c] == ONE:
+                w[n + c] = 1.0
+            else:
+                w[n + c] = _of_motion(
+                    c, kind[c], source[c], state, measured[k] != 0, y[k],
+                    j, scale, dscale, C, dC, x, b, Z, slope,
+                )  # fmt: skip
+        if X.shape[2] > n + m:
+            w[n + m] = u[max(k - 1, 0)]
     return True

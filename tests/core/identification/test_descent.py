@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monitor_core.identification.descent import Normal, minimise
+from monitor_core.identification.descent import UNDAMPED, Normal, minimise
 from monitor_core.kernel.tables import Floats
 
 ENDLESS = np.full(2, np.inf)
@@ -77,3 +77,18 @@ def test_a_start_that_makes_no_sense() -> None:
 
     with pytest.raises(ValueError, match="start values"):
         minimise(nowhere, np.zeros(2), (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 10)
+
+
+def test_a_linear_problem_is_solved_by_one_undamped_step(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    J, y, seen = rng.standard_normal((40, 2)), rng.standard_normal(40), list[Floats]()
+
+    def linear(xi: Floats) -> Normal:
+        seen.append(xi)
+        eps = y - J @ xi
+        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 40)
+
+    end = minimise(linear, 9 * y[:2], (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 9, damping=UNDAMPED)
+    assert end.converged
+    assert len(seen) == 2
+    np.testing.assert_allclose(end.xi, np.linalg.lstsq(J, y, rcond=None)[0], rtol=1e-9)

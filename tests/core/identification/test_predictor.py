@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.identification.fit import fit_starts
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
@@ -103,6 +104,71 @@ def test_gradients_through_the_gain_where_the_output_depends_on_theta(seed: int)
     problem = Problem(drive, values(2, gravity=False), ("r", "J1", "1/k1"), initial="rest")
     rec = reference_record(seed, 300)
     _check_gradients(Predictor(problem, [rec], noise), 3e-6)
+
+
+def test_the_initial_states_are_those_of_least_squares(seed: int) -> None:
+    """Of two records, the second of which starts far from rest: the errors are linear in them."""
+    records = [
+        reference_record(seed, 300),
+        replace(reference_record(seed + 1, 300), t=np.asarray(np.arange(300) * 0.01)),
+    ]
+    records[1] = replace(records[1], y=records[1].y + 50 * np.exp(-np.arange(300) / 40))
+    predictor = Predictor(Problem(three_mass("speed"), REFERENCE_VALUES, ("Jm",)), records, Disturbance(3.0))
+    start, shared = predictor.start(), predictor.layout.shared
+    J = all_gradients(predictor, start)[:, shared:]
+    best = start[shared:] - np.linalg.lstsq(J, all_errors(predictor, start), rcond=None)[0]
+    found = fit_starts(predictor)
+    np.testing.assert_array_equal(found[:shared], start[:shared])
+    np.testing.assert_allclose(J @ found[shared:], J @ best, rtol=0, atol=1e-7 * abs(J @ best).max())
+    assert abs(J @ (best - start[shared:])).max() > 1
+
+
+def test_the_errors_are_those_of_the_vector_as_it_is_now(seed: int) -> None:
+    """The last ones are kept, but not for a vector that was written to meanwhile."""
+    predictor = Predictor(
+        Problem(three_mass("speed"), REFERENCE_VALUES, EIGHT), [reference_record(seed, 100)], Disturbance(1.0)
+    )
+    xi = predictor.start()
+    before = all_errors(predictor, xi)
+    xi[0] += 0.1
+    after = all_errors(predictor, xi)
+    assert (before != after).any()
+    xi[0] -= 0.1
+    np.testing.assert_allclose(all_errors(predictor, xi), before, rtol=0, atol=1e-9 * abs(before).max())
+
+
+@pytest.mark.parametrize("motion", ["measured", "simulated"])
+def test_friction_and_gravity_held_at_zero_are_as_if_they_were_not_there(motion: str, seed: int) -> None:
+    """They act no more, but what is free keeps its derivative where it is zero."""
+    case = BY_NAME["gravity"]
+    nominal = {**case.model.nominal, **dict.fromkeys(("fc", "tau0", "gc", "gs"), 0.0)}
+    rec, some = case_record(seed, case, 200), replace(at_rest(case, motion=motion), nominal=nominal)
+    without, all_ = (
+        Predictor(replace(some, free=free), [rec], None)
+        for free in (("J1", "fa"), ("J1", "fa", "fc", "tau0", "gc", "gs"))
+    )
+    expected = all_errors(all_, all_.start())
+    found = all_errors(without, without.start())
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * abs(expected).max())
+    assert all_gradients(all_, all_.start())[:, 2:].any(axis=0).all()
+    _check_gradients(all_, 1e-6)
+
+
+def test_distinct_intervals_and_levels(seed: int) -> None:
+    """As numpy sorts and counts them."""
+    rng = np.random.default_rng(seed)
+    signal = np.asarray(rng.integers(0, 3, 400) * 1.5)
+    even, uneven = (
+        np.asarray(np.arange(400) * 0.005),
+        np.asarray(np.cumsum(rng.integers(4000, 4004, 400)) * 1e-6),
+    )
+    for times, held in ((uneven, signal), (even, signal), (uneven, np.zeros(400)), (even, np.zeros(400))):
+        rec = replace(reference_record(seed, 400), t=times, signals={"s": held})
+        found = series(rec, ["s"])
+        rows = np.stack([np.diff(np.rint(times * 1e6)), np.unique(held, return_inverse=True)[1][:-1]], axis=1)
+        pairs, which = np.unique(rows, axis=0, return_inverse=True)
+        np.testing.assert_array_equal(found.pairs, pairs)
+        np.testing.assert_array_equal(found.step[:-1], which.reshape(-1))
 
 
 def test_a_signal_that_was_not_measured_everywhere_keeps_its_value(seed: int) -> None:
