@@ -2,6 +2,7 @@
 
 free.py       which parameters are to be found
 beginning.py  the values to start from, if there are any
+intervals.py  whether records are sampled as configured
 varying.py    parameters that follow measured signals
 task.py       the axis, its drive, and the records
 masses.py     how many masses the records ask for

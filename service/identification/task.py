@@ -14,6 +14,7 @@ from service.config import Predictor as Configured
 from service.identification.beginning import Nominal, Start, nominal_of, start_of
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice, choose
+from service.identification.intervals import intervals
 from service.identification.varying import Asked, Follows, asked, followed, with_varying
 from service.ingest.identification_records import Loaded, load
 from service.modeling import model_of_axis
@@ -103,7 +104,9 @@ def task_of(
     choice = with_varying(choice, varying, wishes.free)
     start = start_of(nominal, choice, wishes.start)
     used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
-    warnings = _looked_at([*used, *kept_aside], _known(axis, drive, nominal, len(choice.free)))
+    read = [one.record for one in (*used, *kept_aside)]
+    odd = tuple(intervals(read, axis.config.sample_interval_s))
+    warnings = _looked_at([*used, *kept_aside], _known(axis, drive, nominal, len(choice.free))) + odd
     follows, used, kept_aside = followed(varying, used, kept_aside)
     problem = _problem(axis, drive, nominal.values, choice, used, wishes, varying)
     if problem.predictor == "output-error" and drive.output == "angle":

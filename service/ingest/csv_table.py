@@ -82,7 +82,10 @@ class CsvTable:
                     continue
                 for name, i in wanted if row else ():
                     if row[i] not in _EMPTY and not _is_number(row[i]):
-                        return RecordError(f'{where}: column "{name}" holds {row[i]!r}, which is no number')
+                        comma = ": write decimal points" if _is_number(row[i].replace(",", ".")) else ""
+                        return RecordError(
+                            f'{where}: column "{name}" holds {row[i]!r}, which is no number{comma}'
+                        )
         return None
 
 

@@ -49,7 +49,7 @@ def _sections(found: Found) -> Iterator[str]:
         yield _section("What follows measured signals", slope_table(found))
     yield _section("Drive", drive_picture(found.task.space))
     if found.growth is not None:
-        yield _section("How many masses", masses_table(found.growth))
+        yield _section("How many masses", masses_table(found.growth, bool(found.task.follows)))
     yield _section("Measured and predicted", record_table(found), *_traces(found))
     yield _section("Frequency response", *_bode(found))
     yield _section(
@@ -86,7 +86,9 @@ def _tiles(found: Found) -> str:
     validation = min((trace.fit_simulation for trace in found.validation), default=None)
     tiles = [
         (f"{min(t.fit_simulation for t in found.estimation):.1f} %", "fit of the simulation"),
-        ("-" if validation is None else f"{validation:.1f} %", "the same, on records kept aside"),
+        ("-", "no record was kept aside to compare")
+        if validation is None
+        else (f"{validation:.1f} %", "the same, on records kept aside"),
         (
             percent(worst),
             f"largest standard deviation of a parameter{f'; about 0: {escaped(zero)}' if zero else ''}",

@@ -30,6 +30,7 @@ _LEAST, _MOST = 1e-4, 1.0
 """Standard deviations at the ends of their bars, which are logarithmic."""
 _POOR = 0.1
 _STRONG = 0.95
+_NOT_FOLLOWED = " These rows follow no signals: what those do is among their errors."
 HELD, NUMBER = ' class="held"', ' class="number"'
 
 
@@ -63,7 +64,7 @@ def slope_table(found: Found) -> str:
     )
     if not rows:
         return ""
-    titles = ("", "follows", "from", "to", "is then from", "to", "unit", "slope", "sd", "")
+    titles = ("", "follows", "between", "is then between", "unit", "slope", "sd", "")
     legend = (
         '<p class="legend">The values of parameters above hold where signals have their references:'
         f" {escaped(_references(found))}. The daemon does not follow signals yet, it takes these values.</p>"
@@ -78,8 +79,9 @@ def _references(found: Found) -> str:
 
 def _slope(s: Slope, unit: str) -> str:
     f = s.follows
-    ends = "".join(_number(f"{x:.4g}") for x in (f.low, f.high))
-    ends += "".join(_number(number(s.at(x))) for x in (f.low, f.high))
+    ends = _number(f"{f.low:.4g} and {f.high:.4g}") + _number(
+        f"{number(s.at(f.low))} and {number(s.at(f.high))}"
+    )
     doubt = "" if s.told else "cannot be told from none"
     return (
         f"<tr><th>{escaped(f.parameter)}</th><td>{escaped(f.term)}</td>{ends}<td class='unit'>{escaped(unit)}</td>"
@@ -129,19 +131,21 @@ def record_table(found: Found) -> str:
     return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
 
 
-def masses_table(growth: Growth) -> str:
-    """Rows of one, two, .. masses compared; what the records ask for stands out."""
+def masses_table(growth: Growth, follows: bool) -> str:
+    """Rows of one, two, .. masses compared, what the records ask for stands out; ``follows``: the drive does so."""
+    aside = any(one.validation for one in growth.models)
+    titles = MASSES_TITLES if aside else MASSES_TITLES[:-1]
     rows = "".join(
-        f"<tr{'' if row.wanted else HELD}>{''.join(map(_number, row[:-1]))}</tr>"
+        f"<tr{'' if row.wanted else HELD}>{''.join(_number(str(cell)) for cell in row[: len(titles)])}</tr>"
         for row in masses_rows(growth)
     )
     words = "".join(f"<p>{escaped(word)}</p>" for word in growth.words)
     legend = (
         '<p class="legend">Masses in a row, joined by springs and dampers, the motor first, each row fitted to the same'
         " records. AIC and BIC, above their least values, weigh the squared errors against the number of parameters;"
-        " BIC decides, and the fit to records kept aside.</p>"
+        f" BIC decides, and the fit to records kept aside.{_NOT_FOLLOWED if follows else ''}</p>"
     )
-    head = f"<thead><tr>{''.join(f'<th{NUMBER}>{title}</th>' for title in MASSES_TITLES)}</tr></thead>"
+    head = f"<thead><tr>{''.join(f'<th{NUMBER}>{title}</th>' for title in titles)}</tr></thead>"
     return f'{words}<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>{legend}'
 
 
@@ -195,7 +199,7 @@ def _head(titles: Iterable[str]) -> str:
 
 
 def _titles(titles: Iterable[str]) -> Iterator[str]:
-    right = {"value", "before", "change", "sd", "from", "to", "is then from", "slope"}
+    right = {"value", "before", "change", "sd", "between", "is then between", "slope"}
     right |= {"fit one step ahead", "fit of the simulation"}
     for title in titles:
         yield f"<th{NUMBER if title in right else ''}>{escaped(title)}</th>"

@@ -65,10 +65,11 @@ def _parameters(found: Found) -> Table:
 def _masses(growth: Growth) -> Table:
     title = "Masses in a row; AIC and BIC above the least"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    for name in MASSES_TITLES:
+    titles = MASSES_TITLES if any(one.validation for one in growth.models) else MASSES_TITLES[:-1]
+    for name in titles:
         table.add_column(name, justify="right")
     for row in masses_rows(growth):
-        table.add_row(*row[:-1], style="bold" if row.wanted else None)
+        table.add_row(*map(str, row[: len(titles)]), style="bold" if row.wanted else None)
     return table
 
 

@@ -125,6 +125,38 @@ def test_a_record_without_samples_or_with_other_columns(here: Path) -> None:
     assert "much" in refused("text.csv")
 
 
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1e3, "its samples are 5 s apart, but sample_interval_s = 0.005: times are to be in seconds, these look like"),
+        (1e6, "these look like microseconds"),
+        (0.2, "its samples are 0.001 s apart, but sample_interval_s = 0.005: correct it, or the times"),
+    ],
+)  # fmt: skip
+def test_times_in_other_units_are_refused(here: Path, factor: float, words: str) -> None:
+    table = np.loadtxt(here / "second.csv", delimiter=",", skiprows=1)
+    table[:, 0] *= factor
+    np.savetxt(here / "times.csv", table, delimiter=",", header="t,torque,angle", comments="")
+    assert words in refused("times.csv")
+
+
+def test_a_sampling_that_is_a_little_off_is_said(here: Path) -> None:
+    table = np.loadtxt(here / "second.csv", delimiter=",", skiprows=1)
+    for factor, doubts in ((1.02, 1), (1.005, 0)):
+        times = np.column_stack([factor * table[:, 0], table[:, 1:]])
+        np.savetxt(here / "times.csv", times, delimiter=",", header="t,torque,angle", comments="")
+        result = identify("times.csv", "--config", "robot.toml", "--free", "Jm", "--json", "--force")
+        assert result.exit_code == 0, result.output
+        warnings = json.loads(result.stdout)["warnings"]
+        assert len([word for word in warnings if "belongs to this record's interval" in word]) == doubts
+
+
+def test_decimal_commas_are_named(here: Path) -> None:
+    rows = (here / "second.csv").read_text(encoding="utf-8").replace(",", ";").replace(".", ",")
+    (here / "commas.csv").write_text(rows, encoding="utf-8")
+    assert "which is no number: write decimal points" in refused("commas.csv")
+
+
 def test_a_torque_with_the_wrong_sign_is_refused(here: Path) -> None:
     table = np.loadtxt(here / "healthy.csv", delimiter=",", skiprows=1)
     table[:, 1] *= -1

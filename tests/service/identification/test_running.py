@@ -192,7 +192,7 @@ def test_other_starts_end_where_the_first_did(
 def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
     folder: Path, robot: Config, found: Found, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def nothing(*_: object) -> None:
+    def nothing(*_: object, **__: object) -> None:
         raise ValueError("no response")
 
     monkeypatch.setattr("service.identification.running.fit_from", nothing)
