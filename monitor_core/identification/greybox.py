@@ -12,6 +12,7 @@ from monitor_core.drive import DISTURBANCE_TIME, split_name
 from monitor_core.identification.covariance import Information, information
 from monitor_core.identification.descent import End
 from monitor_core.identification.fit import choose_disturbance, fit_starts, settled, solve
+from monitor_core.identification.gross import without_gross
 from monitor_core.identification.layout import Layout
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import DELAY, Disturbance, Problem
@@ -50,9 +51,10 @@ def fit(
     """Minimise the sum of squared prediction errors of all records over theta.
 
     ``start`` replaces nominal values of free parameters ("delay" is one); several starts are tried, the best end is
-    returned.  With ``tries`` > 1 each start is followed by others around it: positive parameters times
-    exp(``spread`` e), e normal, drawn with ``seed``.  ``progress`` is called with the number of evaluations and the
-    cost whenever that has fallen.
+    returned. With Huber's loss and a gain, outputs whose errors are gross then count as not measured, so that the
+    state does not follow them, and the search goes on. With ``tries`` > 1 each start is followed by others around
+    it: positive parameters times exp(``spread`` e), e normal, drawn with ``seed``. ``progress`` is called with the
+    number of evaluations and the cost whenever that has fallen.
 
     Raises:
         KeyError: a start for what is not free.
@@ -70,8 +72,8 @@ def fit(
             problems.append(error)
     if not ends:
         raise problems[0] if problems else ValueError("no start is given")
-    predictor, end, limit = min(ends, key=lambda found: found[1].normal.cost)
-    return _estimate(predictor, end, limit)
+    best = min(ends, key=lambda found: found[1].normal.cost)
+    return _estimate(*without_gross(*best, most_iterations, progress))
 
 
 def compare(problem: Problem, records: Sequence[Record]) -> tuple[Comparison, ...]:
@@ -133,7 +135,7 @@ def _started(problem: Problem, start: Mapping[str, float]) -> Problem:
     return replace(problem, nominal=values, delay_s=start.get(DELAY, problem.delay_s))
 
 
-def _estimate(predictor: Predictor, end: End, limit: float) -> Estimate:
+def _estimate(predictor: Predictor, end: End, limit: float, outliers: tuple[int, ...]) -> Estimate:
     layout, xi = predictor.layout, end.xi
     errors = predictor.errors(xi)
     lam0 = _variance(end, errors, limit)
@@ -170,6 +172,7 @@ def _estimate(predictor: Predictor, end: End, limit: float) -> Estimate:
         else _simulated(final, [s.record for s in predictor.series]),
         iterations=end.evaluations,
         converged=end.converged,
+        outliers=outliers,
     )
     return replace(found, words=tuple(sentences(found, layout, xi)))
 

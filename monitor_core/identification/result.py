@@ -41,6 +41,7 @@ class Estimate:
         fit_simulation: the same, simulated from the estimated initial state without looking at the output again.
         iterations: evaluations of the predictor and its gradient.
         converged: the fit stopped because nothing moved any more.
+        outliers: outputs of each record that count as not measured since their errors are gross; empty: none.
         words: what the user should know, in sentences.
     """
 
@@ -64,6 +65,7 @@ class Estimate:
     fit_simulation: tuple[float, ...]
     iterations: int
     converged: bool
+    outliers: tuple[int, ...] = ()
     words: tuple[str, ...] = field(default=())
 
     @property

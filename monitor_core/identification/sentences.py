@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from monitor_core.identification.gross import GROSS
 from monitor_core.identification.layout import LEVEL, Layout, whole_intervals
 from monitor_core.identification.residuals import LEVEL as CONFIDENCE
 from monitor_core.identification.result import Estimate
@@ -32,6 +33,8 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
             f" {whole_intervals(found.delay_s, found.interval_s)} samples in the record."
         )
     yield from _levels(found, layout)
+    if count := sum(found.outliers):
+        yield f"{count} outputs are outliers, beyond {GROSS:g} standard deviations: they count as not measured."
     yield from _residuals(found)
 
 

@@ -136,6 +136,26 @@ def test_outliers(seed: int) -> None:
     assert huber.lam0 == pytest.approx(1.05, abs=0.16)
 
 
+def test_outliers_do_not_enter_the_state(seed: int) -> None:
+    """One in a hundred, twenty times as large as any noise, where K is large: as if they were not there.
+
+    The errors that they leave through K are clipped, but many; with squares the estimates are five times as far away.
+    """
+    rng, away = np.random.default_rng(seed), []
+    for k in range(3):
+        clean = noisy_torque_record(seed + k, SAMPLES, 0.6, 0.3)
+        gross = rng.random(SAMPLES) < 0.01
+        rec = replace(clean, y=clean.y + np.where(gross, rng.choice([-20.0, 20.0], SAMPLES), 0.0))
+        problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.6, output=0.3))
+        best, found = fit(problem, [clean]), fit(replace(problem, loss="huber"), [rec])
+        away.append((found.theta - best.theta) / best.sd)
+        assert gross.sum() <= found.outliers[0] <= 1.5 * gross.sum() + 10
+        assert any(word.startswith(f"{found.outliers[0]} outputs are outliers") for word in found.words)
+        assert found.lam0 == pytest.approx(best.lam0, rel=0.1)
+    assert np.sqrt(np.mean(np.square(away))) < 0.6
+    assert sum(fit(replace(problem, loss="huber"), [clean]).outliers) <= 1
+
+
 def test_several_records_tell_more_than_one(seed: int) -> None:
     records = [reference_record(seed + k, 1000) for k in range(4)]
     one, all_ = fit(reference_problem(), records[:1]), fit(reference_problem(), records)
