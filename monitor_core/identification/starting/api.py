@@ -158,7 +158,9 @@ def _closed(problem: Problem, slots: Slots, measured: Measured) -> Iterator[Cand
 
 
 def _grown(problem: Problem, slots: Slots, measured: Measured) -> Iterator[Candidate]:
-    """Chains that grew mass by mass."""
+    """Chains that grew mass by mass; a single mass has nothing to grow from."""
+    if slots.masses == 1:
+        return
     for stem in longer(problem, stems(measured, slots.masses - 1), measured):
         yield candidate(stem.response, stem.end, measured, f"a chain that grew to {slots.masses} masses")
 

@@ -15,7 +15,7 @@ from monitor_core.identification.greybox import Estimate, Problem, compare
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting.candidates import FITTING, best_fit, candidate
 from monitor_core.identification.starting.chains import FRICTION, chain, names
-from monitor_core.identification.starting.grown import Grown, Growth, asked, judged, verdict
+from monitor_core.identification.starting.grown import Grown, Growth, asked, doubt_of, judged, verdict
 from monitor_core.identification.starting.growth import Stem, longer, rigid
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.progress import Progress, Steps
@@ -62,12 +62,11 @@ def grow(
                 raise
             failed = str(error)
             break
-        aside = tuple(one.one_step for one in compare(found.problem, validation)) if validation else ()
-        models = judged([*models, Grown(masses, found, 0.0, 0.0, 0.0, aside)], records)
+        models = judged([*models, _of(masses, found, measured, validation)], records)
         if len(models) > 1 and not asked(*models[-2:]):
             break
     steps.reached(upto * FITTING)
-    return verdict(models, upto, failed)
+    return verdict(models, failed)
 
 
 def problem_of(
@@ -88,6 +87,12 @@ def _check(upto: int, friction: Sequence[str]) -> None:
     unknown = [name for name in friction if name not in FRICTION]
     if unknown:
         raise ValueError(f"friction {unknown[0]!r}: a chain has {', '.join(FRICTION)}")
+
+
+def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> Grown:
+    aside = tuple(one.one_step for one in compare(found.problem, validation)) if validation else ()
+    chain_found = Slots(found.problem).chain(found.problem.nominal)
+    return Grown(masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0])))
 
 
 def _stem(model: Grown) -> Stem:

@@ -2,10 +2,11 @@
 
 What decides is Schwarz' criterion,
 
-    BIC = N ln(V / samples) + p ln N,        N = samples / (1 + 2 sum_l r_l^2),
+    BIC = N ln(V / samples) + p ln N + 2 s,        N = samples / (1 + 2 sum_l r_l^2),
 
 with the autocorrelation r of the errors, since samples whose errors hang together tell no more than these fewer
-(Bartlett).  On records that are kept aside the longer chain must predict better, too.
+(Bartlett).  The s initial states count as in Akaike's: a longer record tells no more of them.  On records that are
+kept aside the longer chain must predict better, too.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ import numpy as np
 
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.record import Record
+from monitor_core.identification.starting.inverse import Chain, modes_of_chain
 
+_LIGHTEST = 1e-3
+"""Part of the whole inertia below which a mass is none, but a place for what friction and disturbances leave."""
 _WHITE = 0.01
 """A p-value below which errors are not white."""
 
@@ -33,6 +37,7 @@ class Grown:
         aic: Akaike's criterion.
         bic: Schwarz' criterion.
         validation: NRMSE in per cent of each record kept aside, one step ahead.
+        doubt: why one of the masses is none, in words; empty: there is no doubt.
     """
 
     masses: int
@@ -41,6 +46,7 @@ class Grown:
     aic: float
     bic: float
     validation: tuple[float, ...]
+    doubt: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,25 +76,35 @@ def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
     out = []
     for one in models:
         initial = one.estimate.problem.initial == "free"
-        p = len(one.estimate.names) + initial * len(one.estimate.drive.states) * len(records)
-        fit = N * np.log(one.estimate.cost / count)
-        out.append(replace(one, samples=N, aic=float(fit + 2 * p), bic=float(fit + p * np.log(N))))
+        states = initial * len(one.estimate.drive.states) * len(records)
+        fit, p = float(N * np.log(one.estimate.cost / count)) + 2 * states, len(one.estimate.names)
+        out.append(replace(one, samples=N, aic=fit + 2 * p, bic=fit + p * float(np.log(N))))
     return out
+
+
+def doubt_of(chain: Chain, lowest_hz: float) -> str:
+    """Why a chain (seen from the motor) whose response is known from some frequency on has a mass that is none."""
+    lightest = float(chain.J.min() / chain.J.sum())
+    if lightest < _LIGHTEST:
+        return f"one of them is only {lightest:.1g} of the whole inertia, which is no mass of a drive"
+    slowest = float(modes_of_chain(chain)[0][1:].min(initial=np.inf)) / (2 * np.pi)
+    if slowest < lowest_hz:
+        return f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, from where on the records tell any"
+    return ""
 
 
 def asked(smaller: Grown, larger: Grown) -> bool:
     """Whether the records ask for the larger one."""
-    if not larger.bic < smaller.bic:
+    if not larger.bic < smaller.bic or larger.doubt:
         return False
     return not larger.validation or sum(larger.validation) > sum(smaller.validation)
 
 
-def verdict(models: Sequence[Grown], upto: int, failed: str) -> Growth:
+def verdict(models: Sequence[Grown], failed: str) -> Growth:
     """What is recommended.
 
     Args:
         models: of one mass, two, ..
-        upto: the most that were to be tried.
         failed: why the next could not be fitted, if so.
     """
     enough = len(models) > 1 and not asked(*models[-2:])
@@ -98,14 +114,19 @@ def verdict(models: Sequence[Grown], upto: int, failed: str) -> Growth:
     elif failed:
         why = f"No chain of {recommended + 1} masses could be fitted: {failed}."
     else:
-        why = f"That is the most that was tried, and the records ask for {_masses(upto)}."
-    words = (f"{_masses(recommended).capitalize()}. {why}", _white(models[recommended - 1]))
+        why = "That is the most that was tried; the records ask for no fewer."
+    words = (
+        f"{_masses(recommended).capitalize()} suffice{'s' if recommended == 1 else ''}. {why}",
+        _white(models[recommended - 1]),
+    )
     return Growth(tuple(models), recommended, words)
 
 
 def _notasked(smaller: Grown, larger: Grown) -> str:
     gain = 100 * (1 - larger.estimate.cost / smaller.estimate.cost)
     more = f"With {_masses(larger.masses)} the squared errors are {gain:.2g} % less"
+    if larger.bic < smaller.bic and larger.doubt:
+        return f"{more}, but {larger.doubt}."
     if larger.bic < smaller.bic:
         a, b = (float(np.mean(one.validation)) for one in (smaller, larger))
         return f"{more}, but the records kept aside are predicted with {b:.4g} % instead of {a:.4g} %."

@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import medfilt, welch
+from scipy.ndimage import minimum_filter1d
+from scipy.signal import csd, lfilter, medfilt, welch
 
 from monitor_core.drive import Output
 from monitor_core.identification.arx import Arx, fit_arx
@@ -33,6 +34,8 @@ _SURE = 0.5
 """Relative standard deviation from which on the response counts as unknown."""
 _WEAK = 1e-4
 """Spectral density of the torque, as part of the largest, below which it excites nothing."""
+_OWN = 0.3
+"""Part of the torque's power that must come from elsewhere than from the noise of the record itself."""
 _SEGMENT = 512
 _SHORTEST_S = 0.004
 """Records that were sampled faster are resampled: drives have no resonance beyond 100 Hz that a motor would feel."""
@@ -95,7 +98,7 @@ def measure(records: Sequence[Record]) -> Measured:
     nyquist = 0.5 / arx.interval_s
     lowest = 0.15 / (arx.a.size * arx.interval_s)
     wide = np.linspace(lowest, 0.9 * nyquist, 2 * _POINTS)
-    sure = (medfilt(_relative(arx, wide), 5) < _SURE) & _excited(series, wide)
+    sure = (medfilt(_relative(arx, wide), 5) < _SURE) & _excited(arx, series, wide)
     known = wide[_longest(sure)]
     if known.size < 5:
         raise ValueError("the records do not tell a frequency response: the torque hardly moves the axis, or all that"
@@ -121,13 +124,32 @@ def regular(records: Sequence[Record]) -> tuple[Regular, ...]:
     return on_grid([resample(record, interval).record for record in records])
 
 
-def _excited(series: Sequence[Regular], f: Floats) -> Bools:
-    """Where (F,) the torque has power; elsewhere the ARX model does not know what it does not know."""
-    power = np.zeros(f.size)
+def _excited(arx: Arx, series: Sequence[Regular], f: Floats) -> Bools:
+    """Where (F,) the torque has power that the record's own noise e did not drive through a controller.
+
+    Elsewhere the ARX model does not know what it does not know: at no power at all, and in a closed loop where only
+    noise goes round, in which u and y show the controller, -1 / C, as sure as if they were free of noise.
+    """
+    own, power = np.zeros(f.size), np.zeros(f.size)
     for s in series:
-        at, density = welch(s.u - s.u.mean(), 1 / s.interval_s, nperseg=min(_SEGMENT, s.u.size))
-        power += s.u.size * np.interp(f, at, density)
-    return np.asarray(power > _WEAK * power.max())
+        u, e, fs, length = s.u - s.u.mean(), _errors(arx, s), 1 / s.interval_s, min(_SEGMENT, s.u.size)
+        at, Puu = welch(u, fs, nperseg=length)
+        Pue, Pee = csd(u, e, fs, nperseg=length)[1], welch(e, fs, nperseg=length)[1]
+        power += s.u.size * np.interp(f, at, Puu)
+        own += s.u.size * np.interp(f, at, Puu - np.abs(Pue) ** 2 / np.maximum(Pee, 1e-300))
+    # The window smears the edges of a band.
+    mine = minimum_filter1d((own > _OWN * power).astype(np.int8), 3) > 0
+    return np.asarray((power > _WEAK * power.max()) & mine)
+
+
+def _errors(arx: Arx, s: Regular) -> Floats:
+    """One step ahead (N,); zero where something is missing that they need."""
+    A, B = np.concatenate([[1.0], arx.a]), np.concatenate([np.zeros(arx.delay), arx.b])
+    e = lfilter(A, [1.0], s.y) - lfilter(B, [1.0], s.u)
+    lost = lfilter(np.ones(A.size + 1), [1.0], (~s.known).astype(np.float64)) > 0.5
+    lost[: A.size] = True
+    e = np.where(lost, 0.0, e - (e[~lost].mean() if not lost.all() else 0.0))
+    return np.asarray(e, dtype=np.float64)
 
 
 def _longest(good: Bools) -> slice:

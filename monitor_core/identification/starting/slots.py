@@ -18,7 +18,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting.inverse import Chain, chain_of_modes
 from monitor_core.kernel.tables import TORQUE, Floats
 
-_DAMPING = "N m s/rad"
+DAMPING = "N m s/rad"
 _LITTLE = 0.1
 """Of the damping that the springs have on average: what each damper has at least."""
 _SLOWEST = 1e-3
@@ -38,7 +38,7 @@ class Slots:
         self._drive, self._nominal = problem.drive, problem.nominal
         bases = [split_name(name)[0] for name in problem.free]
         units = {name: problem.drive.parameter(name).unit for name in bases}
-        self.dampers = tuple(name for name in bases if units[name] == _DAMPING)
+        self.dampers = tuple(name for name in bases if units[name] == DAMPING)
         self.masses = self.chain(problem.nominal).J.size
         self._scale = dict[str, tuple[int, float]]()
         for name in bases:
@@ -109,7 +109,7 @@ def _lossless(
     drive: Drive, values: Mapping[str, float], dampers: Mapping[str, float] | None = None
 ) -> tuple[Floats, Floats, Floats]:
     """A, b, c from the torque to the speed without dampers but those given; no state that only the angle needs."""
-    without = {p.name: 0.0 for p in drive.parameters if p.unit == _DAMPING}
+    without = {p.name: 0.0 for p in drive.parameters if p.unit == DAMPING}
     values = {**values, **without, **(dampers or {})}
     A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
     torque: NDArray[np.bool_] = np.array([kind == TORQUE for kind in drive.inputs])
@@ -129,7 +129,7 @@ def _taken_apart(A: Floats, b: Floats, c: Floats) -> Chain:
     largest = np.abs(poles).max()
     if np.abs(poles.real).max() > 1e-6 * largest:
         raise ValueError("without its dampers the drive still has losses")
-    rigid = np.abs(poles) < 1e-6 * largest
+    rigid = np.abs(poles) <= 1e-6 * largest
     upper = (poles.imag > 0) & ~rigid
     if np.count_nonzero(rigid) != 1:
         raise ValueError("the motor does not turn freely as one with all masses")

@@ -72,16 +72,16 @@ class Case:
         rng, most = np.random.default_rng([seed, 1]), np.log(factor)
         return {name: self.values[name] * float(np.exp(rng.uniform(-most, most))) for name in self.free}
 
-    def away(self, seed: int, way: Way, noise: float = 1.0) -> float:
+    def away(self, seed: int, way: Way, noise: float = 1.0, output: Output = "speed") -> float:
         """Cost of the fit without a guess over that of the fit from the truth."""
-        record = self.record(seed, noise)
-        best = fit(self.problem(), [record])
+        record = self.record(seed, noise, output)
+        best = fit(self.problem(None, output), [record])
         return self.found(record, way, self.wrong(seed)).cost / best.cost
 
     def found(self, record: Record, way: Way, wrong: Mapping[str, float]) -> Estimate:
         if way == "given":
-            return fit_from(self.problem(), [record], wrong)
-        return fit_from_scratch(self.problem(wrong), [record])
+            return fit_from(self.problem(None, record.quantity), [record], wrong)
+        return fit_from_scratch(self.problem(wrong, record.quantity), [record])
 
 
 def behind_gear(motor: float, *others: float) -> list[float]:
