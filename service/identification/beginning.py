@@ -47,7 +47,7 @@ def start_of(nominal: Nominal, choice: Choice, wished: Start | None) -> Start:
     free = {split_name(name)[0] for name in choice.free}
     if held := [name for name in nominal.unknown if name not in free]:
         raise IdentificationError(
-            f"{_listed(held)} is held but has no value: give it in [robot.axis.model.nominal], or free it with --free"
+            f"no value of {_listed(held)}, to be held: give it in [robot.axis.model.nominal], or free it with --free"
         )
     if nominal.unknown and wished in ("values", "search"):
         raise IdentificationError(

@@ -19,6 +19,7 @@ from service.identification.task import Task
 from service.identification.traces import traces_of
 
 MOST_ITERATIONS = 100
+_HINT = "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
 _LESS = 1 - 1e-4
 """Of the cost: where two ends are the same, that from the configured values is taken."""
 
@@ -41,7 +42,7 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
         kept_aside = [one.record for one in task.validation]
         validation = traces_of(estimate.problem, kept_aside) if kept_aside else ()
     except (ValueError, np.linalg.LinAlgError) as error:
-        raise IdentificationError(f"no fit: {error}") from None
+        raise IdentificationError(f"no fit: {error}{_HINT if task.start == 'records' else ''}") from None
     return Found(
         task,
         estimate,

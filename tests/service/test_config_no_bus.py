@@ -142,9 +142,9 @@ def test_an_identification_needs_values_of_what_it_does_not_find(here: Path) -> 
     for words, expected in (
         (
             ("--free", "Jm"),
-            "Jg, Ja, kg, ka, dg, da, fm, fc, tau0 is held but has no value: give it in [robot.axis",
+            "no value of Jg, Ja, kg, ka, dg, da, fm, fc, tau0, to be held: give it in [robot.axis",
         ),
-        (("--fix", "fc"), "fc is held but has no value"),
+        (("--fix", "fc"), "no value of fc, to be held"),
         (("--start", "values"), "--start values needs a value of Jm, Jg"),
         (("--start", "search"), "--start search needs a value of Jm, Jg"),
         ((), "refused: r.csv: only 2 measured samples"),

@@ -241,3 +241,17 @@ def test_progress_is_told_in_every_phase(
         assert done == sorted(done)
         assert len(set(done)) > 2
         assert all(0 <= step[1] <= step[2] for step in steps)
+
+
+@pytest.mark.parametrize(("start", "hint"), [("records", True), ("values", False)])
+def test_records_that_tell_nothing_are_said_with_what_would_help(
+    folder: Path, robot: Config, monkeypatch: pytest.MonkeyPatch, start: Start, hint: bool
+) -> None:
+    def nothing(*_: object, **__: object) -> None:
+        raise ValueError("no response")
+
+    for name in ("fit", "fit_from_scratch"):
+        monkeypatch.setattr(f"service.identification.running.{name}", nothing)
+    with pytest.raises(IdentificationError, match="no fit: no response") as caught:
+        run(task(folder, robot, "second.csv", wishes=Wishes(start=start, free=FREE)), PROVENANCE)
+    assert ("; give values to start from" in str(caught.value)) == hint
