@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from monitor_core.identification.fit import fit_starts
-from monitor_core.identification.predictor import Predictor
+from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.series import MOST_LEVELS, series
+from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.monitor import AxisMonitor
 from monitor_core.simulation import simulate_linear
@@ -26,15 +27,15 @@ from tests.core.identification.problems import (
 )
 
 
-def at_rest(case: Case, **changes: object) -> Problem:
-    """The case as a problem: its gain, from rest, as the monitor does it."""
+def as_monitor(case: Case, **changes: object) -> Problem:
+    """The case as a problem: its gain, from the first output, as the monitor does it."""
     settings, model = case.settings(), case.model
     given = {
         "predictor": "innovations" if settings.K else "output-error",
         "K": settings.K or None,
         "delay_s": case.delay_s,
         "speed_scale": case.speed_scale,
-        "initial": "rest",
+        "initial": "first",
         **changes,
     }
     return Problem(model.drive, model.nominal, case.monitored, **given)  # type: ignore[arg-type]
@@ -48,7 +49,7 @@ def test_errors_and_gradients_are_those_of_the_monitor(name: str, seed: int) -> 
     pinned = case.settings(settle_s=0.0, P0=tuple(1e-60 * case.model.scale**2))
     t_us = np.rint(rec.t * 1e6).astype(np.int64)
     _, trace = AxisMonitor.alone(case.model, pinned).run_traced(t_us, rec.u, rec.y)
-    predictor = Predictor(at_rest(case), [rec], None)
+    predictor = Predictor(as_monitor(case), [rec], None)
     (found,) = predictor.errors(predictor.start())
     scale = float(np.nanstd(trace.eps))
     np.testing.assert_allclose(found.eps[1:], trace.eps[1:], rtol=0, atol=1e-9 * scale)
@@ -64,7 +65,7 @@ def test_errors_are_those_of_the_paper_transcribed(name: str, seed: int) -> None
     t_us = np.rint(rec.t * 1e6).astype(np.int64)
     settings = case.settings()
     yhat = oracle.prediction(case.model, settings, case.model.theta0, t_us, rec.u, rec.y)
-    eps = all_errors(predictor := Predictor(at_rest(case), [rec], None), predictor.start())
+    eps = all_errors(predictor := Predictor(as_monitor(case), [rec], None), predictor.start())
     np.testing.assert_allclose(eps, rec.y - yhat.real, rtol=0, atol=1e-9 * float(np.std(eps)))
 
 
@@ -75,13 +76,13 @@ def test_gradients_of_every_case(name: str, motion: str, seed: int) -> None:
     case = BY_NAME[name]
     rec = case_record(seed, case, 300, jitter=0.2)
     rec = replace(rec, valid=np.random.default_rng(seed).random(300) > 0.1)
-    problem = at_rest(case, motion=motion, initial="free", free_delay=True, delay_s=0.0004)
+    problem = as_monitor(case, motion=motion, initial="free", free_delay=True, delay_s=0.0004)
     predictor = Predictor(problem, [rec], None)
     _check_gradients(predictor, 1e-6)
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
-@pytest.mark.parametrize("initial", ["free", "rest"])
+@pytest.mark.parametrize("initial", ["free", "rest", "first"])
 def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> None:
     """K follows theta, the noise levels and their time constant; two records."""
     case = Case("", output, ("Jm", "1/Ja", "kg", "da", "r", "fc"))  # type: ignore[arg-type]
@@ -90,7 +91,9 @@ def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> Non
     noise = Disturbance(
         torque=ratio, slow=ratio, time_constant_s=0.1, free=("torque", "slow", "time_constant")
     )
-    problem = at_rest(case, K=None, initial=initial, predictor="innovations", free_delay=True, delay_s=0.001)
+    problem = as_monitor(
+        case, K=None, initial=initial, predictor="innovations", free_delay=True, delay_s=0.001
+    )
     predictor = Predictor(problem, records, noise)
     assert predictor.layout.levels == ("torque", "slow")
     assert predictor.layout.names[-2:] == ("Td", "delay")
@@ -101,13 +104,13 @@ def test_gradients_through_the_gain_where_the_output_depends_on_theta(seed: int)
     """The sensor is behind the gear: C holds the ratio, which is free."""
     drive = chain(2, "speed", sensor="gear", gravity=False)
     noise = Disturbance(torque=5.0, slow=2.0, time_constant_s=0.1)
-    problem = Problem(drive, values(2, gravity=False), ("r", "J1", "1/k1"), initial="rest")
+    problem = Problem(drive, values(2, gravity=False), ("r", "J1", "1/k1"), initial="first")
     rec = reference_record(seed, 300)
     _check_gradients(Predictor(problem, [rec], noise), 3e-6)
 
 
-def test_the_initial_states_are_those_of_least_squares(seed: int) -> None:
-    """Of two records, the second of which starts far from rest: the errors are linear in them."""
+def test_the_initial_states_are_those_of_least_squares(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two records, the second of which starts far from rest: the errors are linear in them, one step is enough."""
     records = [
         reference_record(seed, 300),
         replace(reference_record(seed + 1, 300), t=np.asarray(np.arange(300) * 0.01)),
@@ -117,7 +120,15 @@ def test_the_initial_states_are_those_of_least_squares(seed: int) -> None:
     start, shared = predictor.start(), predictor.layout.shared
     J = all_gradients(predictor, start)[:, shared:]
     best = start[shared:] - np.linalg.lstsq(J, all_errors(predictor, start), rcond=None)[0]
+    looked, errors = list[Floats](), predictor._errors
+
+    def watched(xi: Floats) -> list[Errors]:
+        looked.append(xi)
+        return errors(xi)
+
+    monkeypatch.setattr(predictor, "_errors", watched)
     found = fit_starts(predictor)
+    assert len(looked) <= 2
     np.testing.assert_array_equal(found[:shared], start[:shared])
     np.testing.assert_allclose(J @ found[shared:], J @ best, rtol=0, atol=1e-7 * abs(J @ best).max())
     assert abs(J @ (best - start[shared:])).max() > 1
@@ -142,7 +153,7 @@ def test_friction_and_gravity_held_at_zero_are_as_if_they_were_not_there(motion:
     """They act no more, but what is free keeps its derivative where it is zero."""
     case = BY_NAME["gravity"]
     nominal = {**case.model.nominal, **dict.fromkeys(("fc", "tau0", "gc", "gs"), 0.0)}
-    rec, some = case_record(seed, case, 200), replace(at_rest(case, motion=motion), nominal=nominal)
+    rec, some = case_record(seed, case, 200), replace(as_monitor(case, motion=motion), nominal=nominal)
     without, all_ = (
         Predictor(replace(some, free=free), [rec], None)
         for free in (("J1", "fa"), ("J1", "fa", "fc", "tau0", "gc", "gs"))
@@ -229,7 +240,7 @@ def test_a_missing_sample_is_not_looked_at(seed: int) -> None:
     valid = np.random.default_rng(seed).random(300) > 0.2
     other = np.where(valid, rec.y, 1e3)
     found = [
-        all_errors(p := Predictor(at_rest(case), [replace(rec, y=y, valid=valid)], None), p.start())
+        all_errors(p := Predictor(as_monitor(case), [replace(rec, y=y, valid=valid)], None), p.start())
         for y in (rec.y, other)
     ]
     np.testing.assert_array_equal(found[0], found[1])
