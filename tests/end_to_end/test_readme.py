@@ -44,7 +44,7 @@ def shown(start: str) -> list[list[str]]:
 
 def arguments(command: list[str], folder: Path) -> list[str]:
     """Without the program's name, its files in this folder."""
-    files = (".toml", ".log", ".json", ".mo", ".csv", ".html", "warm")
+    files = (".toml", ".log", ".json", ".mo", ".csv", ".html")
     return [str(folder / word) if word.endswith(files) else word for word in command[1:]]
 
 
@@ -116,10 +116,9 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     rows = (tmp_path / "healthy.csv").read_text(encoding="utf-8").splitlines()
     warmer = [f"{row},{20 + n // 500 % 4}" for n, row in enumerate(rows[1:2001])]
     (tmp_path / "warm.csv").write_text("\n".join((rows[0] + ",temp", *warmer, "")), encoding="utf-8")
-    (tmp_path / "warm").mkdir()
     done = run_program(*arguments(warm, tmp_path), patience_s=300)
     assert done.returncode == 0, done.stderr
-    (slope,) = tomllib.loads((tmp_path / "warm/nominal.toml").read_text(encoding="utf-8"))["varying"]
+    (slope,) = tomllib.loads((tmp_path / "nominal-warm.toml").read_text(encoding="utf-8"))["varying"]
     assert abs(slope["slope"]) < 5 * slope["standard_deviation"] + 0.001 * values["fm"]
 
 
