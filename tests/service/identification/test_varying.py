@@ -14,7 +14,9 @@ from service.commands.main import app
 from service.config import Config, load
 from service.config.nominal_file import read_nominal
 from service.identification.errors import IdentificationError
-from service.identification.varying import asked
+from service.identification.found import Slope
+from service.identification.free import Choice
+from service.identification.varying import Follows, asked, with_varying
 from service.simulation.axis import ControlledAxis
 from tests.service.identification.conftest import SHIPPED, robot_text
 
@@ -174,3 +176,17 @@ def test_terms_are_read_with_blanks_or_without(warm: Path) -> None:
     (axis,) = load(warm / "robot.toml", {}).axes
     found = asked(("1/Ja:cos( angle2 ),temperature", "fm : square(angle2)"), axis.config)
     assert found == {"1/Ja": ("cos(angle2)", "temperature"), "fm": ("square(angle2)",)}
+
+
+def test_a_reciprocal_that_follows_a_signal_is_what_is_found() -> None:
+    choice = Choice(("Jm", "Ja", "fm"), {"kT": "known"})
+    assert with_varying(choice, {"1/Ja": ("t",), "fm": ("t",)}, ()).free == ("Jm", "1/Ja", "fm")
+    assert with_varying(choice, {}, ()) == choice
+
+
+def test_a_slope_counts_from_its_reference_and_may_be_none() -> None:
+    follows = Follows("fm", "temperature", 30.0, 20.0, 45.0)
+    slope = Slope(follows, 0.06, -0.001, 0.0001)
+    assert [slope.at(t) for t in (20, 30, 45)] == pytest.approx([0.07, 0.06, 0.045])
+    assert slope.told
+    assert not slope._replace(sd=0.0005).told
