@@ -42,7 +42,7 @@ def start(
         problem: what is free; nominal values of what is free are used only as ``given`` says.
         records: of the drive.
         given: values to search from, for free parameters that are not as in the problem's nominal ones.  None: the
-            records alone, in closed form.
+            records alone, in closed form or by growth.
         progress: called with searches done and how many there are at most.
 
     Raises:
