@@ -47,12 +47,14 @@ class Structure:
         for row, term in zip(self._exponent, drive.terms, strict=True):
             for name, e in term.powers:
                 row[self.names.index(name)] += e
-        self._entry = np.array([self._place(t.matrix, t.row, t.col) for t in drive.terms], dtype=np.int64)
+        entry = np.array([self._place(t.matrix, t.row, t.col) for t in drive.terms], dtype=np.int64)
+        self._sums = np.zeros((self._ends[-1], len(drive.terms)))
+        self._sums[entry, np.arange(entry.size)] = 1.0
         self._free = [self.names.index(split_name(name)[0]) for name in free]
         self._inverted = [i for i, name in zip(self._free, free, strict=True) if split_name(name)[1]]
         self._exponent[:, self._inverted] *= -1
         self._constant = np.concatenate([np.zeros(self._ends[4]), drive.matrix("ratio", _ones(drive))[:, 0]])
-        self._constant[self._entry[self._entry >= self._ends[4]]] = 0.0
+        self._constant[entry[entry >= self._ends[4]]] = 0.0
         self._unit = np.concatenate(
             [(d / d[:, None]).ravel(), np.repeat(1 / d, m), d, 1 / d, np.ones(m)],
         )
@@ -67,11 +69,12 @@ class Structure:
         v = np.array([values[name] for name in self.names])
         v[self._inverted] = 1 / v[self._inverted]
         terms = self._coefficient * np.prod(v**self._exponent, axis=1)
-        flat = self._constant + self._summed(terms)
-        slopes = [self._summed(self._slopes(v, i)) for i in self._free]
+        slopes = np.empty((terms.size, len(self._free)), dtype=terms.dtype)
+        for k, i in enumerate(self._free):
+            slopes[:, k] = terms * self._exponent[:, i] / v[i] if v[i] else self._slopes(v, i)
+        flat = self._constant + self._sums @ terms
         return Linear(
-            *self._parts(flat * self._unit),
-            *self._parts(np.array(slopes).reshape(-1, flat.size).T * self._unit[:, None]),
+            *self._parts(flat * self._unit), *self._parts(self._sums @ slopes * self._unit[:, None])
         )
 
     def _slopes(self, v: Floats, i: int) -> Floats:
@@ -81,11 +84,6 @@ class Structure:
         lower = self._exponent[rows]
         lower[:, i] -= 1
         out[rows] = self._coefficient[rows] * self._exponent[rows, i] * np.prod(v**lower, axis=1)
-        return out
-
-    def _summed(self, terms: Floats) -> Floats:
-        out = np.zeros(self._ends[-1], dtype=terms.dtype)
-        np.add.at(out, self._entry, terms)
         return out
 
     def _parts(self, flat: Floats) -> list[Floats]:

@@ -1,6 +1,7 @@
 """Prediction errors and their gradient: against the monitor's recursion, the transcribed paper, and differences."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -163,6 +164,13 @@ def test_friction_and_gravity_held_at_zero_are_as_if_they_were_not_there(motion:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * abs(expected).max())
     assert all_gradients(all_, all_.start())[:, 2:].any(axis=0).all()
     _check_gradients(all_, 1e-6)
+
+
+def test_gravity_of_a_measured_angle_that_a_free_ratio_scales(seed: int) -> None:
+    """Not a sample missing and no friction: nothing else gives an input derivatives."""
+    still = {**values(3), "fc": 0.0, "fa": 0.0, "tau0": 0.0}
+    case = Case("", "angle", ("r", "gc", "gs"), still, drive=partial(chain, 3))
+    _check_gradients(Predictor(as_monitor(case), [case_record(seed, case, 200)], None), 1e-6)
 
 
 def test_distinct_intervals_and_levels(seed: int) -> None:
