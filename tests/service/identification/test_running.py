@@ -19,7 +19,7 @@ from service.identification.beginning import Start
 from service.identification.bode import band
 from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
-from service.identification.found import Found
+from service.identification.found import Found, Row
 from service.identification.running import run
 from service.identification.task import Task, Wishes, task_of
 from service.identification.traces import traces_of
@@ -255,3 +255,13 @@ def test_records_that_tell_nothing_are_said_with_what_would_help(
     with pytest.raises(IdentificationError, match="no fit: no response") as caught:
         run(task(folder, robot, "second.csv", wishes=Wishes(start=start, free=FREE)), PROVENANCE)
     assert ("; give values to start from" in str(caught.value)) == hint
+
+
+def test_where_a_fit_started_is_no_doubt(found: Found) -> None:
+    words = ("Jm is doubtful.", "Started from somewhere.")
+    started = replace(found, estimate=replace(found.estimate, words=words))
+    assert (started.warnings[-1], started.origin) == words
+    assert "Started from somewhere." not in started.warnings
+    assert found.origin == ""
+    held, zero = (Row("tau0", "N m", "", 0.01, sd, None) for sd in (0.001, 0.005))
+    assert (held.about_zero, zero.about_zero) == (False, True)

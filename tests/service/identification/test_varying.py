@@ -93,6 +93,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: 
     assert (friction["reference"], friction["range"]) == (MIDDLE, [20, 45])
     assert abs(inertia["slope"]) < 5 * inertia["standard_deviation"] + 1e-5
     assert inertia["signal"] == "cos(angle2)"
+    assert inertia["range"] == pytest.approx([np.cos(2), 1])
     read = read_nominal(here / "nominal.toml")
     assert read.values["fm"] == pytest.approx(0.06, abs=5 * sd * 12.5 + 0.01 * 0.06)
     assert [v.model_dump() for v in read.varying] == [
