@@ -171,7 +171,7 @@ def _ratio(records: Sequence[Record]) -> float:
 
 def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> float:
     """At the start: no derivatives by what stays where it is, which are most of the work."""
-    held = replace(problem, free=tuple(problem.varying), free_delay=False, initial="rest")
+    held = replace(problem, free=tuple(problem.varying), free_delay=False, initial="first")
     predictor = Predictor(held, records, noise)
     return criterion(predictor, predictor.start(), np.inf).cost
 

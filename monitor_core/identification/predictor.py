@@ -33,7 +33,7 @@ class Errors(NamedTuple):
 class Predictor:
     """The predictor of a problem on its records.
 
-    The vector xi is that of ``layout``, followed by the initial state of each record if those are free.
+    The vector xi is that of ``layout``, followed by the initial state of each record, or what is free of it.
 
     Raises:
         ValueError: no record, another output than the drive's, a record in which nothing was measured.
@@ -73,27 +73,29 @@ class Predictor:
         return len(self.drive.states)
 
     @property
-    def free_starts(self) -> bool:
-        """The initial states are part of the vector."""
-        return self.problem.initial == "free"
+    def own(self) -> int:
+        """How many numbers each record adds to the vector: its initial state, or the angle where it rests."""
+        initial = self.problem.initial
+        return self.n if initial == "free" else int(initial == "rest" and self.drive.output == "angle")
 
     def columns(self, i: int) -> np.ndarray:
         """Which entries of the vector the columns of record i's psi belong to."""
         shared = self.layout.shared
-        own = shared + i * self.n + np.arange(self.n if self.free_starts else 0)
+        own = shared + i * self.own + np.arange(self.own)
         return np.concatenate([np.arange(shared), own])
 
     def start(self) -> Floats:
         """The vector to start from: nominal values, all at rest."""
         xi = self.layout.start()
         rest = self._linear(self.layout.point(xi), self._signal_mean).rest
-        own = [rest * s.first for s in self.series] if self.free_starts else []
+        free = self.problem.initial == "free"
+        own = [rest * s.first if free else np.full(self.own, s.first) for s in self.series]
         return np.concatenate([xi, *own])
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Of the vector."""
         lower, upper = self.layout.bounds()
-        endless = np.full(self.n * len(self.series) if self.free_starts else 0, math.inf)
+        endless = np.full(self.own * len(self.series), math.inf)
         return np.concatenate([lower, -endless]), np.concatenate([upper, endless])
 
     def gain(self, xi: Floats) -> Gain:
@@ -182,14 +184,17 @@ class Predictor:
         return np.asarray(np.logical_or.reduce([self._torque, *acts]))
 
     def _start(self, xi: Floats, i: int, of: Linear) -> tuple[Floats, Floats]:
-        columns = self.columns(i)
-        Z0 = np.zeros((self.n, columns.size))
-        if self.free_starts:
-            Z0[:, self.layout.shared :] = np.eye(self.n)
-            return xi[columns[self.layout.shared :]].copy(), Z0
-        first = self.series[i].first
-        Z0[:, : of.drest.shape[1]] = of.drest * first
-        return of.rest * first, Z0
+        columns, shared, initial = self.columns(i), self.layout.shared, self.problem.initial
+        Z0, own = np.zeros((self.n, columns.size)), xi[columns[shared:]]
+        if initial == "free":
+            Z0[:, shared:] = np.eye(self.n)
+            return own.copy(), Z0
+        output = (
+            self.series[i].first if initial == "first" else float(own.sum())
+        )  # a speed at rest: of none, 0
+        Z0[:, : of.drest.shape[1]] = of.drest * output
+        Z0[:, shared:] = of.rest[:, None]
+        return of.rest * output, Z0
 
     def _held(
         self, point: Point, s: Series, levels: Sequence[Linear], torque: NDArray[np.bool_]

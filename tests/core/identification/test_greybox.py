@@ -58,6 +58,22 @@ def test_deviations_are_cramer_and_raos(seed: int) -> None:
     assert found.coloured <= 2
 
 
+def test_a_drive_that_starts_at_rest(seed: int) -> None:
+    """A speed then is zero, whatever was measured first; where the angle stands is found from all samples."""
+    rec = reference_record(seed, 1000)
+    wrong = replace(rec, y=np.where(rec.t == 0, 20.0, rec.y))
+    at_rest, again = (fit(reference_problem(initial="rest"), [r]) for r in (rec, wrong))
+    assert np.abs((at_rest.theta - again.theta) / at_rest.sd).max() < 0.02
+    assert np.abs(pulls(at_rest)).max() < 5
+    angle = reference_record(seed, 1000, "angle", noise=0.01)
+    angle = replace(angle, y=angle.y + 0.7 + np.where(angle.t == 0, 0.2, 0.0))
+    problem = Problem(three_mass("angle"), REFERENCE_VALUES, EIGHT, "output-error", initial="rest")
+    found, first = fit(problem, [angle]), fit(replace(problem, initial="first"), [angle])
+    assert np.abs(pulls(found)).max() < 5
+    assert found.lam0 == pytest.approx(1e-4 + 0.04 / 1000, rel=6 * np.sqrt(2 / 1000))
+    assert first.lam0 > 10 * found.lam0
+
+
 def test_kT_free_is_singular_and_said(seed: int) -> None:
     found = fit(reference_problem(free=("kT", *EIGHT)), [reference_record(seed, SAMPLES)])
     assert found.converged
