@@ -18,6 +18,9 @@ _NEARLY = 1e-3
 """The same, where rounding lets the search get no further."""
 _FLAT = 1e-13
 """A part of the cost that no more is to be gained than this ends the search, too (data without noise)."""
+_NOTHING = 1e-6
+"""What an entry's longest step adds to the sum of squares, in variances, if it no longer matters: a noise level that has
+all but vanished is not to be followed for ever."""
 _DAMPING = 1.0
 UNDAMPED = 1e-12
 _MOST_DAMPING = 1e12
@@ -73,9 +76,9 @@ def minimise(
     if not np.isfinite(at.cost):
         raise ValueError("the predictor is unstable at the start values, or they make no sense")
     for count in range(1, most):
-        if _settled(xi, at, bounds):
+        if _settled(xi, at, bounds, clipped):
             return End(xi, at, count, converged=True)
-        wanted = _step(xi, at, bounds, mu)
+        wanted = _step(xi, at, bounds, mu, clipped)
         step = _shortened(wanted, longest)
         new = np.clip(xi + np.clip(step, -clipped, clipped), *bounds)
         trial = evaluate(new)
@@ -93,20 +96,22 @@ def minimise(
         else:
             mu, grow = mu * grow, grow * 2
             if mu > _MOST_DAMPING or 0 <= expected <= _FLAT * at.cost:
-                return End(xi, at, count + 1, converged=_settled(xi, at, bounds, _NEARLY))
+                return End(xi, at, count + 1, converged=_settled(xi, at, bounds, clipped, _NEARLY))
     return End(xi, at, most, converged=False)
 
 
-def _settled(xi: Floats, at: Normal, bounds: tuple[Floats, Floats], limit: float = _SETTLED) -> bool:
+def _settled(
+    xi: Floats, at: Normal, bounds: tuple[Floats, Floats], clipped: Floats, limit: float = _SETTLED
+) -> bool:
     """What is left to go is nothing beside the standard deviation, which cost / samples scales."""
-    left = float(at.g @ _step(xi, at, bounds, 0.0))
+    left = float(at.g @ _step(xi, at, bounds, 0.0, clipped))
     return left <= limit * at.cost / max(at.samples, 1)
 
 
-def _step(xi: Floats, at: Normal, bounds: tuple[Floats, Floats], mu: float) -> Floats:
-    """(H + mu diag H)^-1 g; of those that would leave their bounds at once, none moves."""
+def _step(xi: Floats, at: Normal, bounds: tuple[Floats, Floats], mu: float, clipped: Floats) -> Floats:
+    """(H + mu diag H)^-1 g; those that would leave their bounds at once, or matter no longer, do not move."""
     lower, upper = bounds
-    able = np.ones(xi.size, dtype=bool)
+    able = np.sqrt(np.diag(at.H)) > np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / clipped
     while True:
         step = _unbounded(at, able, mu)
         leaves = ((xi <= lower) & (step < 0)) | ((xi >= upper) & (step > 0))

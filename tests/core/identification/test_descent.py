@@ -56,6 +56,28 @@ def test_what_nothing_tells_stays() -> None:
     assert end.xi[0] - end.xi[1] == pytest.approx(5)
 
 
+def test_what_has_vanished_is_not_followed(seed: int) -> None:
+    """A level, as its logarithm, that adds exp(2 xi) to the prediction where the data want less: the further down it
+    goes the less it matters, but Gauss and Newton expect as much from each step as from the one before."""
+    rng = np.random.default_rng(seed)
+    S = rng.standard_normal((2000, 2))
+    S[:, 1] -= S[:, 1] @ S[:, 0] / (S[:, 0] @ S[:, 0]) * S[:, 0]
+    y = 3.0 * S[:, 0] + rng.standard_normal(2000)
+    y -= (y @ S[:, 1] / (S[:, 1] @ S[:, 1]) + 0.05) * S[:, 1]
+
+    def levelled(xi: Floats) -> Normal:
+        level = np.exp(2 * xi[1])
+        eps = y - S @ np.array([xi[0], level])
+        J = S * np.array([1.0, 2 * level])
+        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2000)
+
+    clipped = np.array([np.inf, 1.5])
+    end = minimise(levelled, np.array([0.0, 0.0]), (-ENDLESS, ENDLESS), ENDLESS, clipped, 40)
+    assert end.converged
+    assert end.xi[0] == pytest.approx(y @ S[:, 0] / (S[:, 0] @ S[:, 0]))
+    assert end.xi[1] < -4
+
+
 def test_a_cost_that_is_not_finite_is_only_a_step_refused() -> None:
     """A wall of infinities in front of the minimum of the quadratic model."""
 
