@@ -15,10 +15,11 @@ from monitor_core.identification.starting.grown import asked, doubt_of, verdict
 from monitor_core.identification.starting.growth import bare, longer, rigid, stems
 from monitor_core.identification.starting.inverse import Chain
 from monitor_core.identification.starting.modal import Response
-from monitor_core.identification.starting.modes import shape
-from monitor_core.identification.starting.pursuit import lacking
+from monitor_core.identification.starting.modes import Modal, shape
+from monitor_core.identification.starting.pursuit import Mode, joined, lacking
 from monitor_core.identification.starting.response import measure
 from monitor_core.identification.starting.search import errors, polish
+from monitor_core.identification.starting.slots import Slots
 from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case
 
 MASSES = {"two": 2, "three": 3, "five": 5}
@@ -204,3 +205,20 @@ def behind(case: Case) -> list[float]:
     """Masses as the motor sees them."""
     r = case.values["r"]
     return [value * (1 if name == "Jm" else r**2) for name, value in case.values.items() if name[0] == "J"]
+
+
+def test_a_mode_joins_in_its_place() -> None:
+    """In order of frequency; its weight is no smaller than a hundredth of the largest and no larger than that."""
+    known = Modal(np.array([0.0, 5.0]), np.array([2.0, 1.0]), np.array([0.1, 0.2]))
+    between = joined(known, Mode(3.0, 9.0, 0.3, 1.0))
+    np.testing.assert_array_equal(between, [[0.0, 3.0, 5.0], [2.0, 2.0, 1.0], [0.1, 0.3, 0.2]])
+    assert joined(known, Mode(3.0, 0.001, 0.3, 1.0)).a[1] == 0.02
+
+
+def test_decays_of_light_dampers_are_those_of_the_poles() -> None:
+    """Of the whole drive, lightly damped, by its eigenvalues."""
+    light = {name: value * (1e-2 if name[0] in "df" else 1) for name, value in THREE.values.items()}
+    poles = np.linalg.eigvals(THREE.speed.matrix("A", light))
+    poles = poles[poles.imag >= 0]
+    poles = poles[np.argsort(np.abs(poles))]
+    np.testing.assert_allclose(Slots(THREE.problem()).decays(light)[1:], -poles.real[1:], rtol=1e-2)
