@@ -24,6 +24,8 @@ _LIGHTEST = 1e-3
 """Part of the whole inertia below which a mass is none, but a place for what friction and disturbances leave."""
 _WHITE = 0.01
 """A p-value below which errors are not white."""
+_PLAIN = 0.25
+"""Part of the squared error of the smaller chain: a larger one that leaves less has one more mass, odd or not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +96,9 @@ def doubt_of(chain: Chain, lowest_hz: float) -> str:
 
 
 def asked(smaller: Grown, larger: Grown) -> bool:
-    """Whether the records ask for the larger one."""
-    if not larger.bic < smaller.bic or larger.doubt:
+    """Whether the records ask for the larger one; that a mass is odd weighs little where most of the error goes."""
+    odd = larger.doubt and larger.estimate.cost > _PLAIN * smaller.estimate.cost
+    if odd or not larger.bic < smaller.bic:
         return False
     return not larger.validation or sum(larger.validation) > sum(smaller.validation)
 

@@ -15,7 +15,7 @@ from monitor_core.identification.starting.growth import bare
 from monitor_core.identification.starting.response import measure
 from monitor_core.reference import BAND_HZ
 from tests.core.identification import monte_carlo
-from tests.core.identification.test_starting import AT_OPTIMUM, THREE, TWO, Way
+from tests.core.identification.test_starting import AT_OPTIMUM, THREE, TWO, Case, Way
 
 SLOW = monte_carlo.START_OF_NOISE
 INNOVATIONS = replace(THREE.problem(), predictor="innovations")
@@ -72,9 +72,10 @@ def test_where_only_noise_goes_round_a_loop_nothing_is_told(seed: int) -> None:
 
 def test_a_single_mass(seed: int) -> None:
     """It has no resonance; friction and inertia come from the response all the same."""
-    problem = bare(1, "speed")
-    record = TWO.record(seed)
-    best = fit(replace(problem, nominal={**problem.nominal, "J1": 0.03, "fm": 0.06}), [record])
+    problem, values = bare(1, "speed"), {"J1": 0.03, "fm": 0.06, "fc": 0.0, "tau0": 0.0}
+    rigid = Case("one", problem.drive, bare(1, "angle").drive, values, 10.0, 95)
+    record = rigid.record(seed)
+    best = fit(replace(problem, nominal=values), [record])
     assert fit_from_scratch(problem, [record]).cost <= AT_OPTIMUM * best.cost
 
 
