@@ -86,6 +86,7 @@ CASES = (
         values(2),
         drive=partial(chain, 2, sensor="gear"),
         speed_scale=3.0,
+        within=0.5,  # further away the weight falls over, and the predictor magnifies rounding
     ),
     Case(
         "speed-behind-the-gear",

@@ -48,7 +48,7 @@ def test_friction_converges_to_the_differential_equation(seed: int) -> None:
     for substeps in (1, 5, 50):
         axis = SimulatedAxis(FRICTION, substeps=substeps)
         errors.append(np.abs([axis.step(torque, H) for torque in u] - exact).max(axis=0))
-    assert (errors[1] < [5e-3, 0.2]).all()  # of 0.5 rad and some 5 rad/s
+    assert (errors[1] < [0.02, 0.3]).all()  # of 0.5 rad and some 5 rad/s
     assert (errors[2] < errors[1] / 5).all()
     assert (errors[1] < errors[0] / 2).all()
 

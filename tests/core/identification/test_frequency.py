@@ -158,10 +158,10 @@ def test_without_noise_all_are_right(seed: int) -> None:
 
 
 def test_local_polynomials_follow_a_sharp_resonance(seed: int) -> None:
-    """The bench drive, resonances 1.6 and 5 Hz wide, records of 20 s: errors some 0.6 times those of spectra."""
+    """The bench drive, resonances 1.6 and 5 Hz wide, 40 records of 20 s: errors some 0.62 +- 0.04 those of spectra."""
     rng, drive = np.random.default_rng(seed), bench_drive()
     errors = []
-    for _ in range(6):
+    for _ in range(40):
         u = rng.normal(size=4000)
         record = Record(times(4000), u, drive.simulate(u) + 0.05 * rng.normal(size=4000), "speed")
         spectra = spectral_response([record], 500).between(2.0, 40.0)
