@@ -47,10 +47,18 @@ class Stem(NamedTuple):
 def rigid(measured: Measured) -> tuple[Stem, ...]:
     """One mass."""
     low = 2 * np.pi * measured.frequency_hz[:1]
-    a = float(weights(measured, np.zeros(1), low / 2)[0])
+    # Where the response is known above the first resonance only, the best weight of a rigid motion may be none.
+    a = float(weights(measured, np.zeros(1), low / 2)[0]) or _size(measured)
     problem = bare(1, measured.output)
     response = Response(problem, {"J1": 1 / a, "fm": float(low[0]) / 2 / a})
     return (Stem(response, settle(response, measured, response.start), None),)
+
+
+def _size(measured: Measured) -> float:
+    """The reciprocal of the inertia that a mass alone would have, by the size of the response."""
+    w = 2 * np.pi * measured.frequency_hz
+    order = 1 if measured.output == "speed" else 2
+    return float(np.median(np.abs(measured.target().G) * w**order))
 
 
 def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple[Stem, ...]:
