@@ -9,7 +9,8 @@ import pytest
 
 from monitor_core.drive import Output
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.starting import Growth, api, grow, growth, start
+from monitor_core.identification.starting import Growth, api, grow, start
+from monitor_core.identification.starting import growth as growing
 from monitor_core.identification.starting.chains import chain
 from monitor_core.identification.starting.grown import asked, doubt_of, verdict
 from monitor_core.identification.starting.growth import bare, longer, rigid, stems
@@ -226,9 +227,9 @@ def test_decays_of_light_dampers_are_those_of_the_poles() -> None:
 
 def test_a_rigid_motion_of_no_weight_still_starts(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """As where the response is known above the resonances only, and fits a negative inertia best."""
-    monkeypatch.setattr(growth, "weights", lambda *_: np.zeros(1))
+    monkeypatch.setattr(growing, "weights", lambda *_: np.zeros(1))
     measured = measure([TWO.record(seed)])
-    (stem,) = growth.rigid(measured)
+    (stem,) = rigid(measured)
     J, r = stem.response.named(stem.response.start)["J1"], TWO.values["r"]
     whole = TWO.values["Jm"] + TWO.values["Ja"] * r**2
     assert 0.1 * whole < J < 10 * whole
