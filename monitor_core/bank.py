@@ -67,12 +67,16 @@ class Bank:
         st.theta[:, a] = model.theta0
         st.t[a] = NEVER
         st.onset[:, :, a] = NEVER
+        st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
+        st.plenty[a] = 1.0
+        np.fill_diagonal(st.T[:, :, a], 1.0)
         st.seed_left[a] = s.seed_updates
         certain = s.P0 or (1 + s.lam) * model.scale**2 / s.lam0
         if np.shape(certain) != model.scale.shape:
             raise ValueError(f"P0 has {len(s.P0)} entries, {len(model.scale)} parameters are monitored")
         np.fill_diagonal(st.P[:, :, a], certain)
+        st.P_nom[:, a] = s.P0 or 0.0
 
     def run(
         self, t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None = None
@@ -159,6 +163,7 @@ def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
 
 def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:
     numbers = {
+        "interval": s.interval_s,
         "lam": s.lam,
         "lam0": s.lam0,
         "alpha1": s.alpha1,
@@ -168,8 +173,11 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "settle_us": round(s.settle_s * 1e6),
         "seed": s.seed_updates,
         "calm": round(CALM_MEMORIES * s.memory),
+        "floor": s.floor,
+        "starved": s.starved,
+        "span": s.span,
     }
-    vectors = {"K": s.gain(len(model.drive.states)), "h": s.alpha2 * model.scale}
+    vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}
     vectors |= assembly.model_constants(model, s.speed_scale)
     return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
 

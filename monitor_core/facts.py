@@ -12,7 +12,17 @@ class Status(StrEnum):
     SETTLING = "settling"  # the predictor has just (re)started
     SEEDING = "seeding"  # P(0) is being found
     TRACKING = "tracking"
+    WEAK = "weakly observed"  # tracking, though the last samples say less than those at commissioning
+    UNSEEN = "not observed"  # the last samples say next to nothing of it
     ALARM = "alarm"  # an alarm episode is open
+
+
+class Observation(StrEnum):
+    """How much is known of a parameter now, beside what was known at commissioning."""
+
+    OBSERVED = "observed"
+    WEAK = "weakly observed"
+    UNSEEN = "not observed"  # the estimate is the last that was observed; its CUSUM waits
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +46,7 @@ class ParameterFacts:
     nu: float
     """Deviation per sample that is tolerated"""
     status: Status
+    observation: Observation
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +57,8 @@ class AxisFacts:
     parameters: tuple[ParameterFacts, ...]
     innovation_variance: float
     """Running estimate of lambda_0, in the output's unit squared"""
+    confounded: tuple[str, ...]
+    """What cannot be told apart now, in words; empty where all is observed"""
     counters: Mapping[str, int]
     """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from monitor_core.discretize import zero_order_hold
 from monitor_core.drive import DISTURBANCE_TIME
-from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.kernel.tables import GAINS, TORQUE, Floats
 from monitor_core.model import AxisModel
 
 _MARGIN = 1e-6
@@ -51,6 +51,30 @@ def filter_gain(
         raise ValueError(_no_filter(torque_noise, output_noise)) from None
     lam0 = float(C @ P @ C) + 1
     return d * (P @ C) / lam0, lam0 * output_noise**2
+
+
+def gains_after(
+    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float
+) -> tuple[tuple[float, ...], ...]:
+    """Filter gains after 0, 2, 3 .. intervals without a measurement, from the steady state (GAINS - 1 of n numbers).
+
+    The prediction grows uncertain with the interval: P <- Ad P Ad' + Q for each one, from the filter's own P.
+
+    Raises:
+        ValueError: as filter_gain.
+    """
+    K, lam0 = filter_gain(model, interval_s, torque_noise, output_noise)
+    Ad, G, C, d = _balanced(model, interval_s)
+    K, R = K / d, output_noise**2
+    Q = torque_noise**2 * G @ G.T
+    # Of the prediction P C' = K lam0; all of P comes from the Riccati equation once more.
+    P = prediction_variance(Ad, C, Q / R) * R
+    P = P - np.outer(K, K) * lam0
+    found = [P]
+    for _ in range(GAINS - 1):
+        found.append(Ad @ found[-1] @ Ad.T + Q)
+    del found[1]
+    return tuple(tuple((d * (P @ C) / (C @ P @ C + R)).tolist()) for P in found)
 
 
 def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:

@@ -11,16 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.bank import Bank, standard_deviation
+from monitor_core.directions import confounded
 from monitor_core.episodes import Calm, Crossing, Episode, EpisodeBook
-from monitor_core.facts import AxisFacts, ParameterFacts, Status
+from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
 from monitor_core.kernel.block import Trace
-from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA
+from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel, Drive
 from monitor_core.settings import Settings
 
 _T = TypeVar("_T", bound=np.generic)
 _PRIME = 2**127 - 1
+_OBSERVATION = tuple(Observation)
+_TRACKING = {
+    Observation.OBSERVED: Status.TRACKING,
+    Observation.WEAK: Status.WEAK,
+    Observation.UNSEEN: Status.UNSEEN,
+}
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -92,36 +99,46 @@ class AxisMonitor:
             time_us=None if last == NEVER else last,
             parameters=tuple(self._parameter(i) for i in range(len(self.model.monitored))),
             innovation_variance=float(st.lam0_running[a]),
+            confounded=self._confounded(),
             counters={name: int(st.counts[k, a]) for k, name in enumerate(COUNTERS)},
         )
 
     def _parameter(self, i: int) -> ParameterFacts:
         st, a, parameter = self.bank.state, self.axis, self.model.parameters[i]
-        P_ii = float(st.P[i, i, a])
+        P_ii, unseen = float(st.P[i, i, a]), st.observed[i, a] == UNSEEN
         return ParameterFacts(
             name=parameter.name,
             unit=parameter.unit,
             meaning=parameter.meaning,
             nominal=float(self.model.theta0[i]),
-            estimate=float(st.theta[i, a]),
+            estimate=float((st.theta_seen if unseen else st.theta)[i, a]),
             standard_deviation=standard_deviation(self.settings, P_ii),
             p_diagonal=P_ii,
             g_up=float(st.g[0, i, a]),
             g_down=float(st.g[1, i, a]),
             h=float(self.bank.thresholds[i, a]),
             nu=float(self.settings.alpha1 * math.sqrt(self.settings.lam0 * P_ii)),
-            status=self._status(parameter.name),
+            status=self._status(i),
+            observation=_OBSERVATION[st.observed[i, a]],
         )
 
-    def _status(self, name: str) -> Status:
+    def _confounded(self) -> tuple[str, ...]:
         st, a = self.bank.state, self.axis
-        if self.book.is_open(name):
+        if not st.starved[a]:
+            return ()
+        return confounded(st.P[:, :, a], st.P_nom[:, a], self.model.scale, self.model.monitored)
+
+    def _status(self, i: int) -> Status:
+        st, a = self.bank.state, self.axis
+        if self.book.is_open(self.model.parameters[i].name):
             return Status.ALARM
         if st.t[a] == NEVER:
             return Status.WAITING
         if st.t[a] < st.settled[a]:
             return Status.SETTLING
-        return Status.SEEDING if st.seed_left[a] > 0 else Status.TRACKING
+        if st.seed_left[a] > 0:
+            return Status.SEEDING
+        return _TRACKING[_OBSERVATION[st.observed[i, a]]]
 
     def to_arrays(self) -> Arrays:
         """The whole state, to be saved: arrays by name."""

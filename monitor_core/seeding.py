@@ -28,5 +28,4 @@ def steady_state_p(
         raise ValueError(
             f"the record gives {need - left} updates after settling, P(0) needs {need}: ten memory lengths"
         )
-    averaged = bank.state.P_sum[:, 0] / (seeding.seed_updates // 2)
-    return tuple(float(v) for v in averaged)
+    return tuple(float(v) for v in bank.state.P_nom[:, 0])

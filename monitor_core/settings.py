@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.kernel.tables import GAINS, Floats
 
 
 @dataclass(frozen=True)
@@ -19,13 +19,15 @@ class Settings:
     interval_s: float
     """Nominal sample interval."""
     lam: float = 0.995
-    """Forgetting factor lambda, per sample."""
+    """Forgetting factor lambda, per interval: over another one, h, it is lambda^(h / interval)."""
     lam0: float = 1.0
     """Innovation variance lambda_0, in the output's unit squared, used by nu and by standard deviations."""
     alpha1: float = 3.0
     alpha2: float = 20.0
     K: tuple[float, ...] = ()
     """Filter gain of the innovations form, one number per state; empty is K = 0, the paper's output error."""
+    K_after: tuple[tuple[float, ...], ...] = ()
+    """The gain after 0, 2, 3 .. 11 intervals, where it is known how it grows (kalman.gains_after); else it is K."""
     delay_s: float = 0.0
     """Time by which the torque acts later than its sample, at most one interval."""
     max_gap_s: float = 0.05
@@ -36,6 +38,12 @@ class Settings:
     """Speed of tanh(speed / speed_scale), rad/s, at the flange that the friction acts on."""
     P0: tuple[float, ...] = field(default=())
     """Diagonal of P(0); empty: found from the first samples by the paper's recipe."""
+    floor: float = 0.0
+    """Information never falls below this share of the commissioned one, 1/P(0)_ii: P_ii stays below P(0)_ii / floor.
+    0: P may grow for ever, as in the paper."""
+    starved: float = 0.0
+    """Where psi' P psi stays below this share of its steady mean p (1 - lambda), nothing is to be learned: theta, P
+    and g wait.  0: never, as in the paper."""
     run_on: bool = False
     """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
 
@@ -51,6 +59,9 @@ class Settings:
             "settle_s": (self.settle_s, 0 <= self.settle_s < math.inf),
             "speed_scale": (self.speed_scale, 0 < self.speed_scale < math.inf),
             "K": (self.K, all(math.isfinite(k) for k in self.K)),
+            "K_after": (self.K_after, np.isfinite(np.array(self.K_after or 0.0)).all()),
+            "floor": (self.floor, 0 <= self.floor <= 0.5),
+            "starved": (self.starved, 0 <= self.starved <= 0.5),
             "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),
         }
         for name, (value, good) in ranges.items():
@@ -67,6 +78,11 @@ class Settings:
         """Length of the run that finds P(0): ten memory lengths, of which the second half is averaged."""
         return 0 if self.P0 else 2 * round(5 * self.memory)
 
+    @property
+    def span(self) -> int:
+        """Updates between two looks at P: a quarter of the memory."""
+        return max(1, round(self.memory / 4))
+
     def gain(self, n: int) -> Floats:
         """K as a vector (n,).
 
@@ -78,3 +94,17 @@ class Settings:
         if len(self.K) != n:
             raise ValueError(f"K has {len(self.K)} entries, the drive {n} states")
         return np.array(self.K)
+
+    def gains(self, n: int) -> Floats:
+        """The gains after 0, 1, 2 .. intervals (GAINS, n).
+
+        Raises:
+            ValueError: another number of states, or of gains.
+        """
+        K = self.gain(n)
+        if not self.K_after:
+            return np.tile(K, (GAINS, 1))
+        after = np.array(self.K_after)
+        if after.shape != (GAINS - 1, n):
+            raise ValueError(f"K_after has the shape {after.shape}: need {(GAINS - 1, n)}")
+        return np.insert(after, 1, K, axis=0)

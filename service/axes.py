@@ -1,16 +1,20 @@
 """From the configuration of an axis to the engine's model and settings."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from monitor_core.kalman import filter_gain, slowest_time_constant
+from monitor_core.drive import DISTURBANCE_TIME
+from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
-from service.config import AxisConfig, NamedAxis, Predictor, drive_of, given_values, predictor_of
+from service.config import AxisConfig, Config, NamedAxis, Predictor, drive_of, given_values, predictor_of
 
 SETTLING_TIME_CONSTANTS = 5
 """After so many of its slowest time constants the predictor has forgotten where it started (e^-5 = 0.7 %)."""
+LEAST_MEMORY, AMPLE_MEMORY = 0.5, 2.5
+"""Memory over the slowest time constant: below the first theta runs away, from the second on it scatters as P says;
+the paper's own experiment has 1.8."""
 
 
 class AxisError(Exception):
@@ -41,16 +45,19 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
     P0 = config.estimator.initial_p
     return Settings(
         interval_s=config.sample_interval_s,
-        lam=config.estimator.forgetting,
+        lam=config.forgetting,
         lam0=lam0,
         alpha1=config.detector.alpha_1,
         alpha2=config.detector.alpha_2,
         K=tuple(K),
+        K_after=_later_gains(config, predictor, model, K),
         delay_s=predictor.torque_delay_s,
         max_gap_s=config.maximum_gap_s,
         settle_s=_settling_time(config, model, K),
         speed_scale=predictor.friction_speed_scale,
         P0=tuple(P0[name] for name in model.monitored) if P0 else (),
+        floor=config.estimator.least_information,
+        starved=config.estimator.least_excitation,
     )
 
 
@@ -67,10 +74,48 @@ def _gain(config: AxisConfig, p: Predictor, model: AxisModel) -> tuple[Sequence[
     return p.gain or tuple(float(k) for k in K), p.innovation_variance or lam0
 
 
+def _later_gains(
+    config: AxisConfig, p: Predictor, model: AxisModel, K: Sequence[float]
+) -> tuple[tuple[float, ...], ...]:
+    """How K grows while samples are missing; empty, for no growth, where its noises are not known."""
+    if not K or p.torque_noise is None or p.output_noise is None or DISTURBANCE_TIME in model.nominal:
+        return ()
+    noises = config.sample_interval_s, p.torque_noise, p.output_noise
+    computed, _ = filter_gain(model, *noises)
+    return gains_after(model, *noises) if np.allclose(computed, K, rtol=1e-3, atol=0) else ()
+
+
 def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:
-    gain = np.array(K) if K else np.zeros(len(model.drive.states))
-    slowest = slowest_time_constant(model, gain, config.sample_interval_s)
+    slowest = _slowest(config, model, K)
     if not np.isfinite(slowest):
         raise ValueError("the predictor is not stable: give another gain, or torque_noise and output_noise")
+    if memory_s(config) < LEAST_MEMORY * slowest:
+        raise ValueError(
+            f"a memory of {memory_s(config):.3g} s is less than half of {slowest:.3g} s, the slowest time constant of"
+            " the predictor: the estimates would run away. Raise memory_s, or torque_noise, with which it is faster"
+        )
     given = config.settling_time_s
     return SETTLING_TIME_CONSTANTS * slowest if given is None else given
+
+
+def _slowest(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:
+    gain = np.array(K) if K else np.zeros(len(model.drive.states))
+    return slowest_time_constant(model, gain, config.sample_interval_s)
+
+
+def memory_s(config: AxisConfig) -> float:
+    """Memory of the estimates [s]."""
+    return config.sample_interval_s / (1 - config.forgetting)
+
+
+def short_memories(config: Config) -> Iterator[str]:
+    """Axes whose estimates will scatter more than is reported, in words."""
+    for axis in config.axes:
+        model = axis_model(axis.config)
+        settings = axis_settings(axis, model)
+        slowest, memory = _slowest(axis.config, model, settings.K), memory_s(axis.config)
+        if memory < AMPLE_MEMORY * slowest:
+            yield (
+                f"{axis.id}: a memory of {memory:.3g} s is short beside {slowest:.3g} s, the slowest time constant of"
+                f" the predictor: from {AMPLE_MEMORY * slowest:.3g} s on estimates scatter as reported"
+            )

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.admission import SEED, SETTLE, SKIP, TRACK, admit, hold, innovate, rest
-from monitor_core.kernel.columns import columns, copy, floats, ints, most, put_back, table, times
+from monitor_core.kernel.admission import IDLE, SEED, SETTLE, SKIP, TRACK, admit, hold, innovate, rest
+from monitor_core.kernel.columns import columns, copy, floats, ints, marks, most, put_back, table, times
 from monitor_core.kernel.compile import entry, kernel
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
+from monitor_core.kernel.interval import for_interval
 from monitor_core.kernel.laurent import evaluate
 from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.recursion import (
@@ -25,10 +26,12 @@ from monitor_core.kernel.state import (
     PROJECTED,
     SEEDING,
     SETTLING,
+    STARVED,
     USED,
     kernel_constant_views,
     kernel_state_views,
 )
+from monitor_core.kernel.supervision import excite, judge, look
 from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
 
 
@@ -103,6 +106,7 @@ def _tally(lanes: Any, does: Ints, hit: Ints, counts: Ints) -> None:
         counts[USED, a] += does[a] == TRACK
         counts[SEEDING, a] += does[a] == SEED
         counts[SETTLING, a] += does[a] == SETTLE
+        counts[STARVED, a] += does[a] == IDLE
         counts[PROJECTED, a] += hit[a]
 
 
@@ -160,7 +164,9 @@ def run(
         now, after, src, slot = floats(X.size), floats(X.size), times(T.ext_src, W), times(T.ext_slot, W)
         psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
         u, y, h, h_first = floats(W), floats(W), floats(W), floats(W)
+        lam, K = floats(W), table(T.n, W)
         yhat, eps, S, tmp = floats(W), floats(W), floats(W), floats(W)
+        N, L, Y, tests = table(T.p, T.p), table(T.p, T.p), table(T.p, T.p), marks(T.p, W)
         t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
         moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
         copy(con.V0, V, 0)
@@ -171,6 +177,7 @@ def run(
         for k in range(most(samples.number, a0, W)):
             _take(lanes, k, a0, samples.t, samples.u, samples.y, samples.number, t, u, y, does, learns)
             if admit(lanes, t, u, y, con.gap_us, con.settle_us, st.t, st.settled, st.seed_left, st.counts, does, h):
+                for_interval(lanes, con.interval, con.lam, con.K, h, lam, K)
                 evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V,
                          tmp)
                 if _delayed(lanes, T.kind, con.delay, st.torque_before, st.u, h, h_first, u_first):
@@ -181,18 +188,21 @@ def run(
                 split(lanes, T.A_row, con.weight, V, h, steps, terms)
                 propagate(lanes, T.ext_start, src, slot, V_, G_, h, steps, terms, X_, now, after, tmp)
                 predict(lanes, T.out_slot, T.out_src, T.out_par, V, X, yhat, psi)
-                gain(lanes, con.lam, st.P, psi, Ppsi, S)
+                gain(lanes, lam, st.P, psi, Ppsi, S)
+                excite(lanes, lam, con.lam, con.starved, S, T.p, st.plenty, does)
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
-                update_theta(lanes, con.lower, con.upper, st.theta, eps, Ppsi, S, tracks, hit)
-                update_P(lanes, con.lam, st.P, Ppsi, S, learns, fit)
-                find_P0(lanes, con.seed, st.seed_left, st.P_sum, st.P, does)
-                running_variance(lanes, con.lam, con.lam_slow, st.lam0_running, eps, S, learns)
-                correct(lanes, con.K, X, eps, psi, moves)
+                update_theta(lanes, con.lower, con.upper, st.theta, st.T, eps, Ppsi, S, tracks, hit)
+                update_P(lanes, lam, st.P, Ppsi, S, learns, fit)
+                find_P0(lanes, con.seed, st.seed_left, st.P_nom, st.P, does)
+                look(lanes, con.floor, con.span, con.lam, st.P_nom, tracks, st.since, st.starved, st.P, st.T, N, L, Y)
+                judge(lanes, con.floor, st.P, st.P_nom, st.theta, does, tracks, st.observed, st.theta_seen, tests)
+                running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, learns)
+                correct(lanes, K, X, eps, psi, moves)
                 _tally(lanes, does, hit, st.counts)
                 deviate(lanes, con.theta0, con.alpha1, con.lam0, st.theta, st.P, d, nu)
-                if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tracks):
-                    alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tracks, a0, reset, filled, what, value)
-                calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tracks, a0, filled, what, value)
+                if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):
+                    alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tests, a0, reset, filled, what, value)
+                calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tests, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
             hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,
                  st.torque_before)

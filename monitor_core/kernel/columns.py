@@ -31,6 +31,12 @@ def table(rows: int, W: int) -> Floats:
 
 
 @kernel
+def marks(rows: int, W: int) -> Ints:
+    """Zeros (rows, W)."""
+    return np.zeros((rows, W), np.int64)
+
+
+@kernel
 def times(indices: Indices, W: int) -> Indices:
     """Indices of flat arrays with W numbers a row."""
     out = np.empty_like(indices)

@@ -47,19 +47,19 @@ def accumulate(
     """g = max(0, g + d - nu) for d and for -d (eq. 21).
 
     The onset is the last time at which g was zero, or the first of all.  Counts the consecutive samples with
-    |d| <= nu.  True if any lane's g exceeds its h.
+    |d| <= nu.  ``on`` (p, W).  True if any lane's g exceeds its h.
     """
     crossed = False
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
             up = max(0.0, g[0, i, a] + d[i, a] - nu[i, a])
             down = max(0.0, g[1, i, a] - d[i, a] - nu[i, a])
-            g[0, i, a] = up if on[a] else g[0, i, a]
-            g[1, i, a] = down if on[a] else g[1, i, a]
-            onset[0, i, a] = t[a] if on[a] and (up == 0.0 or onset[0, i, a] == NEVER) else onset[0, i, a]
-            onset[1, i, a] = t[a] if on[a] and (down == 0.0 or onset[1, i, a] == NEVER) else onset[1, i, a]
+            g[0, i, a] = up if on[i, a] else g[0, i, a]
+            g[1, i, a] = down if on[i, a] else g[1, i, a]
+            onset[0, i, a] = t[a] if on[i, a] and (up == 0.0 or onset[0, i, a] == NEVER) else onset[0, i, a]
+            onset[1, i, a] = t[a] if on[i, a] and (down == 0.0 or onset[1, i, a] == NEVER) else onset[1, i, a]
             more = calm[i, a] + 1 if abs(d[i, a]) <= nu[i, a] else 0
-            calm[i, a] = more if on[a] else calm[i, a]
+            calm[i, a] = more if on[i, a] else calm[i, a]
             crossed |= g[0, i, a] > h[i, a] or g[1, i, a] > h[i, a]
     return crossed
 
@@ -84,7 +84,7 @@ def alarm(
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
             for way in range(2):
-                if not (on[a] and g[way, i, a] > h[i, a]):
+                if not (on[i, a] and g[way, i, a] > h[i, a]):
                     continue
                 _note(filled, what, value, way, a0 + a, i, t[a], onset[way, i, a], theta[i, a], P[i, i, a])
                 if reset:
@@ -109,7 +109,7 @@ def calm_down(
     """Note every parameter whose deviation has just been below nu for as many samples as needed."""
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
-            if on[a] and calm[i, a] == needed[a]:
+            if on[i, a] and calm[i, a] == needed[a]:
                 _note(filled, what, value, CALM, a0 + a, i, t[a], t[a], theta[i, a], P[i, i, a])
 
 

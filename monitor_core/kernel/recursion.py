@@ -53,18 +53,25 @@ def update_theta(
     lower: Floats,
     upper: Floats,
     theta: Floats,
+    T: Floats,
     eps: Floats,
     Ppsi: Floats,
     S: Floats,
     on: Ints,
     hit: Ints,
 ) -> None:
-    """theta = theta + L eps, L = P psi / S (eq. 11), projected into its bounds; hit (W,) is 1 where they held it."""
+    """theta = theta + T L eps, L = P psi / S (eq. 11), projected into its bounds; hit (W,) is 1 where they held it.
+
+    T (p, p, W) is the unit matrix but where some direction is not observed (supervision.py).
+    """
     for a in range(len(lanes)):
         hit[a] = 0
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
-            free = theta[i, a] + Ppsi[i, a] * eps[a] / S[a]
+            step = 0.0
+            for j in range(theta.shape[0]):
+                step += T[i, j, a] * Ppsi[j, a]
+            free = theta[i, a] + step * eps[a] / S[a]
             bound = min(max(free, lower[i, a]), upper[i, a])
             if on[a] and math.isfinite(free):
                 theta[i, a] = bound
@@ -118,10 +125,10 @@ def running_variance(
 
 
 @kernel
-def find_P0(lanes: Any, seed: Floats, seed_left: Ints, P_sum: Floats, P: Floats, does: Ints) -> None:
+def find_P0(lanes: Any, seed: Floats, seed_left: Ints, P_nom: Floats, P: Floats, does: Ints) -> None:
     """P(0) by the paper's recipe: run the P recursion along the nominal theta, average its steady diagonal.
 
-    The second half of the run counts as steady.  At its end P becomes the averaged diagonal.
+    The second half of the run counts as steady.  At its end P becomes the averaged diagonal, P_nom, which was the sum.
     """
     for a in range(len(lanes)):
         if does[a] != SEED:
@@ -129,10 +136,11 @@ def find_P0(lanes: Any, seed: Floats, seed_left: Ints, P_sum: Floats, P: Floats,
         half = seed[a] // 2
         if seed_left[a] <= half:
             for i in range(P.shape[0]):
-                P_sum[i, a] += P[i, i, a]
+                P_nom[i, a] += P[i, i, a]
         seed_left[a] -= 1
         if seed_left[a] == 0:
             for i in range(P.shape[0]):
                 for j in range(P.shape[0]):
                     P[i, j, a] = 0.0
-                P[i, i, a] = P_sum[i, a] / half
+                P_nom[i, a] /= half
+                P[i, i, a] = P_nom[i, a]

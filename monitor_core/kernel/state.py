@@ -10,18 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.tables import Constants, Floats, Ints, Tables
+from monitor_core.kernel.tables import GAINS, Constants, Floats, Ints, Tables
 
 NEVER = np.iinfo(np.int64).min
 """Time stamp of something that has not happened."""
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the order below; part of the key of every checkpoint."""
 
 COUNTERS = (
     "used",
     "seeding",
     "settling",
+    "starved",
     "started",
     "gap",
     "not_finite",
@@ -30,7 +31,12 @@ COUNTERS = (
     "projected",
 )
 """What became of the samples, each in one of these; ``projected`` counts updates of theta that its bounds held."""
-USED, SEEDING, SETTLING, STARTED, GAP, NOT_FINITE, NOT_INCREASING, DIVERGED, PROJECTED = range(len(COUNTERS))
+USED, SEEDING, SETTLING, STARVED, STARTED, GAP, NOT_FINITE, NOT_INCREASING, DIVERGED, PROJECTED = range(
+    len(COUNTERS)
+)
+
+OBSERVED, WEAK, UNSEEN = 0, 1, 2
+"""How much is known of a parameter now, beside what was known at commissioning."""
 
 
 class State(NamedTuple):
@@ -45,12 +51,18 @@ class State(NamedTuple):
     du: Floats  # (p, m, W) their derivatives (friction of the predicted speed)
     torque_before: Floats  # (W,) torque of the sample before, acts during the delay
     lam0_running: Floats  # (W,) running innovation variance
-    P_sum: Floats  # (p, W) diagonal of P, summed while P(0) is found
+    P_nom: Floats  # (p, W) commissioned P_ii: P(0), summed up while it is found
+    theta_seen: Floats  # (p, W) theta_i when it was last observed
+    T: Floats  # (p, p, W) projection of a step of theta on the directions that are observed
+    plenty: Floats  # (W,) running mean of psi' P psi over p (1 - lambda), each counting as 1 at most
     t: NDArray[np.int64]  # (W,) time of the last sample, us
     settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
     seed_left: NDArray[np.int64]  # (W,) updates left of the run that finds P(0)
     calm: NDArray[np.int64]  # (p, W) consecutive samples with |d| <= nu
     onset: NDArray[np.int64]  # (2, p, W) time at which g was last zero, us
+    observed: NDArray[np.int64]  # (p, W) OBSERVED, WEAK, UNSEEN
+    since: NDArray[np.int64]  # (W,) updates since the last look at P
+    starved: NDArray[np.int64]  # (W,) directions that are not observed
     counts: NDArray[np.int64]  # (len(COUNTERS), W)
 
 
@@ -64,6 +76,8 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
     e = d + 2 * p
     f = e + m
     g = f + p * m
+    s = g + 2 + p
+    o = s + p + p * p
     q = 3 + p
     r = q + 2 * p
     return State(
@@ -76,19 +90,25 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         F[f:g].reshape(p, m, W),
         F[g],
         F[g + 1],
-        F[g + 2 : g + 2 + p],
+        F[g + 2 : s],
+        F[s : s + p],
+        F[s + p : o].reshape(p, p, W),
+        F[o],
         I[0],
         I[1],
         I[2],
         I[3:q],
         I[q:r].reshape(2, p, W),
-        I[r:],
+        I[r : r + p],
+        I[r + p],
+        I[r + p + 1],
+        I[r + p + 2 :],
     )
 
 
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Rows of the float array and of the integer array."""
-    return n + p * n + p + p * p + 2 * p + m + p * m + 2 + p, 3 + 3 * p + len(COUNTERS)
+    return n + p * n + p + 2 * p * p + 2 * p + m + p * m + 3 + 2 * p, 5 + 4 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:
@@ -97,8 +117,8 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     s = tables.slots
     t = s + tables.term_slot.size
     w = t + tables.A_row.size
-    k = w + n
-    r = k + n
+    k = w + GAINS * n
+    r = k + 1 + n
     i = r + 4 * p
     b = i + m
     return Constants(
@@ -106,7 +126,8 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[s:t],
         c[t:w],
         c[w:k],
-        c[k:r],
+        c[k],
+        c[k + 1 : r],
         c[r : r + p],
         c[r + p : r + 2 * p],
         c[r + 2 * p : r + 3 * p],
@@ -121,6 +142,9 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 6],
         c[b + 7],
         c[b + 8],
+        c[b + 9],
+        c[b + 10],
+        c[b + 11],
     )
 
 

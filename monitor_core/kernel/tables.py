@@ -22,6 +22,9 @@ the angle at a flange (gravity)."""
 OF_MOTION = (COULOMB, COSINE, SINE)
 """Inputs that depend on the motion."""
 
+GAINS = 12
+"""Filter gains of an axis: after 0, 1 .. 11 sample intervals."""
+
 
 class Tables(NamedTuple):
     """Indices that all axes of a bank share.
@@ -61,7 +64,8 @@ class Constants(NamedTuple):
     V0: Floats  # (slots, W) constant part of V
     coef: Floats  # (terms, W) coefficient of each term
     weight: Floats  # (entries of A, W) d_col / d_row of the balancing diagonal d
-    K: Floats  # (n, W) filter gain of the innovations form; 0 is the paper's output error
+    K: Floats  # (GAINS n, W) filter gain after 0, 1, 2 .. intervals; 0 is the paper's output error
+    interval: Floats  # (W,) s, nominal
     rest: Floats  # (n, W) state of the drive moving rigidly at y = 1
     theta0: Floats  # (p, W) nominal values
     lower: Floats  # (p, W) bounds of theta
@@ -77,8 +81,11 @@ class Constants(NamedTuple):
     settle_us: Floats  # (W,) no update of theta for so long after that
     seed: Floats  # (W,) updates of the run that finds P(0); its second half is averaged
     calm: Floats  # (W,) samples below nu that end an alarm episode
+    floor: Floats  # (W,) least share of the commissioned information; 0: none
+    starved: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
+    span: Floats  # (W,) updates between two looks at P
 
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + 2 * t.n + 4 * t.p + t.m + 9
+    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 13

@@ -7,6 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from service.axes import short_memories
 from service.commands.configuration import ConfigPath, configuration
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, nominal_file_of, remarks
 from service.modeling import SUFFIX
@@ -18,7 +19,7 @@ def check(config: ConfigPath) -> None:
     console = Console()
     console.print(_buses(read))
     console.print(_axes(read))
-    for remark in remarks(read):
+    for remark in (*remarks(read), *short_memories(read)):
         console.print(Text.assemble(("Note: ", "bold yellow"), remark), soft_wrap=True)
     console.print(Text(f"{config}: no problems", style="green"), soft_wrap=True)
 

@@ -103,6 +103,7 @@ def _axis(report: Report, axis_id: str) -> Json:
         "samples": facts.samples,
         "last_sample": maybe_iso(facts.time_us),
         "innovation_variance": _number(facts.innovation_variance),
+        "confounded": list(facts.confounded),
         "counters": dict(facts.counters),
         "dropped": report.dropped[axis_id],
         "parameters": [_parameter(p) for p in facts.parameters],
@@ -120,7 +121,7 @@ def _parameter(p: ParameterFacts) -> Json:
         "cusum_down": p.g_down,
         "threshold": p.h,
     }
-    named: Json = {"name": p.name, "unit": p.unit, "status": str(p.status)}
+    named: Json = {"name": p.name, "unit": p.unit, "status": str(p.status), "observation": str(p.observation)}
     return named | {name: _number(value) for name, value in numbers.items()}
 
 

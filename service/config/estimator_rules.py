@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of
-from service.config.schema import AxisConfig
+from service.config.schema import FEWEST_SAMPLES, AxisConfig
 from service.config.wording import Finding
 
 
@@ -58,6 +58,20 @@ def gain_length(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("estimator", "gain"), message)
 
 
+def memory(axis: AxisConfig) -> Iterator[Finding]:
+    """One memory, of samples enough."""
+    e = axis.estimator
+    if e.memory_s is None:
+        return
+    if e.forgetting is not None:
+        yield Finding(("estimator", "forgetting"), "beside memory_s: give one of the two")
+    least = FEWEST_SAMPLES * axis.sample_interval_s
+    if e.memory_s < least:
+        yield Finding(
+            ("estimator", "memory_s"), f"must be at least {FEWEST_SAMPLES} sample intervals, {least:g} s"
+        )
+
+
 def initial_p(axis: AxisConfig) -> Iterator[Finding]:
     """P(0) is given for all monitored parameters or for none."""
     given = axis.estimator.initial_p
@@ -70,5 +84,6 @@ ESTIMATOR_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     predictor,
     noises,
     gain_length,
+    memory,
     initial_p,
 )

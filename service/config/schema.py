@@ -156,13 +156,38 @@ class ModelConfig(Table):
     )
 
 
+DEFAULT_MEMORY_S = 1.0
+FEWEST_SAMPLES = 10
+"""In a memory."""
+
+
 class EstimatorConfig(Table):
     """[robot.axis.estimator]: the recursive prediction error method."""
 
     predictor: Literal["innovations", "output-error"] = Field(
         "innovations", description='"innovations" (Kalman gain) or "output-error" (the paper; speed only)'
     )
-    forgetting: Real = Field(0.995, gt=0.5, lt=1, description="lambda, per sample; memory is 1/(1 - lambda)")
+    memory_s: Positive | None = Field(
+        None, description="memory of the estimates [s]: older samples count little; default 1 s"
+    )
+    forgetting: Real | None = Field(
+        None,
+        gt=0.5,
+        lt=1,
+        description="in place of memory_s: lambda per sample, memory is 1/(1 - lambda) samples",
+    )
+    least_information: Real = Field(
+        0.05,
+        ge=0,
+        le=0.5,
+        description="share of the information at commissioning that is never forgotten; 0: the paper's, without",
+    )
+    least_excitation: Real = Field(
+        0.05,
+        ge=0,
+        le=0.5,
+        description="share of the usual excitation below which nothing is estimated; 0: the paper's, always",
+    )
     torque_noise: Positive | None = Field(
         None, description="standard deviation of the torque per sample [N m], for the Kalman gain"
     )
@@ -222,6 +247,15 @@ class AxisConfig(Table):
     def records_only(self) -> bool:
         """It is on no bus: nobody watches it, it is only to be identified from tables."""
         return not self.bus
+
+    @property
+    def forgetting(self) -> float:
+        """lambda, per sample."""
+        e = self.estimator
+        if e.forgetting is not None:
+            return e.forgetting
+        memory = e.memory_s or max(DEFAULT_MEMORY_S, FEWEST_SAMPLES * self.sample_interval_s)
+        return 1 - self.sample_interval_s / memory
 
     @property
     def motion(self) -> SignalConfig:

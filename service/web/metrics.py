@@ -17,7 +17,7 @@ from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
 from monitor_core.episodes import DIRECTIONS, Direction
-from monitor_core.facts import ParameterFacts
+from monitor_core.facts import Observation, ParameterFacts
 from service.monitoring.snapshot import AxisSnapshot, Snapshot
 from service.web.world import VERSION, age_s, sample_age_s
 
@@ -80,6 +80,12 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
         "parameter_standard_deviation", f"Standard deviation, {_UNIT}.", lambda p: p.standard_deviation
     )
     yield gauge("parameter_p_diagonal", p_ii, lambda p: p.p_diagonal)
+    yield gauge(
+        "parameter_observed",
+        "What the last samples say of the parameter: 1 as much as at commissioning, 0.5 less, 0 nothing; then its "
+        "estimate is the last that was observed.",
+        lambda p: _OBSERVED[p.observation],
+    )
     yield both(
         "cusum",
         f"CUSUM g for an increase (up) and a decrease (down), {_UNIT} times samples.",
@@ -89,6 +95,9 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
     yield both(
         "alarm_active", "1 while an alarm is open, else 0.", lambda a, p, d: float(_is_open(a, p.name, d))
     )
+
+
+_OBSERVED = {Observation.OBSERVED: 1.0, Observation.WEAK: 0.5, Observation.UNSEEN: 0.0}
 
 
 def _is_open(axis: AxisSnapshot, parameter: str, direction: str) -> bool:
@@ -105,7 +114,7 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
     yield _counter("samples", "Samples received.", ("axis",), (((a.id,), a.facts.samples) for a in axes))
     yield _counter(
         "samples_by_fate",
-        "What became of the samples; fate projected: used, and an estimate was held within its bounds.",
+        "What became of the samples; starved: nothing to learn; projected: used, an estimate was held in its bounds.",
         ("axis", "fate"),
         _by_reason((a.id, a.facts.counters) for a in axes),
     )

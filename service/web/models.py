@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from monitor_core.facts import Status
+from monitor_core.facts import Observation, Status
 
 
 def _finite(value: float | None) -> float | None:
@@ -49,7 +49,12 @@ class Parameter(Body):
     )
     status: Status = Field(
         description="waiting: no sample yet; settling: the predictor has just (re)started; "
-        "seeding: the initial uncertainty is being found; tracking; alarm: an alarm is active"
+        "seeding: the initial uncertainty is being found; tracking; weakly observed, not observed: the axis moves "
+        "too little, or too uniformly, to say much, or anything, of it; alarm: an alarm is active"
+    )
+    observation: Observation = Field(
+        description="what the last samples say of it, beside those at commissioning; while it is not observed the "
+        "estimate is the last that was, and its CUSUM waits"
     )
 
 
@@ -84,6 +89,7 @@ class Axis(Body):
     innovation_variance: Number = Field(description="running lambda_0, in the square of innovation_unit")
     innovation_unit: str = Field(description="unit of the output: rad or rad/s")
     samples: int = Field(description="samples received since the start, whatever became of them")
+    confounded: list[str] = Field(description="what cannot be told apart, or is not observed, now: in words")
     counters: dict[str, int] = Field(description="what became of the samples, number by fate")
     dropped: dict[str, int] = Field(
         description="decoded values that did not become a sample, number by reason"

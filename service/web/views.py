@@ -31,6 +31,7 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         innovation_variance=a.facts.innovation_variance,
         innovation_unit=OUTPUT_UNITS[a.output],
         samples=a.facts.samples,
+        confounded=list(a.facts.confounded),
         counters=dict(a.facts.counters),
         dropped=dict(a.dropped),
         clock=dict(a.clock),
@@ -51,6 +52,7 @@ def _parameter(p: ParameterFacts) -> models.Parameter:
         threshold=p.h,
         tolerance=p.nu,
         status=p.status,
+        observation=p.observation,
     )
 
 

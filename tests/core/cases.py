@@ -32,7 +32,7 @@ class Case(NamedTuple):
     zero: tuple[str, ...] = ()  # parameters whose nominal value is zero though the true one is not
     drive: Callable[[Output], Drive] = three_mass
     speed_scale: float = 1.0
-    within: float | None = None  # share of their nominal values by which the monitored parameters may change
+    within: float | None = None  # share of their sizes by which the monitored parameters may change
 
     @property
     def model(self) -> AxisModel:
@@ -41,7 +41,7 @@ class Case(NamedTuple):
         free = AxisModel(self.drive(self.output), nominal, self.monitored, scales)
         if self.within is None:
             return free
-        bounds = np.outer(free.theta0, (1 - self.within, 1 + self.within))
+        bounds = free.theta0[:, np.newaxis] + np.outer(free.scale, (-self.within, self.within))
         return replace(free, bounds={n: (lo, up) for n, (lo, up) in zip(self.monitored, bounds, strict=True)})
 
     def settings(self, relative_sd: float = 0.01, **changes: float | bool | tuple[float, ...]) -> Settings:

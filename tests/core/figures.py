@@ -47,8 +47,7 @@ def steady_p(model: AxisModel, settings: Settings, seeds: Sequence[int]) -> tupl
     bank = Bank([model] * len(seeds), [settings] * len(seeds))
     bank.run(np.repeat(t_us[:, np.newaxis], len(seeds), axis=1), u, y)
     assert not bank.state.seed_left.any()
-    sums = bank.state.P_sum.mean(axis=1)
-    return tuple(float(v) for v in sums / (settings.seed_updates // 2))
+    return tuple(float(v) for v in bank.state.P_nom.mean(axis=1))
 
 
 def run_bank(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance
 
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, GAINS, ONE, SINE, TORQUE
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
@@ -92,6 +92,10 @@ class Paper:
         self.t: int | None = None
         self.settled = 0
         self.diagonals: list[Array] = []  # of the run that finds P(0)
+        self.P_nom = np.array(s.P0) if s.P0 else np.zeros(p)
+        self.plenty, self.since, self.T = 1.0, 0, np.eye(p)
+        self.unseen = np.zeros(p, dtype=bool)
+        self.looks = self.starved_samples = 0
         self.log = Log()
 
     def run(self, t_us: NDArray[np.int64], u: Array, y: Array) -> Log:
@@ -138,6 +142,7 @@ class Paper:
         assert self.t is not None
         h = (t - self.t) * 1e-6
         late = min(self.s.delay_s, h)
+        self.lam = self.s.lam ** (h / self.s.interval_s)
         self._propagate(late, self.torque_before)
         self._propagate(h - late, self.torque)
         C = self.model.matrices(self.theta)[2][0]
@@ -145,10 +150,13 @@ class Paper:
         eps = y - C @ self.x  # (11)
         psi = np.array([C @ z + d[0] @ self.x for z, d in zip(self.z, dC, strict=True)])  # (16)
         self.t = t
-        used = t >= self.settled
+        used = t >= self.settled and not self._starves(psi)
+        if t >= self.settled and not used:
+            self.unseen[:] = self.s.floor > 0
         if used:
             self._update(eps, psi)
-        K = self.s.gain(len(self.x))
+        intervals, gains = np.arange(GAINS), self.s.gains(len(self.x)).T
+        K = np.array([np.interp(h / self.s.interval_s, intervals, gain) for gain in gains])
         self.x = self.x + K * eps
         self.z = self.z - np.outer(psi, K)
         self._hold(u, y)
@@ -169,21 +177,46 @@ class Paper:
         self.z, self.x = w[: p * n].reshape(p, n), w[p * n :]
 
     def _update(self, eps: float, psi: Array) -> None:
-        lam = self.s.lam
+        lam = self.lam
         S = lam + psi @ self.P @ psi
         L = self.P @ psi / S  # (12)
         self.P = (self.P - np.outer(self.P @ psi, psi @ self.P) / S) / lam  # (13)
         if len(self.diagonals) < self.s.seed_updates:
             self._seed()
             return
-        self.theta = np.clip(self.theta + L * eps, *self.model.limits)
+        self.theta = np.clip(self.theta + self.T @ L * eps, *self.model.limits)
+        if self.s.floor:
+            self._look()
         self._cusum()
+
+    def _starves(self, psi: Array) -> bool:
+        """Running mean, over a tenth of the memory, of psi' P psi beside its steady mean p (1 - lambda)."""
+        share = min(float(psi @ self.P @ psi) / (len(psi) * (1 - self.s.lam)), 1.0)
+        if self.s.starved:
+            self.plenty += min(10 * (1 - self.s.lam), 1.0) * (share - self.plenty)
+        self.starved_samples += self.plenty < self.s.starved
+        return bool(self.plenty < self.s.starved)
+
+    def _look(self) -> None:
+        """Once in a span, floor / P(0)_ii more information, by two inversions; then what is observed."""
+        self.since += 1
+        if self.since >= (self.s.span if (np.eye(len(self.T)) == self.T).all() else self.s.span // 4):
+            more = (self.s.lam**-self.since - 1) * self.s.floor
+            self.since, self.looks = 0, self.looks + 1
+            self.P = np.linalg.inv(np.linalg.inv(self.P) + np.diag(more / self.P_nom))
+            size = np.sqrt(self.P_nom)
+            values, vectors = np.linalg.eigh(self.P / np.outer(size, size))
+            lost = vectors[:, values > 10]
+            self.T = np.eye(len(size)) - lost @ lost.T * np.outer(size, 1 / size)
+        ratio = np.diag(self.P) / self.P_nom
+        self.unseen = (ratio > 10) | (self.unseen & (ratio > 6))
 
     def _seed(self) -> None:
         """P(0): theta stays nominal while P settles; the average of the steady half of its diagonal."""
         self.diagonals.append(np.diag(self.P))
         if len(self.diagonals) == self.s.seed_updates:
-            self.P = np.diag(np.mean(self.diagonals[self.s.seed_updates // 2 :], axis=0))
+            self.P_nom = np.mean(self.diagonals[self.s.seed_updates // 2 :], axis=0)
+            self.P = np.diag(self.P_nom)
 
     def _cusum(self) -> None:
         """(21-23), both directions; after an alarm from zero again."""
@@ -191,7 +224,7 @@ class Paper:
         d = self.theta - self.model.theta0
         nu = self.s.alpha1 * np.sqrt(self.s.lam0 * np.diag(self.P))
         for way, sign in enumerate((1, -1)):
-            for i in range(len(d)):
+            for i in np.flatnonzero(~self.unseen).tolist():
                 self.g[way, i] = max(0.0, self.g[way, i] + sign * d[i] - nu[i])
                 if self.g[way, i] == 0:
                     self.onset[way, i] = self.t

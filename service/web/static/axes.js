@@ -65,6 +65,7 @@ function describe(axis) {
   const parts = [`${axis.model.drive}, ${axis.model.output}`, `bus ${axis.bus}`, `${count(axis.samples)} samples`];
   if (axis.samples > used) parts.push(`${count(axis.samples - used)} not used`);
   if (lost > 0) parts.push(`${count(lost)} values dropped`);
+  parts.push(...axis.confounded);
   return parts.join(" · ");
 }
 

@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from monitor_core.episodes import Episode
-from monitor_core.facts import AxisFacts, ParameterFacts, Status
+from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
 from service.monitoring.snapshot import (
     AxisSnapshot,
     BusSnapshot,
@@ -50,6 +50,7 @@ PARAMETERS = (
         h=20.0,
         nu=0.0759,
         status=Status.TRACKING,
+        observation=Observation.OBSERVED,
     ),
     ParameterFacts(
         name="1/Ja",
@@ -63,7 +64,8 @@ PARAMETERS = (
         g_down=0.0,
         h=0.208948,
         nu=0.000294,
-        status=Status.TRACKING,
+        status=Status.UNSEEN,
+        observation=Observation.UNSEEN,
     ),
     ParameterFacts(
         name="fm",
@@ -78,6 +80,7 @@ PARAMETERS = (
         h=1.2,
         nu=0.01087,
         status=Status.ALARM,
+        observation=Observation.WEAK,
     ),
 )
 
@@ -85,6 +88,7 @@ COUNTERS = {
     "used": 118_804,
     "seeding": 2000,
     "settling": 400,
+    "starved": 5120,
     "not_finite": 3,
     "not_increasing": 1,
     "gap": 2,
@@ -107,7 +111,7 @@ def history(points: int) -> History:
 
 def monitored_axis(name: str = "axis1") -> AxisSnapshot:
     """An axis with an open alarm on fm."""
-    facts = AxisFacts(NOON_US - 400_000, PARAMETERS, 1.37e-6, COUNTERS)
+    facts = AxisFacts(NOON_US - 400_000, PARAMETERS, 1.37e-6, ("1/Ja is not observed",), COUNTERS)
     dropped = {"no_partner": 5, "late": 0}
     return AxisSnapshot(
         id=f"demo.{name}",
@@ -131,7 +135,7 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     parameters = tuple(
         replace(p, estimate=p.nominal, g_up=0.0, g_down=0.0, status=Status.WAITING) for p in PARAMETERS
     )
-    facts = AxisFacts(None, parameters, 1e-6, dict.fromkeys(COUNTERS, 0))
+    facts = AxisFacts(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0))
     axis = replace(monitored_axis(name), bus="can1", facts=facts, open_episodes=(), history=History())
     return replace(axis, dropped=dict.fromkeys(axis.dropped, 0))
 

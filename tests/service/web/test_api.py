@@ -44,8 +44,9 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert get(client, "/api/v1/axes/demo.axis1") == first
     assert first["last_sample"] == "2026-03-01T11:59:59.600000Z"
     assert first["last_sample_age_s"] == 0.65
-    assert first["samples"] == 121_210
+    assert first["samples"] == 126_330
     assert first["counters"]["gap"] == 2
+    assert first["confounded"] == ["1/Ja is not observed"]
     assert first["dropped"] == {"no_partner": 5, "late": 0}
     assert first["clock"] == {"clock_reanchored": 3}
     assert first["innovation_unit"] == "rad"
@@ -67,6 +68,7 @@ def test_a_parameter_has_its_unit_and_both_cusums(client: TestClient) -> None:
         "threshold": 1.2,
         "tolerance": 0.01087,
         "status": "alarm",
+        "observation": "weakly observed",
     }
 
 

@@ -1,0 +1,34 @@
+"""Which combinations of parameters the last samples say nothing of, in words."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from monitor_core.kernel.supervision import LOST
+from monitor_core.kernel.tables import Floats
+
+_TAKES_PART = 0.3
+"""A parameter is named that moves, beside its size, by so large a share of what the first does in that direction."""
+
+
+def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) -> tuple[str, ...]:
+    """What is not observed now: parameters, or several that only show together.
+
+    Args:
+        P: of the recursion (p, p).
+        P_nom: commissioned P_ii (p,).
+        scale: sizes of the parameters (p,).
+        names: of the parameters (p,).
+    """
+    size = np.sqrt(P_nom)
+    values, vectors = np.linalg.eigh(P / np.outer(size, size))
+    moves = abs(vectors[:, values > LOST] * (size / scale)[:, np.newaxis]).T
+    return tuple(
+        _words([names[i] for i in np.flatnonzero(v > _TAKES_PART * v.max()).tolist()]) for v in moves
+    )
+
+
+def _words(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return f"{names[0]} is not observed"
+    return f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart"

@@ -1,0 +1,27 @@
+"""What hangs on the real interval of a sample: the forgetting factor and the filter gain."""
+
+import math
+from typing import Any
+
+from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.tables import GAINS, Floats
+
+
+@kernel
+def for_interval(
+    lanes: Any, interval: Floats, lam: Floats, K: Floats, h: Floats, lam_h: Floats, K_h: Floats
+) -> None:
+    """lambda^(h / interval) (W,), and K (n, W) after the interval h (W,).
+
+    A memory is a time: a sample that is missing ages what is known as one that came.  The gain, which grows as the
+    prediction grows uncertain, is interpolated between those after 0, 1, 2 .. whole intervals, the rows of ``K``.
+    """
+    n = K_h.shape[0]
+    for a in range(len(lanes)):
+        regular = abs(h[a] - interval[a]) < 1e-9
+        r = 1.0 if regular else h[a] / interval[a]
+        lam_h[a] = lam[a] if regular else math.exp(r * math.log(lam[a]))
+        k = min(int(r), GAINS - 2)
+        part = min(r - k, 1.0)
+        for i in range(n):
+            K_h[i, a] = K[k * n + i, a] + part * (K[(k + 1) * n + i, a] - K[k * n + i, a])

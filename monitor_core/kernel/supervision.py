@@ -1,0 +1,209 @@
+"""Monitoring of P, which the paper asks for: bounded for ever, and each parameter knows whether it is observed.
+
+Forgetting without excitation lets P grow without bound.  Four things are done:
+
+* An axis that stands still has nothing to learn from: where psi' P psi, whose steady mean is p (1 - lambda), nearly
+  vanishes, theta, P and g wait (``excite``).
+* Excitation may lack in some directions only (a constant speed, a single sine).  So information is forgotten towards
+  a floor:  R <- lambda R + psi psi' + (1 - lambda) rho diag(1/P(0)),  R = P^-1, which bounds P_ii by P(0)_ii / rho
+  whatever happens.  The floor's share is added once for a span of updates (``look``), not at each.
+* In a direction in which next to nothing is known theta stays: what noise and a wrong model whisper there is no news.
+* P_ii / P(0)_ii says how much is known of a parameter beside what was known at commissioning.
+
+The recursion between is the paper's.  As P stays the true covariance, an estimate that has become uncertain returns
+with the first excited samples.
+"""
+
+import math
+from typing import Any
+
+from monitor_core.kernel.admission import IDLE, SEED
+from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.state import OBSERVED, UNSEEN, WEAK
+from monitor_core.kernel.tables import Floats, Ints
+
+QUICK = 10.0
+"""The running mean of the excitation has a tenth of the memory."""
+_WEAKER, _STRONGER = 2.5, 2.0
+LOST, _FOUND = 10.0, 6.0
+"""P_ii / P(0)_ii at which a parameter becomes weakly observed, observed again; unseen, seen again.
+The third is the limit for directions, too."""
+_CLOSER = 4
+_SWEEPS = 8
+
+
+@kernel
+def excite(
+    lanes: Any, lam_h: Floats, lam: Floats, starved: Floats, S: Floats, p: int, plenty: Floats, does: Ints
+) -> None:
+    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is too small learns nothing now."""
+    for a in range(len(lanes)):
+        if does[a] >= SEED and starved[a] > 0.0 and math.isfinite(S[a]):
+            share = min((S[a] - lam_h[a]) / (p * (1.0 - lam[a])), 1.0)
+            plenty[a] += min(QUICK * (1.0 - lam[a]), 1.0) * (share - plenty[a])
+            if plenty[a] < starved[a]:
+                does[a] = IDLE
+
+
+@kernel
+def look(
+    lanes: Any,
+    floor: Floats,
+    span: Floats,
+    lam: Floats,
+    P_nom: Floats,
+    on: Ints,
+    since: Ints,
+    starved: Ints,
+    P: Floats,
+    T: Floats,
+    N: Floats,
+    L: Floats,
+    Y: Floats,
+) -> None:
+    """Once in ``span`` updates: P gets the floor's share, and T (p, p, W) lets theta move only where it is observed.
+
+    With N = P beside diag(P(0)), the sum is  (N^-1 + c I)^-1 = N - c N (I + c N)^-1 N;  I + c N = L L' can always be
+    factored unless rounding has ruined N, which then becomes I.  ``N``, ``L`` and ``Y`` (p, p) are scratch.
+    """
+    p = P.shape[0]
+    for a in range(len(lanes)):
+        if not on[a] or floor[a] == 0.0:
+            continue
+        since[a] += 1
+        # While a direction is starved, looks are closer: what comes in there now is not to be missed.
+        if since[a] < (span[a] if starved[a] == 0 else span[a] // _CLOSER):
+            continue
+        c = (lam[a] ** -since[a] - 1.0) * floor[a]  # keeps P below the bound up to the next look
+        since[a] = 0
+        for i in range(p):
+            for j in range(p):
+                N[i, j] = P[i, j, a] / math.sqrt(P_nom[i, a] * P_nom[j, a])
+        good = factor(1.0, c, N, L)
+        if good:
+            _subtract(c, N, L, Y)
+        for i in range(p):
+            good = good and 0.0 < N[i, i] <= 2.0 / floor[a]
+        for i in range(p):
+            for j in range(p):
+                if not good:
+                    N[i, j] = 1.0 if i == j else 0.0
+                P[i, j, a] = N[i, j] * math.sqrt(P_nom[i, a] * P_nom[j, a])
+        before = starved[a]
+        starved[a] = 0 if factor(LOST, -1.0, N, L) else _observed_part(N, L, Y)
+        if starved[a] or before:
+            for i in range(p):
+                for j in range(p):
+                    unit = 1.0 if i == j else 0.0
+                    T[i, j, a] = Y[i, j] * math.sqrt(P_nom[i, a] / P_nom[j, a]) if starved[a] else unit
+
+
+@kernel
+def factor(alpha: float, c: float, N: Floats, L: Floats) -> bool:
+    """Cholesky factor L of alpha I + c N, lower triangle; whether there is one."""
+    p = N.shape[0]
+    for j in range(p):
+        for i in range(j, p):
+            total = c * N[i, j] + (alpha if i == j else 0.0)
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                if not 0.0 < total < math.inf:
+                    return False
+                L[j, j] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    return True
+
+
+@kernel
+def _subtract(c: float, N: Floats, L: Floats, Y: Floats) -> None:
+    """N <- N - c Y'Y with L Y = N, one triangle and its mirror image."""
+    p = N.shape[0]
+    for j in range(p):
+        for i in range(p):
+            total = N[i, j]
+            for k in range(i):
+                total -= L[i, k] * Y[k, j]
+            Y[i, j] = total / L[i, i]
+    for i in range(p):
+        for j in range(i, p):
+            total = 0.0
+            for k in range(p):
+                total += Y[k, i] * Y[k, j]
+            N[i, j] -= c * total
+            N[j, i] = N[i, j]
+
+
+@kernel
+def _observed_part(N: Floats, U: Floats, Q: Floats) -> int:
+    """Projection Q (p, p) on the eigenvectors of N whose eigenvalues are below the limit; how many are above it.
+
+    Jacobi's method, N = U diag U'; N is overwritten.
+    """
+    p = N.shape[0]
+    for i in range(p):
+        for j in range(p):
+            U[i, j] = 1.0 if i == j else 0.0
+    for _ in range(_SWEEPS):
+        for i in range(p):
+            for j in range(i + 1, p):
+                _rotate(N, U, i, j)
+    above = 0
+    for i in range(p):
+        for j in range(p):
+            Q[i, j] = 1.0 if i == j else 0.0
+    for k in range(p):
+        if N[k, k] > LOST:
+            above += 1
+            for i in range(p):
+                for j in range(p):
+                    Q[i, j] -= U[i, k] * U[j, k]
+    return above
+
+
+@kernel
+def _rotate(N: Floats, U: Floats, i: int, j: int) -> None:
+    """Rotate rows and columns i and j so that N_ij vanishes."""
+    if N[i, j] == 0.0:
+        return
+    tau = (N[j, j] - N[i, i]) / (2.0 * N[i, j])
+    t = math.copysign(1.0, tau) / (abs(tau) + math.sqrt(1.0 + tau * tau))
+    c = 1.0 / math.sqrt(1.0 + t * t)
+    s = t * c
+    for k in range(N.shape[0]):
+        N[k, i], N[k, j] = c * N[k, i] - s * N[k, j], s * N[k, i] + c * N[k, j]
+    for k in range(N.shape[0]):
+        N[i, k], N[j, k] = c * N[i, k] - s * N[j, k], s * N[i, k] + c * N[j, k]
+        U[k, i], U[k, j] = c * U[k, i] - s * U[k, j], s * U[k, i] + c * U[k, j]
+
+
+@kernel
+def judge(
+    lanes: Any,
+    floor: Floats,
+    P: Floats,
+    P_nom: Floats,
+    theta: Floats,
+    does: Ints,
+    on: Ints,
+    observed: Ints,
+    theta_seen: Floats,
+    tests: Ints,
+) -> None:
+    """How well each parameter is observed, with hysteresis; ``tests`` (p, W) is 1 where its CUSUM may go on."""
+    for i in range(theta.shape[0]):
+        for a in range(len(lanes)):
+            if floor[a] > 0.0 and on[a]:
+                ratio, before = P[i, i, a] / P_nom[i, a], observed[i, a]
+                if ratio > LOST or (before == UNSEEN and ratio > _FOUND):
+                    observed[i, a] = UNSEEN
+                elif ratio > _WEAKER or (before != OBSERVED and ratio > _STRONGER):
+                    observed[i, a] = WEAK
+                else:
+                    observed[i, a] = OBSERVED
+            elif floor[a] > 0.0 and does[a] == IDLE:
+                observed[i, a] = UNSEEN
+            tests[i, a] = on[a] and observed[i, a] != UNSEEN
+            if tests[i, a]:
+                theta_seen[i, a] = theta[i, a]

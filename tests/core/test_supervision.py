@@ -1,0 +1,226 @@
+"""P bounded, theta kept where nothing is learned, and each parameter knows whether it is observed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core import bank as bank_module
+from monitor_core.bank import Bank
+from monitor_core.excitation import multisine
+from monitor_core.facts import Observation
+from monitor_core.kalman import filter_gain, gains_after
+from monitor_core.kernel.block import Trace
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.monitor import AxisMonitor
+from monitor_core.reference import BAND_HZ, NOISE, TORQUE_RMS, Record, faulty, reference_model
+from monitor_core.settings import Settings
+from monitor_core.simulation import simulate_linear
+from tests.core.cases import BY_NAME, Case, as_columns
+from tests.core.figures import steady_p
+from tests.core.oracle import Paper
+from tests.core.test_against_the_paper import worst
+from tests.core.test_laws import part
+
+H = 0.005
+MODEL = reference_model()
+FLOOR, STARVED = 0.05, 0.05
+CASES = ("paper", "speed-springs", "angle-paper", "angle-friction")
+
+
+def lively_then_still(rng: np.random.Generator, lively: int, still: int, again: int) -> Floats:
+    parts = [multisine(rng, n, H, BAND_HZ, TORQUE_RMS) for n in (lively, again)]
+    return np.concatenate([parts[0], np.zeros(still), parts[1]])
+
+
+def moved(case: Case, u: Floats, rng: np.random.Generator) -> Record:
+    """The reference drive's linear part under this torque; what it lacks of the case's drive is noise to both."""
+    output = case.model.drive.output
+    y, _ = simulate_linear(three_mass(output), REFERENCE_VALUES, u[:, np.newaxis], H)
+    noisy = y[:, 0] + NOISE[output] * rng.standard_normal(len(u))
+    return Record(np.arange(len(u), dtype=np.int64) * round(H * 1e6), u, noisy)
+
+
+@pytest.mark.parametrize("shape", ["scalar", "lanes"])
+@pytest.mark.parametrize("name", CASES)
+def test_the_kernel_is_the_transcription(
+    name: str, shape: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two inversions and an eigendecomposition there; here neither."""
+    monkeypatch.setattr(bank_module, "FEWEST_LANES", 1 if shape == "lanes" else 1000)
+    case, rng = BY_NAME[name]._replace(within=0.3), np.random.default_rng(seed)
+    rec = moved(case, lively_then_still(rng, 300, 1000, 300), rng)
+    settings = case.settings(lam=0.98, alpha1=0.5, alpha2=0.5, floor=FLOOR, starved=STARVED)
+    paper = Paper(case.model, settings)
+    paper.run(*rec)
+    _, trace = Bank([case.model], [settings]).run_traced(*as_columns(rec))
+    differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
+    assert max(differences.values()) < 1e-7, differences
+    assert paper.starved_samples > 100 or "tau0" in case.monitored  # an offset shows at rest, too
+    assert paper.looks > 20
+
+
+TORQUE_NOISE = 0.3
+"""N m"""
+K, LAM0 = filter_gain(MODEL, H, TORQUE_NOISE, NOISE["speed"])
+SUPERVISED = Settings(
+    H,
+    K=tuple(K),
+    K_after=gains_after(MODEL, H, TORQUE_NOISE, NOISE["speed"]),
+    lam0=LAM0,
+    settle_s=1.0,
+    floor=FLOOR,
+    starved=STARVED,
+)
+
+
+@pytest.fixture(scope="module")
+def settings() -> Settings:
+    return replace(SUPERVISED, P0=steady_p(MODEL, SUPERVISED, range(20)))
+
+
+PAUSES = ("still", "constant speed", "a sine", "hardly moving")
+LIVELY, PAUSE, AGAIN, FAULT = 2000, 12_000, 2600, 600
+"""Samples: lively, the pause, lively again with a fault after some."""
+
+
+def torque_of(kind: str, rng: np.random.Generator) -> Floats:
+    t = np.arange(PAUSE) * H
+    if kind == "a sine":
+        return np.asarray(1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 3) * t + rng.uniform(0, 6)))
+    if kind == "hardly moving":
+        return 0.03 * multisine(rng, PAUSE, H, BAND_HZ, TORQUE_RMS)
+    return np.full(PAUSE, 0.0 if kind == "still" else rng.uniform(0.1, 1.0))
+
+
+def through_a_pause(
+    kind: str | None, seed: int, seeds: int, settings: Settings, fault: dict[str, float]
+) -> tuple[Bank, Trace, int]:
+    """Reference drives, one for each seed; the fault comes at the returned sample."""
+    rngs = [np.random.default_rng((seed, k)) for k in range(seeds)]
+    first, last = ([multisine(r, n, H, BAND_HZ, TORQUE_RMS) for r in rngs] for n in (LIVELY, AGAIN))
+    pause = [torque_of(kind, r) if kind else np.zeros(0) for r in rngs]
+    u = np.stack([np.concatenate(parts) for parts in zip(first, pause, last, strict=True)], axis=1)
+    at = len(u) - AGAIN + FAULT
+    drive = three_mass("speed")
+    acting = u + TORQUE_NOISE * np.stack([r.standard_normal(len(u)) for r in rngs], axis=1)
+    before, x = simulate_linear(drive, REFERENCE_VALUES, acting[:at], H)
+    after, _ = simulate_linear(drive, faulty(REFERENCE_VALUES, fault), acting[at:], H, x)
+    noise = np.stack([r.standard_normal(len(u)) for r in rngs], axis=1)
+    t_us = np.repeat(np.arange(len(u), dtype=np.int64)[:, np.newaxis] * round(H * 1e6), seeds, axis=1)
+    bank = Bank([MODEL] * seeds, [settings] * seeds)
+    _, trace = bank.run_traced(t_us, u, np.concatenate([before, after]) + noise)
+    return bank, trace, at
+
+
+def delay(trace: Trace, at: int, settings: Settings) -> float:
+    """Median seconds to the first alarm of kT; none after the fault counts as all the time there was."""
+    over = (trace.g[at:, :, 0] > settings.alpha2 * MODEL.scale[0]).any(axis=1)
+    return float(np.median(np.where(over.any(axis=0), over.argmax(axis=0), len(over)))) * H
+
+
+@pytest.fixture(scope="module")
+def without_a_pause(settings: Settings, seed: int) -> float:
+    run_on = replace(settings, run_on=True)
+    return delay(*through_a_pause(None, seed, 96, run_on, {"kT": 1.2})[1:], run_on)
+
+
+@pytest.mark.parametrize("kind", PAUSES)
+def test_a_pause_raises_nothing_and_the_first_fault_after_it_is_found_as_fast(
+    kind: str, settings: Settings, without_a_pause: float, seed: int
+) -> None:
+    run_on = replace(settings, run_on=True)
+    _, trace, at = through_a_pause(kind, seed, 96, run_on, {"kT": 1.2})
+    assert (np.array(settings.P0)[:, np.newaxis] / FLOOR >= trace.P).all()
+    largest = trace.g[:at].max(axis=(0, 1, 3)) / (settings.alpha2 * MODEL.scale)
+    assert (largest < 1).all(), largest
+    assert delay(trace, at, run_on) < 1.2 * without_a_pause
+
+
+def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) -> None:
+    """What the tests above hold of would not hold by itself."""
+    bare = replace(settings, floor=0.0, starved=0.0, run_on=True)
+    _, trace, at = through_a_pause("constant speed", seed, 8, bare, {"kT": 1.2})
+    assert (trace.P[:at].max(axis=(0, 2)) > 1000 * np.array(settings.P0)).any()
+    assert (trace.g[:at].max(axis=(0, 1, 3)) > settings.alpha2 * MODEL.scale).any()
+
+
+def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    monitor = AxisMonitor.alone(MODEL, replace(settings, K=(), K_after=()))
+    rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 100), rng)
+    monitor.run(*part(rec, 0, 3500))
+    st = monitor.bank.state
+    theta, P, g = st.theta.copy(), st.P.copy(), st.g.copy()
+    before = monitor.facts().counters
+    monitor.run(*part(rec, 3500, 5000))
+    assert (st.theta == theta).all()
+    assert (st.P == P).all()
+    assert (st.g == g).all()
+    assert monitor.facts().counters["starved"] - before["starved"] == 1500
+    assert {p.observation for p in monitor.facts().parameters} == {Observation.UNSEEN}
+    monitor.run(*part(rec, 5000, 5020))
+    assert (st.theta != theta).any()
+
+
+def test_a_constant_speed_shows_friction_only(settings: Settings, seed: int) -> None:
+    """Torque and friction balance: 1/Ja plays no part, kT and fm only as a ratio."""
+    rng = np.random.default_rng(seed)
+    monitor = AxisMonitor.alone(MODEL, settings)
+    lively = moved(BY_NAME["paper"], multisine(rng, LIVELY, H, BAND_HZ, TORQUE_RMS), rng)
+    monitor.run(*lively)
+    assert all(p.observation is Observation.OBSERVED for p in monitor.facts().parameters)
+    assert monitor.facts().confounded == ()
+    steady = moved(BY_NAME["paper"], np.full(PAUSE, 0.5), rng)
+    monitor.run(steady.t_us + lively.t_us[-1] + 10**6, steady.u, steady.y)
+    seen = {p.name: p.observation for p in monitor.facts().parameters}
+    assert seen["1/Ja"] is Observation.UNSEEN
+    assert seen["kT"] is Observation.UNSEEN
+    assert "kT and fm cannot be told apart" in monitor.facts().confounded
+
+
+def test_what_is_not_observed_shows_its_last_observed_value_and_raises_no_alarm(
+    settings: Settings, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    monitor = AxisMonitor.alone(MODEL, settings)
+    u = np.concatenate([multisine(rng, 1500, H, BAND_HZ, TORQUE_RMS), np.full(4000, 0.5)])
+    rec = moved(BY_NAME["paper"], u, rng)
+    monitor.run(*rec)
+    i = MODEL.monitored.index("1/Ja")
+    assert monitor.facts().parameters[i].observation is Observation.UNSEEN
+    shown, g = monitor.facts().parameters[i].estimate, monitor.bank.state.g.copy()
+    monitor.bank.state.theta[i] *= 2  # as far off as can be
+    later = Record(rec.t_us[-1] + 5000 * np.arange(1, 401), u[-400:], rec.y[-400:])
+    monitor.run(*later)
+    assert monitor.facts().parameters[i].estimate == shown
+    assert (monitor.bank.state.g[:, i] == g[:, i]).all()
+
+
+def test_P_stays_bounded_symmetric_and_definite_whatever_comes(seed: int) -> None:
+    """Noise, silence, steps and spikes; the floor alone must hold."""
+    rng = np.random.default_rng(seed)
+    s = replace(SUPERVISED, lam=0.98, starved=0.0, settle_s=0.0, P0=tuple((0.01 * MODEL.scale) ** 2))
+    monitor = AxisMonitor.alone(MODEL, s)
+    t = 0
+    for _ in range(40):
+        n = int(rng.integers(50, 1000))
+        size = 10 ** rng.uniform(-6, 3, 2) * (rng.random(2) < 0.7)
+        u, y = size[0] * rng.standard_normal(n), size[1] * rng.standard_normal(n)
+        monitor.run(t + 5000 * np.arange(1, n + 1), u + rng.choice([0, 1.0]), y)
+        t += 5000 * n
+        P = monitor.bank.state.P[:, :, 0] / np.sqrt(np.outer(s.P0, s.P0))
+        assert (P == P.T).all()
+        assert np.linalg.eigvalsh(P).min() > 0
+        assert np.diag(P).max() <= 1 / FLOOR * (1 + 1e-9)
+
+
+def test_the_spread_of_the_estimates_is_what_is_reported(settings: Settings, seed: int) -> None:
+    """The floor makes steps smaller and P smaller: together they stay true."""
+    _, trace, at = through_a_pause(None, seed, 60, replace(settings, alpha2=1e9), {})
+    late = slice(1500, at, 200)
+    deviation = trace.theta[late] - MODEL.theta0[:, np.newaxis]
+    reported = np.sqrt(LAM0 * trace.P[late] / (1 + settings.lam))
+    ratio = np.sqrt(np.mean((deviation / reported) ** 2, axis=(0, 2)))
+    assert (abs(ratio - 1) < 0.3).all(), ratio
