@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.drive import DELAY
 from monitor_core.kernel.tables import COULOMB, Constants, Floats, Ints, Tables
 from monitor_core.model import AxisModel, Drive, Term, split_name
 
@@ -72,6 +73,7 @@ class Assembly:
             m=len(self.drive.inputs),
             speed_state=self.drive.speed_state,
             filtered_speed=int(filtered),
+            late=self.monitored.index(DELAY) if DELAY in self.monitored else -1,
             slots=len(slots),
             A_row=_ints(s.row for s in A),
             A_col=_ints(s.col for s in A),

@@ -22,6 +22,9 @@ Powers = tuple[tuple[str, int], ...]
 DISTURBANCE_TIME = "Td"
 """Name of the time constant of a drive's torque disturbance."""
 _DISTURBANCE = "time constant of the torque disturbance"
+DELAY = "delay"
+"""Name of the skew between torque and output."""
+_DELAYED = "how much later the torque acts than its sample says"
 
 _OPERATORS = frozenset(" +*/^()")
 
@@ -170,6 +173,16 @@ class Drive:
             if not parts.isdisjoint(definition.names):
                 parts.add(definition.name)
         return tuple(p.name for p in self.parameters if p.name in parts - {name})
+
+    def with_delay(self) -> Drive:
+        """The drive with the delay of its torque as a parameter, which then can be monitored; it is in no matrix.
+
+        Raises:
+            ValueError: the drive has a parameter of that name already.
+        """
+        if any(p.name == DELAY for p in (*self.parameters, *self.drawn)):
+            raise ValueError(f"the drive {self.name!r} already has a parameter {DELAY}")
+        return replace(self, parameters=(*self.parameters, Parameter(DELAY, "s", _DELAYED, positive=False)))
 
     def with_disturbance(self) -> Drive:
         """The drive with d, which acts like its torque, as last state:  d' = -d / Td + w,  N m; w is no input.

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from monitor_core.drive import Drive
+from monitor_core.drive import DELAY, Drive
 from monitor_core.identification.frequency import (
     Complexes,
     FrequencyResponse,
@@ -23,7 +23,6 @@ from monitor_core.identification.frequency import (
     root_of,
 )
 from monitor_core.identification.held import hold_late
-from monitor_core.identification.problem import DELAY
 from monitor_core.identification.record import Bools
 from monitor_core.identification.structure import Linear, Structure
 from monitor_core.kernel.tables import TORQUE, Floats

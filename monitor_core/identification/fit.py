@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.drive import DISTURBANCE_TIME
+from monitor_core.drive import DELAY, DISTURBANCE_TIME
 from monitor_core.identification.descent import STEP, UNDAMPED, End, Normal, minimise
 from monitor_core.identification.layout import LEVEL
 from monitor_core.identification.predictor import Errors, Predictor
-from monitor_core.identification.problem import DELAY, Disturbance, Problem
+from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.kernel.tables import Floats
 

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import DISTURBANCE_TIME, split_name
+from monitor_core.drive import DELAY, DISTURBANCE_TIME, split_name
 from monitor_core.identification.covariance import Information, information
 from monitor_core.identification.descent import End
 from monitor_core.identification.fit import choose_disturbance, fit_starts, settled, solve
 from monitor_core.identification.gross import without_gross
 from monitor_core.identification.layout import Layout
 from monitor_core.identification.predictor import Errors, Predictor
-from monitor_core.identification.problem import DELAY, Disturbance, Problem
+from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.residuals import independence, whiteness
 from monitor_core.identification.result import Estimate

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.discretize import zero_order_hold
-from monitor_core.drive import DISTURBANCE_TIME, Drive, split_name
-from monitor_core.identification.problem import DELAY, Disturbance, Problem
+from monitor_core.drive import DELAY, DISTURBANCE_TIME, Drive, split_name
+from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.kernel.tables import TORQUE, Floats
 
 _FARTHEST = 1e3

@@ -10,9 +10,6 @@ from typing import Literal
 from monitor_core.drive import Drive, split_name
 from monitor_core.model import AxisModel
 
-DELAY = "delay"
-"""Name of the skew between torque and output among the estimates, s."""
-
 Predictor = Literal["output-error", "innovations"]
 Loss = Literal["squares", "huber"]
 Motion = Literal["measured", "simulated"]

@@ -31,7 +31,7 @@ from monitor_core.kernel.state import (
     kernel_constant_views,
     kernel_state_views,
 )
-from monitor_core.kernel.supervision import excite, judge, look
+from monitor_core.kernel.supervision import admit_to_tests, excite, look
 from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
 
 
@@ -91,13 +91,46 @@ def _delayed(
     """Split the interval where the torque acts late: h_first with the torque before, then h.  True if any does."""
     late = False
     for a in range(len(lanes)):
-        h_first[a] = min(delay[a], h[a])
+        h_first[a] = min(max(delay[a], 0.0), h[a])
         h[a] -= h_first[a]
         late |= h_first[a] > 0.0
     for c in range(kind.size):
         for a in range(len(lanes)):
             u_first[c, a] = torque_before[a] if kind[c] == TORQUE else u[c, a]
     return late
+
+
+@kernel
+def _switch(
+    lanes: Any,
+    row: Ints,
+    slot: Ints,
+    col: Ints,
+    kind: Ints,
+    late: int,
+    p: int,
+    V: Floats,
+    delay: Floats,
+    u_first: Floats,
+    u: Floats,
+    h_first: Floats,
+    h: Floats,
+    X: Floats,
+) -> None:
+    """The torque steps from u_first to u; where its delay is a parameter, what a later step would have changed.
+
+    dx/d(delay) = B (u_first - u), from here on propagated like the other z_i.  A torque that acts before its sample
+    (delay < 0) has moved x by that much in the time before, to first order.
+    """
+    z = p * (X.shape[0] // (p + 1))
+    n = X.shape[0] - z
+    for q in range(row.size):
+        if kind[col[q]] == TORQUE:
+            for a in range(len(lanes)):
+                kick = V[slot[q], a] * (u_first[col[q], a] - u[col[q], a]) if h[a] + h_first[a] > 0.0 else 0.0
+                X[row[q], a] += min(delay[a], 0.0) * kick
+                if row[q] >= z:
+                    X[late * n + row[q] - z, a] += kick
 
 
 @kernel
@@ -180,22 +213,27 @@ def run(
                 for_interval(lanes, con.interval, con.lam, con.K, h, lam, K)
                 evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V,
                          tmp)
-                if _delayed(lanes, T.kind, con.delay, st.torque_before, st.u, h, h_first, u_first):
+                delay = st.theta[T.late] if T.late >= 0 else con.delay
+                if _delayed(lanes, T.kind, delay, st.torque_before, st.u, h, h_first, u_first):
                     drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, u_first, st.du, G)
                     split(lanes, T.A_row, con.weight, V, h_first, steps, terms)
                     propagate(lanes, T.ext_start, src, slot, V_, G_, h_first, steps, terms, X_, now, after, tmp)
+                if T.late >= 0:
+                    _switch(lanes, T.in_row, T.in_slot, T.in_col, T.kind, T.late, T.p, V, delay, u_first, st.u, h_first,
+                            h, X)
                 drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, st.u, st.du, G)
                 split(lanes, T.A_row, con.weight, V, h, steps, terms)
                 propagate(lanes, T.ext_start, src, slot, V_, G_, h, steps, terms, X_, now, after, tmp)
                 predict(lanes, T.out_slot, T.out_src, T.out_par, V, X, yhat, psi)
                 gain(lanes, lam, st.P, psi, Ppsi, S)
-                excite(lanes, lam, con.lam, con.starved, S, T.p, st.plenty, does)
+                excite(lanes, lam, con.lam, con.starved, S, st.plenty, does, st.starved, st.observed)
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
                 update_theta(lanes, con.lower, con.upper, st.theta, st.T, eps, Ppsi, S, tracks, hit)
                 update_P(lanes, lam, st.P, Ppsi, S, learns, fit)
                 find_P0(lanes, con.seed, st.seed_left, st.P_nom, st.P, does)
-                look(lanes, con.floor, con.span, con.lam, st.P_nom, tracks, st.since, st.starved, st.P, st.T, N, L, Y)
-                judge(lanes, con.floor, st.P, st.P_nom, st.theta, does, tracks, st.observed, st.theta_seen, tests)
+                look(lanes, con.floor, con.span, con.lam, st.P_nom, tracks, st.since, st.starved, st.observed, st.P,
+                     st.T, N, L, Y)
+                admit_to_tests(lanes, st.observed, st.theta, tracks, st.theta_seen, tests)
                 running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, learns)
                 correct(lanes, K, X, eps, psi, moves)
                 _tally(lanes, does, hit, st.counts)

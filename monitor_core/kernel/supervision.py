@@ -34,15 +34,29 @@ _SWEEPS = 8
 
 @kernel
 def excite(
-    lanes: Any, lam_h: Floats, lam: Floats, starved: Floats, S: Floats, p: int, plenty: Floats, does: Ints
+    lanes: Any,
+    lam_h: Floats,
+    lam: Floats,
+    least: Floats,
+    S: Floats,
+    plenty: Floats,
+    does: Ints,
+    starved: Ints,
+    observed: Ints,
 ) -> None:
-    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is too small learns nothing now."""
+    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is below ``least`` learns nothing now."""
+    p = observed.shape[0]
     for a in range(len(lanes)):
-        if does[a] >= SEED and starved[a] > 0.0 and math.isfinite(S[a]):
-            share = min((S[a] - lam_h[a]) / (p * (1.0 - lam[a])), 1.0)
-            plenty[a] += min(QUICK * (1.0 - lam[a]), 1.0) * (share - plenty[a])
-            if plenty[a] < starved[a]:
-                does[a] = IDLE
+        mean = p * (1.0 - lam[a])
+        share = min(S[a] - lam_h[a], mean) / mean
+        step = min(QUICK * (1.0 - lam[a]), 1.0) * (share - plenty[a])
+        plenty[a] += step if does[a] >= SEED and abs(step) < math.inf else 0.0
+    for a in range(len(lanes)):
+        if plenty[a] < least[a] and does[a] >= SEED:
+            does[a] = IDLE
+            starved[a] = p
+            for i in range(p):
+                observed[i, a] = UNSEEN
 
 
 @kernel
@@ -55,6 +69,7 @@ def look(
     on: Ints,
     since: Ints,
     starved: Ints,
+    observed: Ints,
     P: Floats,
     T: Floats,
     N: Floats,
@@ -62,6 +77,8 @@ def look(
     Y: Floats,
 ) -> None:
     """Once in ``span`` updates: P gets the floor's share, and T (p, p, W) lets theta move only where it is observed.
+
+    Also says how well each parameter is.
 
     With N = P beside diag(P(0)), the sum is  (N^-1 + c I)^-1 = N - c N (I + c N)^-1 N;  I + c N = L L' can always be
     factored unless rounding has ruined N, which then becomes I.  ``N``, ``L`` and ``Y`` (p, p) are scratch.
@@ -96,6 +113,8 @@ def look(
                 for j in range(p):
                     unit = 1.0 if i == j else 0.0
                     T[i, j, a] = Y[i, j] * math.sqrt(P_nom[i, a] / P_nom[j, a]) if starved[a] else unit
+        for i in range(p):
+            observed[i, a] = _judged(P[i, i, a] / P_nom[i, a], observed[i, a])
 
 
 @kernel
@@ -179,31 +198,21 @@ def _rotate(N: Floats, U: Floats, i: int, j: int) -> None:
 
 
 @kernel
-def judge(
-    lanes: Any,
-    floor: Floats,
-    P: Floats,
-    P_nom: Floats,
-    theta: Floats,
-    does: Ints,
-    on: Ints,
-    observed: Ints,
-    theta_seen: Floats,
-    tests: Ints,
+def _judged(ratio: float, before: int) -> int:
+    """How well a parameter is observed whose P_ii / P(0)_ii is this; with hysteresis."""
+    if ratio > LOST or (before == UNSEEN and ratio > _FOUND):
+        return UNSEEN
+    if ratio > _WEAKER or (before != OBSERVED and ratio > _STRONGER):
+        return WEAK
+    return OBSERVED
+
+
+@kernel
+def admit_to_tests(
+    lanes: Any, observed: Ints, theta: Floats, on: Ints, theta_seen: Floats, tests: Ints
 ) -> None:
-    """How well each parameter is observed, with hysteresis; ``tests`` (p, W) is 1 where its CUSUM may go on."""
+    """The CUSUM of a parameter that is not observed waits, and its last observed value is kept."""
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
-            if floor[a] > 0.0 and on[a]:
-                ratio, before = P[i, i, a] / P_nom[i, a], observed[i, a]
-                if ratio > LOST or (before == UNSEEN and ratio > _FOUND):
-                    observed[i, a] = UNSEEN
-                elif ratio > _WEAKER or (before != OBSERVED and ratio > _STRONGER):
-                    observed[i, a] = WEAK
-                else:
-                    observed[i, a] = OBSERVED
-            elif floor[a] > 0.0 and does[a] == IDLE:
-                observed[i, a] = UNSEEN
-            tests[i, a] = on[a] and observed[i, a] != UNSEEN
-            if tests[i, a]:
-                theta_seen[i, a] = theta[i, a]
+            tests[i, a] = 1 if on[a] and observed[i, a] != UNSEEN else 0
+            theta_seen[i, a] = theta[i, a] if tests[i, a] else theta_seen[i, a]

@@ -38,6 +38,7 @@ class Tables(NamedTuple):
     m: int  # inputs
     speed_state: int  # index in x of the speed at the sensor (up to a factor), where friction uses it
     filtered_speed: int  # 1: friction uses the speed in x (angle is measured), 0: the measured speed
+    late: int  # which parameter is the delay of the torque, -1: none
     slots: int  # length of V; V[slots] is an extra 0
     A_row: Ints  # (entries of A,) row of each of the first slots, in order
     A_col: Ints

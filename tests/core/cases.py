@@ -60,12 +60,25 @@ class Case(NamedTuple):
         return Settings(H, **(own | changes))  # type: ignore[arg-type]
 
 
+def delayed(output: Output) -> Drive:
+    return three_mass(output).with_delay()
+
+
 PAPER = ("kT", "1/Ja", "fm")
 CASES = (
     Case("paper", "speed", PAPER, REFERENCE_VALUES, torque_noise=0.0),
     Case("speed-output-error-late", "speed", ("Jm", "fc", "tau0"), torque_noise=0.0, delay_s=0.0013),
     Case("speed-zero-nominals", "speed", ("fc", "fm", "tau0"), zero=("fc", "tau0")),
     Case("speed-springs", "speed", ("1/Jm", "kg", "ka"), delay_s=0.005),
+    Case("speed-skew", "speed", ("1/Jm", "fm", "delay"), {**FRICTION, "delay": 0.001}, drive=delayed),
+    Case(
+        "angle-skew",
+        "angle",
+        ("kg", "delay", "kT"),
+        {**FRICTION, "delay": 0.0005},
+        zero=("delay",),
+        drive=delayed,
+    ),
     Case("angle-paper", "angle", PAPER, REFERENCE_VALUES, torque_noise=0.01),
     Case("angle-friction", "angle", ("fc", "tau0", "1/kT"), zero=("fc", "tau0"), delay_s=0.002),
     Case("angle-gear", "angle", ("r", "Jg", "da")),

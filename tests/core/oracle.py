@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance
 
+from monitor_core.drive import DELAY
 from monitor_core.kernel.tables import COSINE, COULOMB, GAINS, ONE, SINE, TORQUE
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
@@ -96,6 +97,7 @@ class Paper:
         self.plenty, self.since, self.T = 1.0, 0, np.eye(p)
         self.unseen = np.zeros(p, dtype=bool)
         self.looks = self.starved_samples = 0
+        self.starved = False
         self.log = Log()
 
     def run(self, t_us: NDArray[np.int64], u: Array, y: Array) -> Log:
@@ -141,9 +143,13 @@ class Paper:
     def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
         assert self.t is not None
         h = (t - self.t) * 1e-6
-        late = min(self.s.delay_s, h)
+        monitored = self.model.monitored
+        delay = self.theta[monitored.index(DELAY)] if DELAY in monitored else self.s.delay_s
+        late = min(max(delay, 0.0), h)
         self.lam = self.s.lam ** (h / self.s.interval_s)
         self._propagate(late, self.torque_before)
+        if DELAY in monitored:
+            self._step_of_torque(min(delay, 0.0), monitored.index(DELAY))
         self._propagate(h - late, self.torque)
         C = self.model.matrices(self.theta)[2][0]
         dC = derivatives(self.model, "C", self.theta)
@@ -152,7 +158,7 @@ class Paper:
         self.t = t
         used = t >= self.settled and not self._starves(psi)
         if t >= self.settled and not used:
-            self.unseen[:] = self.s.floor > 0
+            self.unseen[:], self.starved = True, True
         if used:
             self._update(eps, psi)
         intervals, gains = np.arange(GAINS), self.s.gains(len(self.x)).T
@@ -175,6 +181,14 @@ class Paper:
         f[p] = B @ u
         w = held_over(F, f.ravel(), np.append(self.z.ravel(), self.x), h)
         self.z, self.x = w[: p * n].reshape(p, n), w[p * n :]
+
+    def _step_of_torque(self, ahead: float, late: int) -> None:
+        """What the torque's step does to x where it came ahead of its sample, and d/d(delay) of it anyway."""
+        step = (self.torque_before - self.torque) * np.array([k == TORQUE for k in self.model.drive.inputs])
+        B, dB = self.model.matrices(self.theta)[1], derivatives(self.model, "B", self.theta)
+        self.x = self.x + ahead * B @ step
+        self.z = self.z + ahead * np.array([d @ step for d in dB])
+        self.z[late] += B @ step
 
     def _update(self, eps: float, psi: Array) -> None:
         lam = self.lam
@@ -200,16 +214,17 @@ class Paper:
     def _look(self) -> None:
         """Once in a span, floor / P(0)_ii more information, by two inversions; then what is observed."""
         self.since += 1
-        if self.since >= (self.s.span if (np.eye(len(self.T)) == self.T).all() else self.s.span // 4):
+        if self.since >= (self.s.span // 4 if self.starved else self.s.span):
             more = (self.s.lam**-self.since - 1) * self.s.floor
             self.since, self.looks = 0, self.looks + 1
             self.P = np.linalg.inv(np.linalg.inv(self.P) + np.diag(more / self.P_nom))
             size = np.sqrt(self.P_nom)
             values, vectors = np.linalg.eigh(self.P / np.outer(size, size))
             lost = vectors[:, values > 10]
+            self.starved = lost.size > 0
             self.T = np.eye(len(size)) - lost @ lost.T * np.outer(size, 1 / size)
-        ratio = np.diag(self.P) / self.P_nom
-        self.unseen = (ratio > 10) | (self.unseen & (ratio > 6))
+            ratio = np.diag(self.P) / self.P_nom
+            self.unseen = (ratio > 10) | (self.unseen & (ratio > 6))
 
     def _seed(self) -> None:
         """P(0): theta stays nominal while P settles; the average of the steady half of its diagonal."""
@@ -246,11 +261,13 @@ def prediction(
     values = model.values(theta)  # type: ignore[arg-type]
     A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
     K, kinds = s.gain(len(A)), np.array(model.drive.inputs)
+    delay = theta[model.monitored.index(DELAY)] if DELAY in model.monitored else s.delay_s
     x = model.drive.matrix("rest", model.nominal)[:, 0] * y[0] + 0 * A[0]
     yhat, before, held = [C[0] @ x], u[0], inputs(model, s, u[0], y[0], x)
     for j in range(1, len(u)):
         h = (t_us[j] - t_us[j - 1]) * 1e-6
-        late = min(s.delay_s, h)
+        late, ahead = (min(delay, h, key=np.real), 0.0) if np.real(delay) > 0 else (0.0, delay)
+        x = x + ahead * B @ np.where(kinds == TORQUE, before - u[j - 1], 0.0)
         for piece, torque in ((late, before), (h - late, u[j - 1])):
             x = held_over(A, B @ np.where(kinds == TORQUE, torque, held), x, piece)
         yhat.append(C[0] @ x)
