@@ -13,6 +13,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from monitor_core.drive import (
+    DELAY,
     Definition,
     Drive,
     Matrix,
@@ -114,12 +115,17 @@ class AxisModel:
     def parameters(self) -> tuple[Parameter, ...]:
         """The monitored parameters, reciprocals written as such, under the names of ``monitored``."""
         found = (self.drive.parameter(name) for name in self.monitored)
-        return tuple(_relative(p) if self.relative else p for p in found)
+        return tuple(_relative(p) if self.relative and p.name != DELAY else p for p in found)
 
     @cached_property
     def unit(self) -> Floats:
         """What one of theta_i is in SI (p,): 1, or the size of the parameter."""
-        return np.array([self._size(name) if self.relative else 1.0 for name in self.monitored])
+        own = (
+            self.relative and name != DELAY for name in self.monitored
+        )  # the kernel uses the delay as it is
+        return np.array(
+            [self._size(n) if scaled else 1.0 for n, scaled in zip(self.monitored, own, strict=True)]
+        )
 
     @cached_property
     def theta0(self) -> Floats:
