@@ -175,6 +175,7 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "calm": round(CALM_MEMORIES * s.memory),
         "floor": s.floor,
         "starved": s.starved,
+        "lost_us": round(s.lost_s * 1e6),
         "span": s.span,
     }
     vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}

@@ -34,6 +34,9 @@ class Settings:
     """A longer interval between samples re-initialises the predictor."""
     settle_s: float = 1.0
     """No update of theta for so long after the predictor started."""
+    lost_s: float = 0.0
+    """No update of theta for so long after each sample that was lost but the first of a row: the torque that acted
+    meanwhile is not known."""
     speed_scale: float = 1.0
     """Speed of tanh(speed / speed_scale), rad/s, at the flange that the friction acts on."""
     P0: tuple[float, ...] = field(default=())
@@ -57,6 +60,7 @@ class Settings:
             "delay_s": (self.delay_s, 0 <= self.delay_s <= self.interval_s),
             "max_gap_s": (self.max_gap_s, self.interval_s <= self.max_gap_s < math.inf),
             "settle_s": (self.settle_s, 0 <= self.settle_s < math.inf),
+            "lost_s": (self.lost_s, 0 <= self.lost_s < math.inf),
             "speed_scale": (self.speed_scale, 0 < self.speed_scale < math.inf),
             "K": (self.K, all(math.isfinite(k) for k in self.K)),
             "K_after": (self.K_after, np.isfinite(np.array(self.K_after or 0.0)).all()),

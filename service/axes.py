@@ -15,6 +15,8 @@ SETTLING_TIME_CONSTANTS = 5
 LEAST_MEMORY, AMPLE_MEMORY = 0.5, 2.5
 """Memory over the slowest time constant: below the first theta runs away, from the second on it scatters as P says;
 the paper's own experiment has 1.8."""
+LOST_SAMPLE = 0.1
+"""Part of the settling time that each lost sample but the first of a row costs: nine of them, nearly all of it."""
 
 
 class AxisError(Exception):
@@ -42,7 +44,7 @@ def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
 def _settings(config: AxisConfig, model: AxisModel) -> Settings:
     predictor = predictor_of(config)
     K, lam0 = _gain(config, predictor, model)
-    P0 = config.estimator.initial_p
+    P0, settle_s = config.estimator.initial_p, _settling_time(config, model, K)
     return Settings(
         interval_s=config.sample_interval_s,
         lam=config.forgetting,
@@ -53,7 +55,8 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         K_after=_later_gains(config, predictor, model, K),
         delay_s=predictor.torque_delay_s,
         max_gap_s=config.maximum_gap_s,
-        settle_s=_settling_time(config, model, K),
+        settle_s=settle_s,
+        lost_s=settle_s * LOST_SAMPLE,
         speed_scale=predictor.friction_speed_scale,
         P0=tuple(P0[name] for name in model.monitored) if P0 else (),
         floor=config.estimator.least_information,

@@ -20,6 +20,8 @@ def admit(
     y: Floats,
     gap_us: Floats,
     settle_us: Floats,
+    interval: Floats,
+    lost_us: Floats,
     last: Ints,
     settled: Ints,
     seed_left: Ints,
@@ -30,6 +32,8 @@ def admit(
     """Decide what each lane does with its sample (t, u, y) and over which interval h (W,) in s; True if any moves.
 
     A time that is not after the last one is refused; one that is earlier by more than a gap is a clock that was set.
+    Where more than one sample was lost the torque of meanwhile is not known, and the error that its guess leaves in
+    the state is nothing to learn from.
     """
     any_moves = False
     for a in range(len(lanes)):
@@ -50,6 +54,9 @@ def admit(
         else:
             any_moves = True
             h[a] = (t[a] - last[a]) * 1e-6
+            lost = h[a] / interval[a] - 2.0
+            if lost > 0.5:
+                settled[a] = max(settled[a], t[a] + int(lost * lost_us[a]))
             if t[a] < settled[a]:
                 does[a] = SETTLE
             else:

@@ -209,7 +209,8 @@ def run(
         # fmt: off
         for k in range(most(samples.number, a0, W)):
             _take(lanes, k, a0, samples.t, samples.u, samples.y, samples.number, t, u, y, does, learns)
-            if admit(lanes, t, u, y, con.gap_us, con.settle_us, st.t, st.settled, st.seed_left, st.counts, does, h):
+            if admit(lanes, t, u, y, con.gap_us, con.settle_us, con.interval, con.lost_us, st.t, st.settled,
+                     st.seed_left, st.counts, does, h):
                 for_interval(lanes, con.interval, con.lam, con.K, h, lam, K)
                 evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V,
                          tmp)

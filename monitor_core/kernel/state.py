@@ -145,6 +145,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 9],
         c[b + 10],
         c[b + 11],
+        c[b + 12],
     )
 
 

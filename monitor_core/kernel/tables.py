@@ -84,9 +84,10 @@ class Constants(NamedTuple):
     calm: Floats  # (W,) samples below nu that end an alarm episode
     floor: Floats  # (W,) least share of the commissioned information; 0: none
     starved: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
+    lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
     span: Floats  # (W,) updates between two looks at P
 
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 13
+    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 14

@@ -32,6 +32,7 @@ class Case(NamedTuple):
     zero: tuple[str, ...] = ()  # parameters whose nominal value is zero though the true one is not
     drive: Callable[[Output], Drive] = three_mass
     speed_scale: float = 1.0
+    lost_s: float = 0.0
     within: float | None = None  # share of their sizes by which the monitored parameters may change
 
     @property
@@ -50,6 +51,7 @@ class Case(NamedTuple):
         start = (relative_sd * self.model.scale) ** 2 / lam0
         own = {
             "K": tuple(gain) if self.torque_noise else (),
+            "lost_s": self.lost_s,
             "lam0": lam0,
             "delay_s": self.delay_s,
             "max_gap_s": 0.05,

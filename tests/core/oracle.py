@@ -143,6 +143,9 @@ class Paper:
     def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
         assert self.t is not None
         h = (t - self.t) * 1e-6
+        lost = h / self.s.interval_s - 2
+        if lost > 0.5:
+            self.settled = max(self.settled, t + int(lost * round(self.s.lost_s * 1e6)))
         monitored = self.model.monitored
         delay = self.theta[monitored.index(DELAY)] if DELAY in monitored else self.s.delay_s
         late = min(max(delay, 0.0), h)

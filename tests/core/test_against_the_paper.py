@@ -10,6 +10,7 @@ from monitor_core import bank as bank_module
 from monitor_core.bank import Bank
 from monitor_core.episodes import DIRECTIONS, Crossing
 from monitor_core.kernel.block import Trace
+from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import Record
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
@@ -121,6 +122,18 @@ def test_search_for_P0_equals_the_transcription(name: str, seed: int) -> None:
     differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
     assert len(paper.diagonals) == settings.seed_updates == 500
     assert max(differences.values()) < TOLERANCE
+
+
+@pytest.mark.usefixtures("shape")
+def test_waiting_after_lost_samples(seed: int) -> None:
+    case = BY_NAME["speed-zero-nominals"]._replace(lost_s=0.01)
+    rec = record(seed, case, 600, jitter=0.2)
+    paper = Paper(case.model, case.settings())
+    paper.run(*rec)
+    bank = Bank([case.model], [paper.s])
+    _, trace = bank.run_traced(*as_columns(rec))
+    assert max(worst(Trace(*(field[..., 0] for field in trace)), paper.log).values()) < TOLERANCE
+    assert 50 < bank.state.counts[COUNTERS.index("settling"), 0] - 60 < 500
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.episodes import Episode
+from monitor_core.excitation import multisine
 from monitor_core.facts import Status
+from monitor_core.kalman import filter_gain
 from monitor_core.kernel.state import NEVER
 from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import Record, experiment, reference_model
+from monitor_core.reference import BAND_HZ, TORQUE_RMS, Record, experiment, reference_model
 from monitor_core.settings import Settings
+from monitor_core.simulation import simulate_linear
 from tests.core.cases import BY_NAME, CASES, Case, record
 
 SPEED = reference_model()
@@ -164,3 +168,30 @@ def test_one_absurd_value_leaves_everything_finite(huge: float, seed: int) -> No
         np.isfinite([p.estimate, p.standard_deviation, p.g_up, p.g_down]).all() for p in facts.parameters
     )
     AxisMonitor.alone(SPEED, monitor.settings).from_arrays(monitor.to_arrays())
+
+
+def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Episode]]:
+    """The reference drive with a precise encoder; every 7.5 s so many samples in a row are lost."""
+    model, rng, N = reference_model("angle"), np.random.default_rng(seed), 8000
+    u = multisine(rng, N, 0.005, BAND_HZ, TORQUE_RMS)
+    acting = (u + 0.05 * rng.standard_normal(N))[:, np.newaxis]
+    y = simulate_linear(model.drive, model.nominal, acting, 0.005)[0][:, 0] + 1e-4 * rng.standard_normal(N)
+    K, lam0 = filter_gain(model, 0.005, 0.05, 1e-4)
+    settings = Settings(0.005, K=tuple(K), lam0=lam0, settle_s=4.5, lost_s=lost_s)
+    monitor = AxisMonitor.alone(model, settings)
+    keep = np.arange(N) % 1500 >= lost
+    t = 5000 * np.arange(N, dtype=np.int64)
+    return monitor, monitor.run(t[keep], u[keep], y[keep])
+
+
+@pytest.mark.parametrize("lost", [1, 2, 5, 9])
+def test_lost_samples_raise_no_alarm(lost: int, seed: int) -> None:
+    """Nine in a row, with the torque guessed, are off by hundreds of standard deviations."""
+    monitor, episodes = lossy(seed, lost, 0.45)
+    assert episodes == []
+    assert (abs(monitor.bank.state.theta[:, 0] / monitor.model.theta0 - 1) < [0.02, 0.02, 0.2]).all()
+    assert monitor.facts().counters["used"] > 1000
+
+
+def test_without_waiting_lost_samples_would_be_a_fault(seed: int) -> None:
+    assert lossy(seed, 9, 0.0)[1] != []
