@@ -61,7 +61,7 @@ def test_a_skew_is_named_and_measured(steps: int, seed: int) -> None:
     assert all(e.time_us > LATE_FROM * 5000 for _, e in crossings)
     estimates = bank.state.theta[2]
     assert np.mean(estimates) == pytest.approx(
-        steps * H / FINE, rel=0.1 if steps > 0 else 0.2
+        steps * H / FINE, rel=0.1 if steps > 0 else 0.4
     )  # early: first order
 
 

@@ -24,7 +24,8 @@ _LITTLE = 0.1
 _SLOWEST = 1e-3
 """Decay, 1/s: what is slower looks like this."""
 _GROWN = 1.25
-_TOLERANCE = 1e-5
+_TOLERANCES = (1e-5, 1e-3)
+"""The second where nominal values are so far apart that rounding hides what belongs together."""
 
 
 class Slots:
@@ -40,12 +41,12 @@ class Slots:
         units = {name: problem.drive.parameter(name).unit for name in bases}
         self.dampers = tuple(name for name in bases if units[name] == DAMPING)
         self.masses = self.chain(problem.nominal).J.size
-        self._scale = dict[str, tuple[int, float]]()
-        for name in bases:
-            if name not in self.dampers and problem.nominal[name] > 0:
-                self._place(name)
-        if sorted(slot for slot, _ in self._scale.values()) != list(range(2 * self.masses - 1)):
-            raise ValueError("not every mass and spring of the chain that the motor sees is a free parameter")
+        placed = [n for n in bases if n not in self.dampers and problem.nominal[n] > 0]
+        for tolerance in _TOLERANCES:
+            self._scale = {name: slot for name in placed if (slot := self._place(name, tolerance))}
+            if sorted(slot for slot, _ in self._scale.values()) == list(range(2 * self.masses - 1)):
+                return
+        raise ValueError("not every mass and spring of the chain that the motor sees is a free parameter")
 
     def values(self, chain: Chain, decay: Floats) -> dict[str, float]:
         """All values of the drive.
@@ -89,15 +90,15 @@ class Slots:
         """What the motor sees of the drive without its dampers."""
         return _taken_apart(*_lossless(self._drive, values))
 
-    def _place(self, name: str) -> None:
-        """Which number of the chain is this parameter times a constant."""
+    def _place(self, name: str, tolerance: float) -> tuple[int, float] | None:
+        """Which number of the chain is this parameter times a constant, and the constant; None: no single one."""
         before = np.concatenate(self.chain(self._nominal))
         grown = {**self._nominal, name: self._nominal[name] * _GROWN}
         change = np.concatenate(self.chain(grown)) / before
-        moved = np.flatnonzero(np.abs(change - 1) > _TOLERANCE)
-        if moved.size == 1 and abs(change[moved[0]] / _GROWN - 1) < _TOLERANCE:
-            slot = int(moved[0])
-            self._scale[name] = slot, float(before[slot] / self._nominal[name])
+        moved = np.flatnonzero(np.abs(change - 1) > tolerance)
+        if moved.size != 1 or abs(change[moved[0]] / _GROWN - 1) > tolerance:
+            return None
+        return int(moved[0]), float(before[moved[0]] / self._nominal[name])
 
 
 def _decays(dA: Floats, W: Complexes, V: Complexes) -> Floats:
