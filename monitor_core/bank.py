@@ -70,7 +70,6 @@ class Bank:
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
         st.plenty[a] = 1.0
-        np.fill_diagonal(st.T[:, :, a], 1.0)
         st.seed_left[a] = s.seed_updates
         certain = s.P0 or (1 + s.lam) * model.scale**2 / s.lam0
         if np.shape(certain) != model.scale.shape:

@@ -4,11 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor_core.kernel.supervision import LOST
+from monitor_core.kernel.supervision import LOST, TAKES_PART
 from monitor_core.kernel.tables import Floats
-
-_TAKES_PART = 0.3
-"""A parameter is named that moves, beside its size, by so large a share of what the first does in that direction."""
 
 
 def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) -> tuple[str, ...]:
@@ -23,9 +20,7 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
     size = np.sqrt(P_nom)
     values, vectors = np.linalg.eigh(P / np.outer(size, size))
     moves = abs(vectors[:, values > LOST] * (size / scale)[:, np.newaxis]).T
-    return tuple(
-        _words([names[i] for i in np.flatnonzero(v > _TAKES_PART * v.max()).tolist()]) for v in moves
-    )
+    return tuple(_words([names[i] for i in np.flatnonzero(v > TAKES_PART * v.max()).tolist()]) for v in moves)
 
 
 def _words(names: Sequence[str]) -> str:

@@ -229,11 +229,11 @@ def run(
                 gain(lanes, lam, st.P, psi, Ppsi, S)
                 excite(lanes, lam, con.lam, con.starved, S, st.plenty, does, st.starved, st.observed)
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
-                update_theta(lanes, con.lower, con.upper, st.theta, st.T, eps, Ppsi, S, tracks, hit)
+                update_theta(lanes, con.lower, con.upper, st.theta, st.observed, eps, Ppsi, S, tracks, hit)
                 update_P(lanes, lam, st.P, Ppsi, S, learns, fit)
                 find_P0(lanes, con.seed, st.seed_left, st.P_nom, st.P, does)
-                look(lanes, con.floor, con.span, con.lam, st.P_nom, tracks, st.since, st.starved, st.observed, st.P,
-                     st.T, N, L, Y)
+                look(lanes, con.floor, con.span, con.lam, st.P_nom, tracks, st.since, st.starved, st.observed,
+                     con.h, st.P, N, L, Y)
                 admit_to_tests(lanes, st.observed, st.theta, tracks, st.theta_seen, tests)
                 running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, learns)
                 correct(lanes, K, X, eps, psi, moves)

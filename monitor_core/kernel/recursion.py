@@ -9,6 +9,7 @@ from typing import Any
 
 from monitor_core.kernel.admission import SEED
 from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.state import UNSEEN
 from monitor_core.kernel.tables import Floats, Ints
 
 
@@ -53,27 +54,24 @@ def update_theta(
     lower: Floats,
     upper: Floats,
     theta: Floats,
-    T: Floats,
+    observed: Ints,
     eps: Floats,
     Ppsi: Floats,
     S: Floats,
     on: Ints,
     hit: Ints,
 ) -> None:
-    """theta = theta + T L eps, L = P psi / S (eq. 11), projected into its bounds; hit (W,) is 1 where they held it.
+    """theta = theta + L eps, L = P psi / S (eq. 11), projected into its bounds; hit (W,) is 1 where they held it.
 
-    T (p, p, W) is the unit matrix but where some direction is not observed (supervision.py).
+    What is not observed stays (supervision.py).
     """
     for a in range(len(lanes)):
         hit[a] = 0
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
-            step = 0.0
-            for j in range(theta.shape[0]):
-                step += T[i, j, a] * Ppsi[j, a]
-            free = theta[i, a] + step * eps[a] / S[a]
+            free = theta[i, a] + Ppsi[i, a] * eps[a] / S[a]
             bound = min(max(free, lower[i, a]), upper[i, a])
-            if on[a] and math.isfinite(free):
+            if on[a] and observed[i, a] != UNSEEN and math.isfinite(free):
                 theta[i, a] = bound
                 if bound != free:
                     hit[a] = 1

@@ -53,7 +53,6 @@ class State(NamedTuple):
     lam0_running: Floats  # (W,) running innovation variance
     P_nom: Floats  # (p, W) commissioned P_ii: P(0), summed up while it is found
     theta_seen: Floats  # (p, W) theta_i when it was last observed
-    T: Floats  # (p, p, W) projection of a step of theta on the directions that are observed
     plenty: Floats  # (W,) running mean of psi' P psi over p (1 - lambda), each counting as 1 at most
     t: NDArray[np.int64]  # (W,) time of the last sample, us
     settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
@@ -77,7 +76,6 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
     f = e + m
     g = f + p * m
     s = g + 2 + p
-    o = s + p + p * p
     q = 3 + p
     r = q + 2 * p
     return State(
@@ -92,8 +90,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         F[g + 1],
         F[g + 2 : s],
         F[s : s + p],
-        F[s + p : o].reshape(p, p, W),
-        F[o],
+        F[s + p],
         I[0],
         I[1],
         I[2],
@@ -108,7 +105,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
 
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Rows of the float array and of the integer array."""
-    return n + p * n + p + 2 * p * p + 2 * p + m + p * m + 3 + 2 * p, 5 + 4 * p + len(COUNTERS)
+    return n + p * n + p + p * p + 2 * p + m + p * m + 3 + 2 * p, 5 + 4 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:

@@ -7,7 +7,8 @@ Forgetting without excitation lets P grow without bound.  Four things are done:
 * Excitation may lack in some directions only (a constant speed, a single sine).  So information is forgotten towards
   a floor:  R <- lambda R + psi psi' + (1 - lambda) rho diag(1/P(0)),  R = P^-1, which bounds P_ii by P(0)_ii / rho
   whatever happens.  The floor's share is added once for a span of updates (``look``), not at each.
-* In a direction in which next to nothing is known theta stays: what noise and a wrong model whisper there is no news.
+* Parameters that move together in a direction of which next to nothing is known are not observed, and stay: what noise
+  and a wrong model whisper there is no news.  A projection of theta's steps would leak, and drift within a day.
 * P_ii / P(0)_ii says how much is known of a parameter beside what was known at commissioning.
 
 The recursion between is the paper's.  As P stays the true covariance, an estimate that has become uncertain returns
@@ -28,6 +29,8 @@ _WEAKER, _STRONGER = 2.5, 2.0
 LOST, _FOUND = 10.0, 6.0
 """P_ii / P(0)_ii at which a parameter becomes weakly observed, observed again; unseen, seen again.
 The third is the limit for directions, too."""
+TAKES_PART = 0.3
+"""Of what moves most, beside its size, in a direction: who moves by so much takes part."""
 _CLOSER = 4
 _SWEEPS = 8
 
@@ -70,15 +73,13 @@ def look(
     since: Ints,
     starved: Ints,
     observed: Ints,
+    scale: Floats,
     P: Floats,
-    T: Floats,
     N: Floats,
     L: Floats,
     Y: Floats,
 ) -> None:
-    """Once in ``span`` updates: P gets the floor's share, and T (p, p, W) lets theta move only where it is observed.
-
-    Also says how well each parameter is.
+    """Once in ``span`` updates: P gets the floor's share, and each parameter is judged.
 
     With N = P beside diag(P(0)), the sum is  (N^-1 + c I)^-1 = N - c N (I + c N)^-1 N;  I + c N = L L' can always be
     factored unless rounding has ruined N, which then becomes I.  ``N``, ``L`` and ``Y`` (p, p) are scratch.
@@ -106,15 +107,15 @@ def look(
                 if not good:
                     N[i, j] = 1.0 if i == j else 0.0
                 P[i, j, a] = N[i, j] * math.sqrt(P_nom[i, a] * P_nom[j, a])
-        before = starved[a]
-        starved[a] = 0 if factor(LOST, -1.0, N, L) else _observed_part(N, L, Y)
-        if starved[a] or before:
-            for i in range(p):
-                for j in range(p):
-                    unit = 1.0 if i == j else 0.0
-                    T[i, j, a] = Y[i, j] * math.sqrt(P_nom[i, a] / P_nom[j, a]) if starved[a] else unit
         for i in range(p):
             observed[i, a] = _judged(P[i, i, a] / P_nom[i, a], observed[i, a])
+        starved[a] = 0
+        if not factor(LOST, -1.0, N, L):
+            _diagonalise(N, L)
+            for k in range(p):
+                if N[k, k] > LOST:
+                    starved[a] += 1
+                    _lose(a, k, L, P_nom, scale, observed)
 
 
 @kernel
@@ -155,11 +156,8 @@ def _subtract(c: float, N: Floats, L: Floats, Y: Floats) -> None:
 
 
 @kernel
-def _observed_part(N: Floats, U: Floats, Q: Floats) -> int:
-    """Projection Q (p, p) on the eigenvectors of N whose eigenvalues are below the limit; how many are above it.
-
-    Jacobi's method, N = U diag U'; N is overwritten.
-    """
+def _diagonalise(N: Floats, U: Floats) -> None:
+    """Jacobi's method, N = U diag U'; N becomes the diagonal."""
     p = N.shape[0]
     for i in range(p):
         for j in range(p):
@@ -168,17 +166,17 @@ def _observed_part(N: Floats, U: Floats, Q: Floats) -> int:
         for i in range(p):
             for j in range(i + 1, p):
                 _rotate(N, U, i, j)
-    above = 0
-    for i in range(p):
-        for j in range(p):
-            Q[i, j] = 1.0 if i == j else 0.0
-    for k in range(p):
-        if N[k, k] > LOST:
-            above += 1
-            for i in range(p):
-                for j in range(p):
-                    Q[i, j] -= U[i, k] * U[j, k]
-    return above
+
+
+@kernel
+def _lose(a: int, k: int, U: Floats, P_nom: Floats, scale: Floats, observed: Ints) -> None:
+    """Who takes part in direction k is not observed: who moves there, beside its size, nearly as far as the first."""
+    most = 0.0
+    for i in range(U.shape[0]):
+        most = max(most, abs(U[i, k]) * math.sqrt(P_nom[i, a]) / scale[i, a])
+    for i in range(U.shape[0]):
+        if abs(U[i, k]) * math.sqrt(P_nom[i, a]) / scale[i, a] > TAKES_PART * most:
+            observed[i, a] = UNSEEN
 
 
 @kernel

@@ -94,7 +94,7 @@ class Paper:
         self.settled = 0
         self.diagonals: list[Array] = []  # of the run that finds P(0)
         self.P_nom = np.array(s.P0) if s.P0 else np.zeros(p)
-        self.plenty, self.since, self.T = 1.0, 0, np.eye(p)
+        self.plenty, self.since = 1.0, 0
         self.unseen = np.zeros(p, dtype=bool)
         self.looks = self.starved_samples = 0
         self.starved = False
@@ -201,7 +201,8 @@ class Paper:
         if len(self.diagonals) < self.s.seed_updates:
             self._seed()
             return
-        self.theta = np.clip(self.theta + self.T @ L * eps, *self.model.limits)
+        step = np.where(self.unseen, 0.0, L * eps)
+        self.theta = np.clip(self.theta + step, *self.model.limits)
         if self.s.floor:
             self._look()
         self._cusum()
@@ -225,9 +226,10 @@ class Paper:
             values, vectors = np.linalg.eigh(self.P / np.outer(size, size))
             lost = vectors[:, values > 10]
             self.starved = lost.size > 0
-            self.T = np.eye(len(size)) - lost @ lost.T * np.outer(size, 1 / size)
             ratio = np.diag(self.P) / self.P_nom
             self.unseen = (ratio > 10) | (self.unseen & (ratio > 6))
+            moves = abs(lost) * (size / self.model.scale)[:, np.newaxis]
+            self.unseen |= (moves > 0.3 * moves.max(axis=0, initial=0.0)).any(axis=1)
 
     def _seed(self) -> None:
         """P(0): theta stays nominal while P settles; the average of the steady half of its diagonal."""
