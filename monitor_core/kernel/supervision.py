@@ -66,6 +66,7 @@ def excite(
 def look(
     lanes: Any,
     floor: Floats,
+    least: Floats,
     span: Floats,
     lam: Floats,
     P_nom: Floats,
@@ -86,7 +87,7 @@ def look(
     """
     p = P.shape[0]
     for a in range(len(lanes)):
-        if not on[a] or floor[a] == 0.0:
+        if not on[a] or (floor[a] == 0.0 and least[a] == 0.0):
             continue
         since[a] += 1
         # While a direction is starved, looks are closer: what comes in there now is not to be missed.

@@ -203,7 +203,7 @@ class Paper:
             return
         step = np.where(self.unseen, 0.0, L * eps)
         self.theta = np.clip(self.theta + step, *self.model.limits)
-        if self.s.floor:
+        if self.s.floor or self.s.starved:
             self._look()
         self._cusum()
 

@@ -164,6 +164,20 @@ def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
     assert (st.theta != theta).any()
 
 
+@pytest.mark.parametrize("floor", [0.0, FLOOR])
+def test_after_a_rest_all_is_watched_again(floor: float, settings: Settings, seed: int) -> None:
+    """With the floor or without."""
+    rng = np.random.default_rng(seed)
+    monitor = AxisMonitor.alone(MODEL, replace(settings, K=(), K_after=(), floor=floor))
+    rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 600), rng)
+    monitor.run(*part(rec, 0, 5000))
+    assert {p.observation for p in monitor.facts().parameters} == {Observation.UNSEEN}
+    theta = monitor.bank.state.theta.copy()
+    monitor.run(*part(rec, 5000))
+    assert {p.observation for p in monitor.facts().parameters} == {Observation.OBSERVED}
+    assert (monitor.bank.state.theta != theta).all()
+
+
 def test_a_constant_speed_shows_friction_only(settings: Settings, seed: int) -> None:
     """Torque and friction balance: 1/Ja plays no part, kT and fm only as a ratio."""
     rng = np.random.default_rng(seed)
