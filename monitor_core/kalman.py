@@ -35,6 +35,19 @@ def filter_gain(
         ValueError: a noise that is negative or not finite, no output noise, a disturbance that the drive lacks, or no
             stable filter.
     """
+    _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise, disturbance_noise)
+    lam0 = float(C @ P @ C) + 1
+    return d * (P @ C) / lam0, lam0 * output_noise**2
+
+
+def _steady(
+    model: AxisModel,
+    interval_s: float,
+    torque_noise: float,
+    output_noise: float,
+    disturbance_noise: float = 0.0,
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Ad, P of the one-step prediction, Q, C in the coordinates x / d, and d; the output noise is the unit, R = 1."""
     noises = {"torque_noise": torque_noise, "disturbance_noise": disturbance_noise}
     if not (all(0 <= v < math.inf for v in noises.values()) and 0 < output_noise < math.inf):
         raise ValueError(
@@ -46,11 +59,9 @@ def filter_gain(
     g = G / output_noise
     g[:, : _torque(model).sum()] *= torque_noise
     try:
-        P = prediction_variance(Ad, C, g @ g.T)
+        return Ad, prediction_variance(Ad, C, g @ g.T), g @ g.T, C, d
     except ValueError:
         raise ValueError(_no_filter(torque_noise, output_noise)) from None
-    lam0 = float(C @ P @ C) + 1
-    return d * (P @ C) / lam0, lam0 * output_noise**2
 
 
 def gains_after(
@@ -63,18 +74,12 @@ def gains_after(
     Raises:
         ValueError: as filter_gain.
     """
-    K, lam0 = filter_gain(model, interval_s, torque_noise, output_noise)
-    Ad, G, C, d = _balanced(model, interval_s)
-    K, R = K / d, output_noise**2
-    Q = torque_noise**2 * G @ G.T
-    # Of the prediction P C' = K lam0; all of P comes from the Riccati equation once more.
-    P = prediction_variance(Ad, C, Q / R) * R
-    P = P - np.outer(K, K) * lam0
-    found = [P]
-    for _ in range(GAINS - 1):
+    Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise)
+    found = [P - np.outer(P @ C, P @ C) / (C @ P @ C + 1), P]
+    for _ in range(GAINS - 2):
         found.append(Ad @ found[-1] @ Ad.T + Q)
     del found[1]
-    return tuple(tuple((d * (P @ C) / (C @ P @ C + R)).tolist()) for P in found)
+    return tuple(tuple((d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in found)
 
 
 def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_lyapunov
 
-from monitor_core.kalman import filter_gain, slowest_time_constant
+from monitor_core.discretize import zero_order_hold
+from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.kernel.tables import GAINS
 from monitor_core.model import AxisModel, Output
 from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import NOISE, experiment, reference_model
@@ -115,3 +117,27 @@ def test_the_time_constant_is_how_an_error_of_the_state_dies_out(torque_noise: f
     tau = slowest_time_constant(model, K, H) / H
     envelope = [np.nanmax(abs(eps[1] - eps[0])[round(k * tau) : round((k + 3) * tau)]) for k in (10, 20)]
     assert np.log(envelope[0] / envelope[1]) == pytest.approx(10, rel=0.15)
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+def test_gains_after_missing_samples_are_those_of_the_covariance_recursion(output: Output) -> None:
+    """From the steady state, without its corrections: 0, 2, 3 .. intervals, the one after one being the gain itself."""
+    model = reference_model(output)
+    noises = 0.3, NOISE[output]
+    A, B, C = model.matrices()
+    Ad, Bd = zero_order_hold(A, B[:, :1], H)
+    K, lam0 = filter_gain(model, H, *noises)
+    P = solve_discrete_lyapunov(
+        Ad @ (np.eye(len(A)) - np.outer(K, C)),
+        Bd @ Bd.T * noises[0] ** 2 + Ad @ np.outer(K, K) @ Ad.T * noises[1] ** 2,
+    )
+    assert (C @ P @ C.T)[0, 0] + noises[1] ** 2 == pytest.approx(lam0, rel=1e-6)
+    P = P - np.outer(K, K) * lam0
+    expected = []
+    for _ in range(GAINS):
+        expected.append((P @ C.T)[:, 0] / ((C @ P @ C.T)[0, 0] + noises[1] ** 2))
+        P = Ad @ P @ Ad.T + Bd @ Bd.T * noises[0] ** 2
+    assert expected[1] == pytest.approx(K, rel=1e-5, abs=1e-9 * abs(K).max())
+    del expected[1]
+    found = np.array(gains_after(model, H, *noises))
+    assert found == pytest.approx(np.array(expected), rel=1e-4, abs=1e-7 * abs(K).max())
