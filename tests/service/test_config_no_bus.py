@@ -10,18 +10,14 @@ from typer.testing import CliRunner, Result
 
 from service.commands.main import app
 from service.config import ConfigErrors, load
-from tests.service.identification.conftest import robot_text
+from tests.service.identification.conftest import TABLE_AXIS, robot_text
 
-TEXT = """\
-[[robot]]
-name = "cell1"
-[[robot.axis]]
-name = "axis1"
-sample_interval_s = 0.005
-torque = { column = "torque" }
-angle = { column = "angle" }
+TEXT = (
+    TABLE_AXIS
+    + """\
 model = { drive = "three-mass", monitor = ["1/Ja"], nominal = { kT = 1, r = 0.0085 } }
 """
+)
 VALUES = "Jm=0.006, Jg=280, Ja=96, kg=3e5, ka=3e5, dg=870, da=140, fm=0.06, fc=0.01, tau0=0.01"
 NOISES = "estimator = { torque_noise = 0.05, output_noise = 1e-4 }\n"
 SHIPPED = Path(__file__).resolve().parents[2] / "config"

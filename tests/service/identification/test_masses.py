@@ -18,16 +18,11 @@ from service.identification.errors import IdentificationError
 from service.identification.found import Found
 from service.identification.masses import grown, masses_of
 from service.identification.task import Wishes, task_of
-from tests.service.identification.conftest import FREE
+from tests.service.identification.conftest import FREE, TABLE_AXIS
 
-GRAVITY = """\
-[[robot]]
-name = "cell1"
-[[robot.axis]]
-name = "axis1"
-sample_interval_s = 0.005
-torque = { column = "torque" }
-angle = { column = "angle" }
+GRAVITY = (
+    TABLE_AXIS
+    + """\
 [robot.axis.model]
 monitor = ["f"]
 nominal = { J = 0.006, f = 0.06, gc = 1.0, gs = 0.0 }
@@ -37,6 +32,7 @@ components.load = { type = "gravity", at = "shaft", gc = "gc", gs = "gs" }
 components.bearing = { type = "viscous-friction", at = "shaft", d = "f" }
 components.encoder = { type = "angle-sensor", at = "shaft" }
 """
+)
 
 
 def identify(*words: str | Path) -> Result:
