@@ -9,6 +9,7 @@ from rich.text import Text
 
 from service.axes import short_memories
 from service.commands.configuration import ConfigPath, configuration
+from service.commands.exits import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, nominal_file_of, remarks
 from service.modeling import SUFFIX
 
@@ -16,11 +17,13 @@ from service.modeling import SUFFIX
 def check(config: ConfigPath) -> None:
     """Check a configuration with its DBC files; name every problem by file and line."""
     read = configuration(config)
+    with explained():  # an axis may be well written and have no predictor, or too short a memory for it
+        notes = (*remarks(read), *short_memories(read))
     console = Console()
     console.print(_buses(read))
     console.print(_axes(read))
-    for remark in (*remarks(read), *short_memories(read)):
-        console.print(Text.assemble(("Note: ", "bold yellow"), remark), soft_wrap=True)
+    for note in notes:
+        console.print(Text.assemble(("Note: ", "bold yellow"), note), soft_wrap=True)
     console.print(Text(f"{config}: no problems", style="green"), soft_wrap=True)
 
 

@@ -57,3 +57,27 @@ def test_the_environment_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     result = CliRunner().invoke(app, ["--config", str(CONFIG / "demo.toml")])
     assert result.exit_code == 2
     assert result.stderr.startswith("environment: AXISWATCH_WEB__PORT = http: must be a whole number")
+
+
+def with_memory(tmp_path: Path, memory_s: float) -> Path:
+    """The demo's configuration, of which the first axis has this memory; beside it its DBC."""
+    text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
+    (tmp_path / "demo.dbc").write_bytes((CONFIG / "demo.dbc").read_bytes())
+    file = tmp_path / "demo.toml"
+    file.write_text(text.replace("memory_s = 1.0", f"memory_s = {memory_s}", 1), encoding="utf-8")
+    return file
+
+
+def test_a_memory_too_short_for_the_predictor_is_a_mistake_in_one_line(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["--config", str(with_memory(tmp_path, 0.2))])
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("axiswatch: demo.axis1: a memory of 0.2 s is less than half of 0.9 s")
+
+
+@pytest.mark.parametrize(("memory_s", "noted"), [(1.0, True), (3.0, False)])
+def test_a_memory_that_is_short_is_noted(memory_s: float, noted: bool, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["--config", str(with_memory(tmp_path, memory_s))])
+    assert result.exit_code == 0
+    assert ("Note: demo.axis1: a memory of 1 s is short beside 0.9 s" in result.stdout) == noted
