@@ -10,6 +10,7 @@ from monitor_core.kernel.admission import IDLE, SEED, SETTLE, SKIP, TRACK, admit
 from monitor_core.kernel.columns import columns, copy, floats, ints, marks, most, put_back, table, times
 from monitor_core.kernel.compile import entry, kernel
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
+from monitor_core.kernel.delay import delayed, switch
 from monitor_core.kernel.interval import for_interval
 from monitor_core.kernel.laurent import evaluate
 from monitor_core.kernel.propagate import drive, propagate, split
@@ -32,7 +33,7 @@ from monitor_core.kernel.state import (
     kernel_state_views,
 )
 from monitor_core.kernel.supervision import admit_to_tests, excite, look
-from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
+from monitor_core.kernel.tables import Floats, Ints, Tables
 
 
 class Samples(NamedTuple):
@@ -75,62 +76,6 @@ def _take(
         t[a], u[a], y[a] = s_t[k, b], s_u[k, b], s_y[k, b]
         does[a] = TRACK if a0 + a == b and k < number[b] else SKIP
         learns[a] = 0
-
-
-@kernel
-def _delayed(
-    lanes: Any,
-    kind: Ints,
-    delay: Floats,
-    torque_before: Floats,
-    u: Floats,
-    h: Floats,
-    h_first: Floats,
-    u_first: Floats,
-) -> bool:
-    """Split the interval where the torque acts late: h_first with the torque before, then h.  True if any does."""
-    late = False
-    for a in range(len(lanes)):
-        h_first[a] = min(max(delay[a], 0.0), h[a])
-        h[a] -= h_first[a]
-        late |= h_first[a] > 0.0
-    for c in range(kind.size):
-        for a in range(len(lanes)):
-            u_first[c, a] = torque_before[a] if kind[c] == TORQUE else u[c, a]
-    return late
-
-
-@kernel
-def _switch(
-    lanes: Any,
-    row: Ints,
-    slot: Ints,
-    col: Ints,
-    kind: Ints,
-    late: int,
-    p: int,
-    V: Floats,
-    delay: Floats,
-    u_first: Floats,
-    u: Floats,
-    h_first: Floats,
-    h: Floats,
-    X: Floats,
-) -> None:
-    """The torque steps from u_first to u; where its delay is a parameter, what a later step would have changed.
-
-    dx/d(delay) = B (u_first - u), from here on propagated like the other z_i.  A torque that acts before its sample
-    (delay < 0) has moved x by that much in the time before, to first order.
-    """
-    z = p * (X.shape[0] // (p + 1))
-    n = X.shape[0] - z
-    for q in range(row.size):
-        if kind[col[q]] == TORQUE:
-            for a in range(len(lanes)):
-                kick = V[slot[q], a] * (u_first[col[q], a] - u[col[q], a]) if h[a] + h_first[a] > 0.0 else 0.0
-                X[row[q], a] += min(delay[a], 0.0) * kick
-                if row[q] >= z:
-                    X[late * n + row[q] - z, a] += kick
 
 
 @kernel
@@ -215,12 +160,12 @@ def run(
                 evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V,
                          tmp)
                 delay = st.theta[T.late] if T.late >= 0 else con.delay
-                if _delayed(lanes, T.kind, delay, st.torque_before, st.u, h, h_first, u_first):
+                if delayed(lanes, T.kind, delay, st.torque_before, st.u, h, h_first, u_first):
                     drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, u_first, st.du, G)
                     split(lanes, T.A_row, con.weight, V, h_first, steps, terms)
                     propagate(lanes, T.ext_start, src, slot, V_, G_, h_first, steps, terms, X_, now, after, tmp)
                 if T.late >= 0:
-                    _switch(lanes, T.in_row, T.in_slot, T.in_col, T.kind, T.late, T.p, V, delay, u_first, st.u, h_first,
+                    switch(lanes, T.in_row, T.in_slot, T.in_col, T.kind, T.late, T.p, V, delay, u_first, st.u, h_first,
                             h, X)
                 drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, st.u, st.du, G)
                 split(lanes, T.A_row, con.weight, V, h, steps, terms)
