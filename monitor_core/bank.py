@@ -78,33 +78,72 @@ class Bank:
         st.P_nom[:, a] = s.P0 or 0.0
 
     def run(
-        self, t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None = None
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        count: NDArray[np.int64] | None = None,
+        shift: Floats | None = None,
+        gate: NDArray[np.bool_] | None = None,
     ) -> list[tuple[int, Crossing | Calm]]:
         """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
+
+        ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
+        NaN: the conditions are not known.  ``gate`` (N, W): where False, or the conditions are not known, nothing is
+        learned.
 
         Returns the events with the index of their axis, axis by axis in order of time.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(t_us, u, y, count, _trace(0, self._tables.p, len(self.models)))
+        return self._run(self._samples(t_us, u, y, count, shift, gate), _trace(0, *self._shape))
 
     def run_traced(
-        self, t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None = None
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        count: NDArray[np.int64] | None = None,
+        shift: Floats | None = None,
+        gate: NDArray[np.bool_] | None = None,
     ) -> tuple[list[tuple[int, Crossing | Calm]], Trace]:
         """As ``run``, with the recursion's values at every sample."""
-        trace = _trace(len(t_us), self._tables.p, len(self.models))
-        return self._run(t_us, u, y, count, trace), trace
+        trace = _trace(len(t_us), *self._shape)
+        return self._run(self._samples(t_us, u, y, count, shift, gate), trace), trace
 
-    def _run(
+    @property
+    def _shape(self) -> tuple[int, int]:
+        """Monitored parameters and axes."""
+        return self._tables.p, len(self.models)
+
+    def _samples(
         self,
         t_us: NDArray[np.int64],
         u: Floats,
         y: Floats,
         count: NDArray[np.int64] | None,
-        trace: Trace,
-    ) -> list[tuple[int, Crossing | Calm]]:
-        samples = _samples(t_us, u, y, count, len(self.models))
+        shift: Floats | None,
+        gate: NDArray[np.bool_] | None,
+    ) -> Samples:
+        p, W = self._shape
+        t = np.ascontiguousarray(t_us, dtype=np.int64)
+        if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
+            raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N, {W}) each")
+        N = len(t)
+        n = np.full(W, N) if count is None else np.asarray(count, dtype=np.int64)
+        if n.shape != (W,) or (n < 0).any() or (n > N).any():
+            raise ValueError(f"count = {n}: need {W} numbers from 0 to {N}")
+        moved = np.empty((0, p, W)) if shift is None else np.ascontiguousarray(shift, dtype=float)
+        opened = np.empty((0, W), np.bool_) if gate is None else np.ascontiguousarray(gate, dtype=np.bool_)
+        if moved.shape not in {(N, p, W), (0, p, W)} or opened.shape not in {(N, W), (0, W)}:
+            raise ValueError(
+                f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}"
+            )
+        u, y = np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float)
+        return Samples(t, u, y, n, moved, opened)
+
+    def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, Crossing | Calm]]:
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
         reset = not self.settings[0].run_on
         run(
@@ -123,14 +162,13 @@ class Bank:
     def _named(self, events: Events) -> Iterator[tuple[int, Crossing | Calm]]:
         for k in range(int(events.filled[0])):
             kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
-            theta, P_ii = events.value[:, k]
+            d, P_ii = events.value[:, k]
             name = self.models[a].monitored[i]
             if kind == CALM:
                 yield a, Calm(name, t_us)
             else:
-                size = float(theta - self.models[a].theta0[i])
                 sd = standard_deviation(self.settings[a], float(P_ii))
-                yield a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, size, sd)
+                yield a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
 
     def column(self, a: int) -> tuple[Floats, NDArray[np.int64]]:
         """A copy of the whole state of one axis: floats and integers."""
@@ -180,18 +218,6 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
     vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}
     vectors |= assembly.model_constants(model, s.speed_scale)
     return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
-
-
-def _samples(
-    t_us: NDArray[np.int64], u: Floats, y: Floats, count: NDArray[np.int64] | None, W: int
-) -> Samples:
-    t = np.ascontiguousarray(t_us, dtype=np.int64)
-    if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
-        raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N, {W}) each")
-    n = np.full(W, len(t)) if count is None else np.asarray(count, dtype=np.int64)
-    if n.shape != (W,) or (n < 0).any() or (n > len(t)).any():
-        raise ValueError(f"count = {n}: need {W} numbers from 0 to {len(t)}")
-    return Samples(t, np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float), n)
 
 
 def _events(most_per_sample: int, samples: int) -> Events:

@@ -33,6 +33,7 @@ class ParameterFacts:
     unit: str
     meaning: str
     nominal: float
+    """theta_0, which may follow measured conditions"""
     estimate: float
     standard_deviation: float
     """sqrt(lambda_0 P_ii / (1 + lambda))"""

@@ -72,14 +72,33 @@ class AxisMonitor:
         units = " relative" if m.relative else ""
         return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}"
 
-    def run(self, t_us: NDArray[np.int64], u: Floats, y: Floats) -> list[Episode]:
-        """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended."""
-        events = self.bank.run(_column(t_us), _column(u), _column(y))
+    def run(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        shift: Floats | None = None,
+        gate: NDArray[np.bool_] | None = None,
+    ) -> list[Episode]:
+        """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended.
+
+        ``shift`` (N, p) and ``gate`` (N,) as for ``Bank.run``.
+        """
+        block = _column(t_us), _column(u), _column(y)
+        events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate))
         return [episode for _, event in events for episode in self.apply(event)]
 
-    def run_traced(self, t_us: NDArray[np.int64], u: Floats, y: Floats) -> tuple[list[Episode], Trace]:
+    def run_traced(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        shift: Floats | None = None,
+        gate: NDArray[np.bool_] | None = None,
+    ) -> tuple[list[Episode], Trace]:
         """As ``run``, with the recursion's values at every sample, axis dropped: theta (N, p), g (N, 2, p), .."""
-        events, trace = self.bank.run_traced(_column(t_us), _column(u), _column(y))
+        block = _column(t_us), _column(u), _column(y)
+        events, trace = self.bank.run_traced(*block, shift=_optional(shift), gate=_optional(gate))
         episodes = [episode for _, event in events for episode in self.apply(event)]
         return episodes, Trace(*(field[..., 0] for field in trace))
 
@@ -110,7 +129,7 @@ class AxisMonitor:
             name=parameter.name,
             unit=parameter.unit,
             meaning=parameter.meaning,
-            nominal=float(self.model.theta0[i]),
+            nominal=float(self.model.theta0[i] + st.shift[i, a]),
             estimate=float((st.theta_seen if unseen else st.theta)[i, a]),
             standard_deviation=standard_deviation(self.settings, P_ii),
             p_diagonal=P_ii,
@@ -201,4 +220,8 @@ def _fingerprint(drive: Drive) -> int:
 
 
 def _column(values: NDArray[_T]) -> NDArray[_T]:
-    return np.asarray(values)[:, np.newaxis]
+    return np.asarray(values)[..., np.newaxis]
+
+
+def _optional(values: NDArray[_T] | None) -> NDArray[_T] | None:
+    return None if values is None else _column(values)

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.admission import IDLE, SEED, SETTLE, SKIP, TRACK, admit, hold, innovate, rest
+from monitor_core.kernel.admission import GATED, IDLE, SEED, SETTLE, SKIP, TRACK, admit, hold, innovate, rest
 from monitor_core.kernel.columns import columns, copy, floats, ints, marks, most, put_back, table, times
 from monitor_core.kernel.compile import entry, kernel
+from monitor_core.kernel.conditions import close, follow
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.delay import delayed, switch
 from monitor_core.kernel.interval import for_interval
@@ -23,6 +24,7 @@ from monitor_core.kernel.recursion import (
     update_P,
     update_theta,
 )
+from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
     PROJECTED,
     SEEDING,
@@ -43,6 +45,8 @@ class Samples(NamedTuple):
     u: Floats  # (N, W) motor torque, N m
     y: Floats  # (N, W) motor speed, rad/s, or motor angle, rad
     number: NDArray[np.int64]  # (W,)
+    shift: Floats  # (N, p, W) theta_0(s) - theta_0; (0, p, W): as before
+    gate: NDArray[np.bool_]  # (N, W) whether to learn; (0, W): always
 
 
 class Trace(NamedTuple):
@@ -84,6 +88,7 @@ def _tally(lanes: Any, does: Ints, hit: Ints, counts: Ints) -> None:
         counts[USED, a] += does[a] == TRACK
         counts[SEEDING, a] += does[a] == SEED
         counts[SETTLING, a] += does[a] == SETTLE
+        counts[GATED_COUNT, a] += does[a] == GATED
         counts[STARVED, a] += does[a] == IDLE
         counts[PROJECTED, a] += hit[a]
 
@@ -154,8 +159,13 @@ def run(
         # fmt: off
         for k in range(most(samples.number, a0, W)):
             _take(lanes, k, a0, samples.t, samples.u, samples.y, samples.number, t, u, y, does, learns)
-            if admit(lanes, t, u, y, con.gap_us, con.settle_us, con.interval, con.lost_us, st.t, st.settled,
-                     st.seed_left, st.counts, does, h):
+            moving = admit(lanes, t, u, y, con.gap_us, con.settle_us, con.interval, con.lost_us, st.t, st.settled,
+                                st.seed_left, st.counts, does, h)
+            if samples.shift.shape[0]:
+                follow(lanes, k, a0, samples.shift, con.lower, con.upper, st.shift, st.theta, st.theta_seen, does)
+            if samples.gate.shape[0]:
+                close(lanes, k, a0, samples.gate, does)
+            if moving:
                 for_interval(lanes, con.interval, con.lam, con.K, h, lam, K)
                 evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V,
                          tmp)
@@ -183,10 +193,10 @@ def run(
                 running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, learns)
                 correct(lanes, K, X, eps, psi, moves)
                 _tally(lanes, does, hit, st.counts)
-                deviate(lanes, con.theta0, con.alpha1, con.lam0, st.theta, st.P, d, nu)
+                deviate(lanes, con.theta0, st.shift, con.alpha1, con.lam0, st.theta, st.P, d, nu)
                 if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):
-                    alarm(lanes, con.h, t, st.g, st.onset, st.theta, st.P, tests, a0, reset, filled, what, value)
-                calm_down(lanes, con.calm, t, st.calm, st.theta, st.P, tests, a0, filled, what, value)
+                    alarm(lanes, con.h, t, st.g, st.onset, d, st.P, tests, a0, reset, filled, what, value)
+                calm_down(lanes, con.calm, t, st.calm, d, st.P, tests, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
             hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,
                  st.torque_before)

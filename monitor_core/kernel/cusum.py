@@ -19,13 +19,14 @@ class Events(NamedTuple):
 
     filled: NDArray[np.int64]  # (1,)
     what: NDArray[np.int64]  # (5, capacity): kind, axis, parameter, time us, onset us
-    value: NDArray[np.float64]  # (2, capacity): theta and P_ii at that sample
+    value: NDArray[np.float64]  # (2, capacity): theta - theta0 and P_ii at that sample
 
 
 @kernel
 def deviate(
     lanes: Any,
     theta0: Floats,
+    shift: Floats,
     alpha1: Floats,
     lam0: Floats,
     theta: Floats,
@@ -33,10 +34,10 @@ def deviate(
     d: Floats,
     nu: Floats,
 ) -> None:
-    """d = theta_i - theta0_i and nu = alpha1 sqrt(lam0 P_ii)   (p, W)   (eq. 22)."""
+    """d = theta_i - theta0_i and nu = alpha1 sqrt(lam0 P_ii)   (p, W)   (eq. 22); theta0 follows its conditions."""
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
-            d[i, a] = theta[i, a] - theta0[i, a]
+            d[i, a] = theta[i, a] - theta0[i, a] - shift[i, a]
             nu[i, a] = alpha1[a] * math.sqrt(lam0[a] * P[i, i, a])
 
 
@@ -71,7 +72,7 @@ def alarm(
     t: Ints,
     g: Floats,
     onset: Ints,
-    theta: Floats,
+    d: Floats,
     P: Floats,
     on: Ints,
     a0: int,
@@ -81,12 +82,12 @@ def alarm(
     value: Floats,
 ) -> None:
     """Note every g > h (eq. 23).  g then starts again from 0 if ``reset``: the paper's rule; its Figure 6 runs on."""
-    for i in range(theta.shape[0]):
+    for i in range(d.shape[0]):
         for a in range(len(lanes)):
             for way in range(2):
                 if not (on[i, a] and g[way, i, a] > h[i, a]):
                     continue
-                _note(filled, what, value, way, a0 + a, i, t[a], onset[way, i, a], theta[i, a], P[i, i, a])
+                _note(filled, what, value, way, a0 + a, i, t[a], onset[way, i, a], d[i, a], P[i, i, a])
                 if reset:
                     g[way, i, a] = 0.0
                     onset[way, i, a] = t[a]
@@ -98,7 +99,7 @@ def calm_down(
     needed: Floats,
     t: Ints,
     calm: Ints,
-    theta: Floats,
+    d: Floats,
     P: Floats,
     on: Ints,
     a0: int,
@@ -107,10 +108,10 @@ def calm_down(
     value: Floats,
 ) -> None:
     """Note every parameter whose deviation has just been below nu for as many samples as needed."""
-    for i in range(theta.shape[0]):
+    for i in range(d.shape[0]):
         for a in range(len(lanes)):
             if on[i, a] and calm[i, a] == needed[a]:
-                _note(filled, what, value, CALM, a0 + a, i, t[a], t[a], theta[i, a], P[i, i, a])
+                _note(filled, what, value, CALM, a0 + a, i, t[a], t[a], d[i, a], P[i, i, a])
 
 
 @kernel
@@ -123,7 +124,7 @@ def _note(
     i: int,
     t: int,
     onset: int,
-    theta: float,
+    d: float,
     P_ii: float,
 ) -> None:
     k = filled[0]
@@ -133,5 +134,5 @@ def _note(
     what[2, k] = i
     what[3, k] = t
     what[4, k] = onset
-    value[0, k] = theta
+    value[0, k] = d
     value[1, k] = P_ii

@@ -15,13 +15,14 @@ from monitor_core.kernel.tables import GAINS, Constants, Floats, Ints, Tables
 NEVER = np.iinfo(np.int64).min
 """Time stamp of something that has not happened."""
 
-SCHEMA = 2
+SCHEMA = 3
 """Version of the order below; part of the key of every checkpoint."""
 
 COUNTERS = (
     "used",
     "seeding",
     "settling",
+    "gated",
     "starved",
     "started",
     "gap",
@@ -31,8 +32,8 @@ COUNTERS = (
     "projected",
 )
 """What became of the samples, each in one of these; ``projected`` counts updates of theta that its bounds held."""
-USED, SEEDING, SETTLING, STARVED, STARTED, GAP, NOT_FINITE, NOT_INCREASING, DIVERGED, PROJECTED = range(
-    len(COUNTERS)
+USED, SEEDING, SETTLING, GATED, STARVED, STARTED, GAP, NOT_FINITE, NOT_INCREASING, DIVERGED, PROJECTED = (
+    range(len(COUNTERS))
 )
 
 OBSERVED, WEAK, UNSEEN = 0, 1, 2
@@ -53,6 +54,7 @@ class State(NamedTuple):
     lam0_running: Floats  # (W,) running innovation variance
     P_nom: Floats  # (p, W) commissioned P_ii: P(0), summed up while it is found
     theta_seen: Floats  # (p, W) theta_i when it was last observed
+    shift: Floats  # (p, W) theta_0(s) - theta_0, where nominal values follow signals s
     plenty: Floats  # (W,) running mean of psi' P psi over p (1 - lambda), each counting as 1 at most
     t: NDArray[np.int64]  # (W,) time of the last sample, us
     settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
@@ -90,7 +92,8 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         F[g + 1],
         F[g + 2 : s],
         F[s : s + p],
-        F[s + p],
+        F[s + p : s + 2 * p],
+        F[s + 2 * p],
         I[0],
         I[1],
         I[2],
@@ -105,7 +108,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
 
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Rows of the float array and of the integer array."""
-    return n + p * n + p + p * p + 2 * p + m + p * m + 3 + 2 * p, 5 + 4 * p + len(COUNTERS)
+    return n + p * n + p + p * p + 2 * p + m + p * m + 3 + 3 * p, 5 + 4 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:

@@ -1,0 +1,119 @@
+"""Nominal values that follow measured conditions, and gates: what is known moves along, or waits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor_core.bank import Bank
+from monitor_core.kernel.state import COUNTERS
+from monitor_core.monitor import AxisMonitor
+from tests.core.cases import CASES, Case, as_columns, record
+from tests.core.oracle import held_over, inputs
+from tests.core.test_laws import SAMPLES, cases, law, lively, part, seeds, state
+
+PAPER = CASES[0]
+
+
+def shifts(seed: int, case: Case, size: float = 0.02) -> np.ndarray:
+    """(SAMPLES, p), a smooth way of this size beside the parameters'."""
+    rng = np.random.default_rng(seed)
+    phase = rng.uniform(0, 2 * np.pi, len(case.model.theta0))
+    t = np.linspace(0, 3, SAMPLES)[:, None]
+    return np.asarray(size * case.model.scale * (np.sin(t + phase) - np.sin(phase)))
+
+
+def fates(monitor: AxisMonitor) -> dict[str, int]:
+    return {name: n for name, n in monitor.facts().counters.items() if n}
+
+
+def test_another_nominal_value_from_the_start_is_another_model(seed: int) -> None:
+    shift = 0.03 * PAPER.model.theta0
+    values = {**PAPER.model.nominal}
+    for name, value in zip(PAPER.monitored, PAPER.model.theta0 + shift, strict=True):
+        values[name.removeprefix("1/")] = 1 / value if name.startswith("1/") else value
+    moved = replace(PAPER.model, nominal=values)
+    rec = record(seed, PAPER, SAMPLES)
+    here, there = AxisMonitor.alone(PAPER.model, lively(PAPER)), AxisMonitor.alone(moved, lively(PAPER))
+    _, found = here.run_traced(*rec, shift=np.tile(shift, (SAMPLES, 1)))
+    _, expected = there.run_traced(*rec)
+    np.testing.assert_allclose(found.theta[1:], expected.theta[1:], rtol=1e-9)
+    np.testing.assert_allclose(found.P[1:], expected.P[1:], rtol=1e-8)
+    facts = zip(here.facts().parameters, there.facts().parameters, strict=True)
+    assert all(one.nominal == pytest.approx(other.nominal, rel=1e-12) for one, other in facts)
+    assert np.abs(expected.theta - moved.theta0).max() > 0, "nothing was learned"
+
+
+def test_the_predictor_moves_with_its_conditions(seed: int) -> None:
+    """Each interval with the nominal values at its end, as a transcription has it; nothing is learned meanwhile."""
+    model, rec, shift = PAPER.model, record(seed, PAPER, SAMPLES), shifts(seed, PAPER, 0.2)
+    s = lively(PAPER)
+    monitor = AxisMonitor.alone(model, s)
+    monitor.run(*rec, shift=shift, gate=np.zeros(SAMPLES, np.bool_))
+    x = model.drive.matrix("rest", model.nominal)[:, 0] * rec.y[0]
+    for k in range(1, SAMPLES):
+        A, B, _ = model.matrices(model.theta0 + shift[k])
+        h = (rec.t_us[k] - rec.t_us[k - 1]) * 1e-6
+        x = held_over(A, B @ inputs(model, s, rec.u[k - 1], rec.y[k - 1], x), x, h)
+    np.testing.assert_allclose(monitor.bank.state.x[:, 0], x, rtol=1e-9)
+    np.testing.assert_allclose(monitor.bank.state.theta[:, 0], model.theta0 + shift[-1], rtol=1e-13)
+
+
+@law
+@given(seed=seeds, case=cases, start=st.integers(0, SAMPLES), length=st.integers(0, SAMPLES))
+def test_behind_a_closed_gate_nothing_is_learned(seed: int, case: Case, start: int, length: int) -> None:
+    rec, gate = record(seed, case, SAMPLES, jitter=0.3), np.ones(SAMPLES, np.bool_)
+    gate[start : start + length] = False
+    monitor, open_ = (AxisMonitor.alone(case.model, lively(case)) for _ in range(2))
+    _, trace = monitor.run_traced(*rec, gate=gate)
+    open_.run(*rec)
+    learned = np.isfinite(trace.eps)
+    assert not learned[~gate].any()
+    for values in (trace.theta, trace.P, trace.g):
+        closed = np.flatnonzero(~gate)
+        closed = closed[closed > 0]
+        np.testing.assert_array_equal(values[closed], values[closed - 1])
+    here, there = fates(monitor), fates(open_)
+    assert here.get("gated", 0) + np.count_nonzero(learned) == there["used"]
+    assert sum(n for f, n in here.items() if f != "projected") == SAMPLES
+
+
+@law
+@given(seed=seeds, case=cases, start=st.integers(1, SAMPLES), length=st.integers(0, SAMPLES))
+def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, length: int) -> None:
+    rec, shift, gate = record(seed, case, SAMPLES), shifts(seed, case), np.ones(SAMPLES, np.bool_)
+    unknown, gate[start : start + length] = shift.copy(), False
+    unknown[start : start + length] = np.nan
+    held = shift.copy()
+    held[start : start + length] = shift[start - 1]
+    one, other = (AxisMonitor.alone(case.model, lively(case)) for _ in range(2))
+    assert one.run(*rec, shift=unknown) == other.run(*rec, shift=held, gate=gate)
+    assert state(one) == state(other)
+
+
+@law
+@given(seed=seeds, case=cases, cut=st.integers(0, SAMPLES))
+def test_blocks_and_neighbours_change_nothing(seed: int, case: Case, cut: int) -> None:
+    rec, shift = record(seed, case, SAMPLES, jitter=0.3, gaps=1), shifts(seed, case)
+    gate = np.random.default_rng(seed).random(SAMPLES) < 0.9
+    alone, among = Bank([case.model], [lively(case)]), Bank([case.model] * 9, [lively(case)] * 9)
+    alone.run(*as_columns(rec), shift=shift[..., None], gate=gate[:, None])
+    for piece in (slice(0, cut), slice(cut, SAMPLES)):
+        one = as_columns(part(rec, piece.start, piece.stop))
+        t, u, y = np.repeat(one.t_us, 9, axis=1), np.repeat(one.u, 9, axis=1), np.repeat(one.y, 9, axis=1)
+        there, opened = np.repeat(shift[piece, :, None], 9, axis=2), np.repeat(gate[piece, None], 9, axis=1)
+        among.run(t, u, y, shift=there, gate=opened)
+    for a in range(9):
+        assert state(AxisMonitor(among, a)) == state(AxisMonitor(alone, 0))
+    assert among.state.counts[COUNTERS.index("gated")].min() > 0
+
+
+def test_shapes_that_do_not_fit_are_refused() -> None:
+    bank = Bank([PAPER.model], [lively(PAPER)])
+    t, u = np.arange(5, dtype=np.int64)[:, None] * 5000, np.zeros((5, 1))
+    with pytest.raises(ValueError, match=r"shift, gate of shapes \(5, 1\)"):
+        bank.run(t, u, u, shift=np.zeros((5, 1)))
+    with pytest.raises(ValueError, match=r"need \(5, 3, 1\) and \(5, 1\)"):
+        bank.run(t, u, u, gate=np.ones((4, 1), np.bool_))
