@@ -24,6 +24,9 @@ Speed = Annotated[
 ]
 Loop = Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")]
 
+LATE_S = 0.25
+TOO_SLOW = "this machine cannot keep up with the record, and its times are wrong on the bus"
+
 
 def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop = False) -> None:
     """Send a record on the buses of a configuration, at the speed of its own times.
@@ -37,15 +40,16 @@ def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop 
     read = configuration(config)
     stop = stop_on_signals()
     with explained():
-        sent = _play(read, record, speed or math.inf, loop, stop)
-    print(f"{sent} frames sent")
+        sent, late_s = _play(read, record, speed or math.inf, loop, stop)
+    print(f"{sent} frames sent" + (f", some {late_s:.1f} s late: {TOO_SLOW}" if late_s > LATE_S else ""))
 
 
-def _play(config: Config, record: Path, speed: float, loop: bool, stop: threading.Event) -> int:
+def _play(config: Config, record: Path, speed: float, loop: bool, stop: threading.Event) -> tuple[int, float]:
+    """Frames sent, and by how much one was late."""
     from service.ingest.can_bus import open_bus
     from service.ingest.play import play_frames, play_record
 
-    sent = 0
+    sent, late_s = 0, 0.0
     play_record(record, config)  # what is wrong with it is said before a bus is opened
     with ExitStack() as stack:
         buses = {bus.name: open_bus(bus, ()) for bus in config.bus}
@@ -55,6 +59,7 @@ def _play(config: Config, record: Path, speed: float, loop: bool, stop: threadin
             with progress_bar(record.name) as progress:
                 for frame in play_frames(buses, play_record(record, config), speed, stop):
                     sent += 1
+                    late_s = max(late_s, frame.late_s if speed < math.inf else 0.0)
                     progress(frame.done)
             if not loop or stop.is_set():
-                return sent
+                return sent, late_s

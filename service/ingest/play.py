@@ -31,6 +31,7 @@ class PlayFrame(NamedTuple):
     key: FrameKey
     data: bytes
     done: float  # how much of the record has been read, 0 to 1
+    late_s: float = 0.0  # how much later than it should it was sent
 
 
 def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
@@ -88,11 +89,12 @@ def play_frames(
     stop = stop or threading.Event()
     start = time.monotonic()
     for frame in frames:
-        _wait(start + frame.offset_s / speed - time.monotonic(), stop)
+        due = start + frame.offset_s / speed
+        _wait(due - time.monotonic(), stop)
         if stop.is_set():
             return
         send(buses[frame.bus], frame.key, frame.data)
-        yield frame
+        yield frame._replace(late_s=time.monotonic() - due)
 
 
 def _wait(wait_s: float, stop: threading.Event) -> None:

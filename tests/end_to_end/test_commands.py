@@ -49,7 +49,7 @@ def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
         wait_for(lambda: "can0: up" in lines.read_text(encoding="utf-8"))
         assert "demo.axis1\ttorque\tnothing yet" in lines.read_text(encoding="utf-8")
         played = run_program("play", "--config", config, "--speed", "2", record)
-        assert (played.returncode, played.stdout) == (0, "300 frames sent\n")
+        assert (played.returncode, played.stdout[:15]) == (0, "300 frames sent")
         wait_for(lambda: "can0: up, 300 frames" in lines.read_text(encoding="utf-8"))
         listener.send_signal(signal.SIGTERM)
         assert listener.wait(30) == 0

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from service.commands.play import TOO_SLOW
 from service.config import load
 from service.ingest.records import read_record
 from service.monitoring.banks import Monitors
@@ -21,6 +22,7 @@ from tests.real.irb import AXIS, CONFIG
 
 pytestmark = [pytest.mark.records, pytest.mark.vcan]
 SAMPLES = 19838
+ATTEMPTS = 4
 PATIENCE_S = 300.0
 """Compiling the kernel inside a virtual machine takes minutes, the first time."""
 VALUES = ("estimate", "standard_deviation", "p_diagonal")
@@ -43,21 +45,27 @@ def original(records_dir: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def played(original: Path, tmp_path_factory: pytest.TempPathFactory) -> Played:
-    folder = tmp_path_factory.mktemp("irb")
-    config, recording = folder / "irb.toml", folder / "received.log"
-    for file in (CONFIG, CONFIG.with_suffix(".dbc")):
-        shutil.copy(file, folder)
-    with daemon(config, "--record", recording) as running:
-        must_succeed("play", "--config", config, original)
-        axis = when_all_is_in(running)
-        with urllib.request.urlopen(f"{running.page}metrics", timeout=PATIENCE_S) as answer:
-            metrics = answer.read().decode()
-        return Played(config, recording, axis, metrics, running.stop())
+    """Once more where the machine could not send the frames in time: their times were wrong, not the daemon."""
+    for _ in range(ATTEMPTS):
+        folder = tmp_path_factory.mktemp("irb")
+        config, recording = folder / "irb.toml", folder / "received.log"
+        for file in (CONFIG, CONFIG.with_suffix(".dbc")):
+            shutil.copy(file, folder)
+        with daemon(config, "--record", recording) as running:
+            in_time = TOO_SLOW not in must_succeed("play", "--config", config, original)
+            axis = when_all_is_in(running)
+            with urllib.request.urlopen(f"{running.page}metrics", timeout=PATIENCE_S) as answer:
+                metrics = answer.read().decode()
+            status = running.stop()
+        if in_time:
+            return Played(config, recording, axis, metrics, status)
+    raise AssertionError(f"{ATTEMPTS} times, {TOO_SLOW}")
 
 
-def must_succeed(*arguments: str | Path) -> None:
+def must_succeed(*arguments: str | Path) -> str:
     done = run_program(*arguments, patience_s=PATIENCE_S)
     assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def when_all_is_in(running: Daemon) -> Any:
