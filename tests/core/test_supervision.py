@@ -149,7 +149,7 @@ def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) 
 def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
     rng = np.random.default_rng(seed)
     monitor = AxisMonitor.alone(MODEL, replace(settings, K=(), K_after=()))
-    rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 100), rng)
+    rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 300), rng)
     monitor.run(*part(rec, 0, 3500))
     st = monitor.bank.state
     theta, P, g = st.theta.copy(), st.P.copy(), st.g.copy()
@@ -160,7 +160,7 @@ def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
     assert (st.g == g).all()
     assert monitor.facts().counters["starved"] - before["starved"] == 1500
     assert {p.observation for p in monitor.facts().parameters} == {Observation.UNSEEN}
-    monitor.run(*part(rec, 5000, 5020))
+    monitor.run(*part(rec, 5000, 5300))
     assert (st.theta != theta).any()
 
 
