@@ -1,0 +1,232 @@
+"""Nominal values that follow signals, and gates: what each sample gets."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel
+from monitor_core.operating import FUNCTIONS, MARGIN, Conditions, Follow, Gate, Operating, Term
+
+MODEL = AxisModel(three_mass("angle"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
+TURNING = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
+FRICTION = Follow("fm", Term("", "temperature"), -0.0005, 40.0, 20.0, 60.0)
+NAN = math.nan
+
+
+def taken(
+    conditions: Conditions, *rows: tuple[float, ...], model: AxisModel = TURNING
+) -> tuple[np.ndarray, np.ndarray, str]:
+    operating = Operating(model, conditions)
+    t_us = np.arange(len(rows)) * 5000
+    shift, gate = operating.take(t_us, np.ones(len(rows)), np.array(rows, float))
+    return shift, gate, operating.reason
+
+
+@pytest.mark.parametrize(
+    ("text", "function", "signal"),
+    [
+        ("temperature", "", "temperature"),
+        (" cos(angle2) ", "cos", "angle2"),
+        ("square ( a-b )", "square", "a-b"),
+        ("tan(x)", "tan", "x"),
+    ],
+)
+def test_terms_are_read(text: str, function: str, signal: str) -> None:
+    term = Term.read(text)
+    assert term == (function, signal)
+    assert Term.read(str(term)) == term
+
+
+@pytest.mark.parametrize("text", ["", "cos()", "2 * x", "cos(x", "a + b", "cos(sin(x))"])
+def test_what_is_no_term_is_refused(text: str) -> None:
+    with pytest.raises(
+        ValueError, match=r"is neither a signal nor one of cos\(...\), sin\(...\), square\(...\)"
+    ):
+        Term.read(text)
+
+
+def test_functions_are_what_they_are_called() -> None:
+    x = np.array([0.3, -2.0, NAN, math.inf])
+    expected = {"cos": np.cos(x[:2]), "sin": np.sin(x[:2]), "square": x[:2] ** 2}
+    assert set(FUNCTIONS) == set(expected)
+    for name, values in expected.items():
+        found = Term(name, "x").of(x)
+        np.testing.assert_allclose(found[:2], values, rtol=1e-15)
+        assert np.isnan(found[2:]).all()
+
+
+def test_a_nominal_value_follows_its_signal_and_no_other() -> None:
+    shift, gate, reason = taken(Conditions(("mode", "temperature"), (FRICTION,)), (7, 40), (7, 50), (7, 25))
+    assert gate.all()
+    assert reason == ""
+    assert (shift[:, :2] == 0).all()
+    assert shift[0, 2] == 0
+    np.testing.assert_allclose(shift[1:, 2], [-0.005, 0.0075], rtol=1e-12)
+
+
+def test_several_terms_add_up() -> None:
+    more = Follow("fm", Term("square", "load"), 0.001, 1.0)
+    shift, _, _ = taken(Conditions(("temperature", "load"), (FRICTION, more)), (50, 3))
+    assert shift[0, 2] == pytest.approx(-0.005 + 0.008)
+
+
+@pytest.mark.parametrize("relative", [False, True])
+@pytest.mark.parametrize(
+    ("watched", "given"), [("1/Ja", "Ja"), ("Ja", "1/Ja"), ("Ja", "Ja"), ("1/Ja", "1/Ja")]
+)
+def test_slopes_of_a_parameter_and_of_its_reciprocal_are_converted_exactly(
+    watched: str, given: str, relative: bool
+) -> None:
+    model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", watched), relative=relative)
+    ja = REFERENCE_VALUES["Ja"]
+    base = ja if given == "Ja" else 1 / ja
+    follow = Follow(given, Term("", "s"), 0.3 * base, 0.0)
+    shift, _, _ = taken(Conditions(("s",), (follow,)), (0.0,), (1.0,), (-1.0,), model=model)
+    value = base * np.array([1.0, 1.3, 0.7])
+    expected = value if given == watched else 1 / value
+    assert shift[0, 1] == 0
+    np.testing.assert_allclose((model.theta0[1] + shift[:, 1]) * model.unit[1], expected, rtol=1e-12)
+
+
+def test_a_tenth_beyond_the_range_is_followed_and_no_more() -> None:
+    reach = MARGIN * 40
+    inside, outside = (20 - 0.99 * reach, 60 + 0.99 * reach), (20 - 1.01 * reach, 60 + 1.01 * reach)
+    shift, gate, reason = taken(
+        Conditions(("temperature",), (FRICTION,)), *((s,) for s in (*inside, *outside))
+    )
+    assert gate.all()
+    assert np.isfinite(shift[:2, 2]).all()
+    assert np.isnan(shift[2:, 2]).all()
+    assert reason == "temperature = 64.04, beyond 20 to 60"
+
+
+def test_what_is_not_known_is_said() -> None:
+    shift, _, reason = taken(Conditions(("temperature",), (FRICTION,)), (30,), (NAN,))
+    assert np.isfinite(shift[0]).all()
+    assert np.isnan(shift[1, 2])
+    assert reason == "temperature is not known"
+    operating = Operating(TURNING, Conditions(("temperature",), (FRICTION,)))
+    assert operating.reason == ""
+    shift, _ = operating.take(np.zeros(2, np.int64), np.zeros(2), None)
+    assert np.isnan(shift[:, 2]).all()
+
+
+@pytest.mark.parametrize(("name", "slope"), [("fm", -1.0), ("Ja", -3.0), ("1/Ja", -3.0), ("1/Ja", 30.0)])
+def test_an_impossible_nominal_value_is_none(name: str, slope: float) -> None:
+    model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("1/Ja", "fm"), bounds={"fm": (0.01, 0.1)})
+    value = {"Ja": REFERENCE_VALUES["Ja"], "1/Ja": 1 / REFERENCE_VALUES["Ja"], "fm": REFERENCE_VALUES["fm"]}[
+        name
+    ]
+    i = 1 if name == "fm" else 0
+    follow = Follow(name, Term("", "s"), slope * value, 0.0)
+    shift, _, reason = taken(Conditions(("s",), (follow,)), (0.1,), (1.0,), model=model)
+    assert np.isnan(shift[:, i]).tolist() == [False, True]
+    assert reason == f"{model.monitored[i]} would leave its bounds"
+
+
+@pytest.mark.parametrize(
+    ("gate", "is_open"),
+    [
+        (
+            Gate("mode", equals=(3.0, 4.0)),
+            {3.0: True, 4.0: True, 3.5: False, 0.0: False, NAN: False, 4 + 1e-9: True},
+        ),
+        (Gate("mode", above=2.0), {2.0: False, 2.1: True, NAN: False}),
+        (Gate("mode", below=2.0), {2.0: False, 1.9: True, NAN: False}),
+    ],
+)
+def test_gates(gate: Gate, is_open: dict[float, bool]) -> None:
+    for value, expected in is_open.items():
+        _, opened, reason = taken(Conditions(("mode",), (), (gate,)), (value,))
+        assert opened.tolist() == [expected]
+        said = "mode is not known" if math.isnan(value) else f"mode = {value:g}"
+        assert reason == ("" if expected else said)
+
+
+def test_all_gates_must_be_open() -> None:
+    conditions = Conditions(("mode", "brake"), (), (Gate("mode", (3.0,)), Gate("brake", below=0.5)))
+    _, gate, reason = taken(conditions, (3, 0), (3, 1), (2, 0), (2, 1))
+    assert gate.tolist() == [True, False, False, False]
+    assert reason == "mode = 2"
+
+
+def test_slow_is_gated_by_the_measured_speed() -> None:
+    operating = Operating(TURNING, Conditions(least_speed=0.5))
+    shift, gate = operating.take(np.arange(4) * 5000, np.array([0.4, -0.5, 2.0, NAN]), None)
+    assert gate.tolist() == [False, True, True, False]
+    assert not shift.any()
+    assert operating.reason == "slower than 0.5 rad/s"
+
+
+def test_slow_is_gated_by_the_way_from_angle_to_angle() -> None:
+    operating = Operating(MODEL, Conditions(least_speed=0.5))
+    t_us = np.array([0, 5000, 10_000, 20_000, 20_000, 25_000, 30_000])
+    angle = np.array([1.0, 1.01, 1.0, 1.004, 3.0, NAN, 3.03])
+    _, gate = operating.take(t_us, angle, None)
+    # first; 2 rad/s; -2 rad/s; 0.4 rad/s; no later than the one before; no number; 3 rad/s over two intervals
+    assert gate.tolist() == [False, True, True, False, False, False, True]
+
+
+@given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1))
+def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    inertia = Follow("Ja", Term("cos", "angle2"), 20.0, 0.1)
+    conditions = Conditions(
+        ("temperature", "angle2", "mode"), (FRICTION, inertia), (Gate("mode", (1.0, 2.0)),), least_speed=1.0
+    )
+    t_us, y = np.cumsum(rng.integers(0, 6000, 60)), np.cumsum(rng.normal(0, 0.005, 60))
+    signals = np.column_stack(
+        [rng.choice([NAN, 30.0, 45.0, 90.0], 60), rng.normal(0, 3, 60), rng.integers(0, 3, 60)]
+    )
+    y[rng.random(60) < 0.05] = NAN
+    whole, parts = Operating(MODEL, conditions), Operating(MODEL, conditions)
+    shift, gate = whole.take(t_us, y, signals)
+    ends = [0, *sorted(cuts), 60]
+    found = [parts.take(t_us[a:b], y[a:b], signals[a:b]) for a, b in pairwise(ends)]
+    np.testing.assert_array_equal(np.concatenate([s for s, _ in found]), shift)
+    np.testing.assert_array_equal(np.concatenate([g for _, g in found]), gate)
+    assert parts.reason == whole.reason
+
+
+@pytest.mark.parametrize(
+    ("conditions", "error", "words"),
+    [
+        (
+            Conditions(("t",), (Follow("fc", Term("", "t"), 1.0, 0.0),)),
+            ValueError,
+            "fc is to follow t, but is not",
+        ),
+        (
+            Conditions(("t",), (Follow("fm", Term("tan", "t"), 1.0, 0.0),)),
+            ValueError,
+            "no function tan of signals",
+        ),
+        (
+            Conditions(("t",), tuple(Follow(n, Term("", "t"), 1.0, 0.0) for n in ("Ja", "1/Ja"))),
+            ValueError,
+            "slopes of both Ja and 1/Ja",
+        ),
+        (Conditions(("t",), (FRICTION,)), KeyError, "no signal temperature"),
+        (Conditions((), (), (Gate("mode"),)), KeyError, "no signal mode"),
+    ],
+)
+def test_what_cannot_be_followed_is_refused(
+    conditions: Conditions, error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        Operating(MODEL, conditions)
+
+
+def test_conditions_say_whether_there_are_any() -> None:
+    assert not Conditions()
+    assert not Conditions(("temperature",))
+    assert Conditions((), (FRICTION,))
+    assert Conditions((), (), (Gate("mode"),))
+    assert Conditions(least_speed=0.1)
