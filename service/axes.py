@@ -8,7 +8,17 @@ from monitor_core.drive import DISTURBANCE_TIME
 from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
-from service.config import AxisConfig, Config, NamedAxis, Predictor, drive_of, given_values, predictor_of
+from service.config import (
+    AxisConfig,
+    Config,
+    NamedAxis,
+    Predictor,
+    bounds_of,
+    predictor_of,
+    scales_of,
+    watched_drive,
+    watched_values,
+)
 
 SETTLING_TIME_CONSTANTS = 5
 """After so many of its slowest time constants the predictor has forgotten where it started (e^-5 = 0.7 %)."""
@@ -25,8 +35,8 @@ class AxisError(Exception):
 
 def axis_model(config: AxisConfig) -> AxisModel:
     """The model of an axis."""
-    m = config.model
-    return AxisModel(drive_of(config), given_values(config), m.monitor, dict(m.scales), dict(m.bounds))
+    drive, values = watched_drive(config), watched_values(config)
+    return AxisModel(drive, values, config.model.monitor, scales_of(config), bounds_of(config))
 
 
 def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:

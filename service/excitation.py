@@ -42,18 +42,17 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
     """
     config = asked.axis.config
     _check_known(asked.axis)
-    model = axis_model(config)
-    settings = axis_settings(asked.axis, model)
+    settings, drive = axis_settings(asked.axis, axis_model(config)), drive_of(config)
     values, h = given_values(config), config.sample_interval_s
     if controller is not None and asked.command == "torque":
         raise ExcitationError(
             "kp and kd are those of a controller that follows speed or angle: leave them out"
         )
-    _check_names(asked, model.drive.complete(values), dict(config.model.scales))
+    _check_names(asked, drive.complete(values), dict(config.model.scales))
     return Task(
         plant=Plant(drive_of(config, "angle"), values, h, settings.speed_scale),
         estimation=Estimation(
-            model.drive,
+            drive,
             values,
             h,
             settings.lam0,

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from service.commands.configuration import configuration
 from service.commands.exits import explained
-from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors
+from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors, in_words
 from service.commands.run import Port
 from service.config import Config
 from service.shipping import shipped
@@ -135,8 +135,9 @@ def _run(config: Config, fault: Fault) -> None:
 
 def _begin(robot: RobotThread, url: str, fault: Fault, watched: str) -> None:
     robot.start()
-    changes = ", ".join(f"{name} x {factor:g}" for name, factor in fault.factors.items())
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
     console.print(f"watched: {watched}")
-    console.print(f"{fault.axis_id}: {changes} after {fault.after_s:g} s.  Ctrl-C ends the demo.")
+    console.print(
+        f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s.  Ctrl-C ends the demo."
+    )

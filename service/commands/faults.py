@@ -1,15 +1,19 @@
 """Options that say what breaks in a simulated robot."""
 
+from collections.abc import Mapping
 from typing import Annotated
 
 import typer
+
+from monitor_core.drive import DELAY
 
 FaultOption = Annotated[
     list[str] | None,
     typer.Option(
         "--fault",
         metavar="PARAMETER=FACTOR",
-        help="What breaks: a parameter gets so many times its value: fm=1.3, 1/Ja=0.8. May be repeated.",
+        help="What breaks: a parameter gets so many times its value: fm=1.3, 1/Ja=0.8; or, delay=0.0005, the torque "
+        "acts so many seconds late. May be repeated.",
     ),
 ]
 FaultAxis = Annotated[
@@ -37,6 +41,12 @@ def factors(options: list[str]) -> dict[str, float]:
                 f"{text!r}: must be PARAMETER=FACTOR, e.g. fm=1.3", param_hint="--fault"
             ) from None
     return found
+
+
+def in_words(changes: Mapping[str, float]) -> str:
+    """What breaks: fm x 1.3."""
+    parts = (f"torque {1000 * v:g} ms late" if k == DELAY else f"{k} x {v:g}" for k, v in changes.items())
+    return ", ".join(parts)
 
 
 def axis_id(name: str, known: list[str]) -> str:

@@ -7,9 +7,11 @@ from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from monitor_core.episodes import Episode
-from monitor_core.facts import ParameterFacts
+from monitor_core.facts import AxisFacts, ParameterFacts
+from service.alarm_words import alarm_words
 from service.config import Config
 from service.ingest.records import Record
 from service.monitoring.banks import Change, Monitors
@@ -83,14 +85,19 @@ def _alarm_table(report: Report) -> Table:
         "ended",
         title="Alarms (times in UTC)",
         title_justify="left",
+        caption_justify="left",
     )
+    said = list[str]()
     for axis in report.config.axes:
-        nominal = {p.name: p.nominal for p in report.monitors.by_id[axis.id].facts().parameters}
+        known = {p.name: p for p in report.monitors.by_id[axis.id].facts().parameters}
         for e in report.alarms(axis.id):
-            change = f"{e.size:+.3g} ± {e.size_sd:.1g} ({_percent(e.size, nominal[e.parameter])})"
+            p = known[e.parameter]
+            change = f"{e.size:+.3g} ± {e.size_sd:.1g} ({_percent(e.size, p.nominal)})"
             times = (_short(e.onset_us), _short(e.raised_us), _short(e.ended_us))
             cells = (axis.id, e.parameter, change, *times)
             table.add_row(*map(escape, cells), style="red" if e.ended_us is None else None)
+            said.append(f"{axis.id}: {_said(e, p)}")
+    table.caption = Text("\n".join(said))
     if not table.row_count:
         table.add_row("none")
     return table
@@ -107,7 +114,7 @@ def _axis(report: Report, axis_id: str) -> Json:
         "counters": dict(facts.counters),
         "dropped": report.dropped[axis_id],
         "parameters": [_parameter(p) for p in facts.parameters],
-        "alarms": [_alarm(e) for e in report.alarms(axis_id)],
+        "alarms": [_alarm(e, facts) for e in report.alarms(axis_id)],
     }
 
 
@@ -125,10 +132,11 @@ def _parameter(p: ParameterFacts) -> Json:
     return named | {name: _number(value) for name, value in numbers.items()}
 
 
-def _alarm(e: Episode) -> Json:
+def _alarm(e: Episode, facts: AxisFacts) -> Json:
     return {
         "parameter": e.parameter,
         "direction": e.direction,
+        "words": _said(e, next(p for p in facts.parameters if p.name == e.parameter)),
         "onset": iso(e.onset_us),
         "raised": iso(e.raised_us),
         "updated": iso(e.updated_us),
@@ -137,6 +145,10 @@ def _alarm(e: Episode) -> Json:
         "size_sd": _number(e.size_sd),
         "crossings": e.crossings,
     }
+
+
+def _said(e: Episode, p: ParameterFacts) -> str:
+    return alarm_words(e.parameter, e.size, p.nominal, p.unit)
 
 
 def _short(t_us: int | None) -> str:

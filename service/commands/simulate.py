@@ -7,7 +7,7 @@ from rich.console import Console
 
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
-from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors
+from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors, in_words
 from service.commands.stopping import stop_on_signals
 from service.simulation.robot import Fault, SimulatedRobot
 from service.simulation.sending import open_buses, run_robot
@@ -43,11 +43,6 @@ def simulate(
         robot = SimulatedRobot(read, seed, faults)
         with open_buses(read) as send_moment:
             console.print(f"{len(known)} axes on {', '.join(bus.channel for bus in read.bus)}; Ctrl-C ends")
-            told = lambda f: console.print(f"{f.axis_id}: {described(f)}")  # noqa: E731
+            told = lambda f: console.print(f"{f.axis_id}: {in_words(f.factors)}")  # noqa: E731
             frames = run_robot(robot, send_moment, stop, told, seconds)
     console.print(f"{frames} frames sent")
-
-
-def described(fault: Fault) -> str:
-    """A fault in words: fm x 1.3."""
-    return ", ".join(f"{name} x {factor:g}" for name, factor in fault.factors.items())

@@ -19,6 +19,7 @@ from service.config.schema import (
     TimeConfig,
     WebConfig,
 )
+from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 
 __all__ = [
     "AxisConfig",
@@ -37,10 +38,14 @@ __all__ = [
     "SignalConfig",
     "TimeConfig",
     "WebConfig",
+    "bounds_of",
     "drive_of",
     "given_values",
     "load",
     "nominal_file_of",
     "predictor_of",
     "remarks",
+    "scales_of",
+    "watched_drive",
+    "watched_values",
 ]

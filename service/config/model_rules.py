@@ -5,10 +5,12 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from typing import TypeVar
 
+from monitor_core.drive import DELAY
 from monitor_core.model import AxisModel, Drive, Output, Parameter, split_name
 from monitor_core.modeling.flat import ModelError
-from service.config.drives import drive_of, given_values, place_of
+from service.config.drives import place_of
 from service.config.schema import AxisConfig
+from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 from service.config.tables import ABSENT, Absent
 from service.config.wording import Finding
 from service.words import did_you_mean
@@ -30,7 +32,7 @@ def one_drive(axis: AxisConfig) -> Iterator[Finding]:
 def known_drive(axis: AxisConfig) -> Iterator[Finding]:
     """The drive exists, and can be modelled."""
     try:
-        drive_of(axis, _measured(axis))
+        watched_drive(axis, _measured(axis))
     except ModelError as error:
         yield Finding(place_of(error, axis.model), str(error))
 
@@ -50,7 +52,7 @@ def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("model", "nominal", name), _no_parameter(name, known))
     if axis.records_only:  # an identification finds what is missing
         return
-    given = {*given_values(axis), *axis.model.nominal}  # also what is given wrongly
+    given = {*watched_values(axis), *axis.model.nominal}  # also what is given wrongly
     for name in dict.fromkeys(part for p in drive.parameters for part in _lacking(drive, p.name, given)):
         p = known[name]
         yield Finding(("model", "nominal", name), f"missing ({p.meaning} [{p.unit}])")
@@ -85,7 +87,7 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
     for i, name in enumerate(axis.model.monitor):
         base, inverse = split_name(name)
         if base not in names:
-            known = [f"1/{n}" for n in names] if inverse else names
+            known = [f"1/{n}" for n in names] if inverse else [*names, DELAY]
             problem = _why_not(drive, base) if base in drawn else _no_parameter(name, known)
             yield Finding(("model", "monitor", i), problem)
         elif base in seen:
@@ -95,13 +97,13 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
 
 def monitored_sizes(axis: AxisConfig) -> Iterator[Finding]:
     """Each monitored parameter has a size: its nominal value or a scale."""
-    drive, model = usable_drive(axis), axis.model
+    drive, model, scales = usable_drive(axis), axis.model, scales_of(axis)
     nominal = _nominal(axis, drive)
     for i, name in enumerate(model.monitor):
         base = split_name(name)[0]
         if base not in nominal or _refusal(drive, {base: nominal[base]}) or model.scales.get(name) is ABSENT:
             continue
-        if problem := _refusal(drive, {base: nominal[base]}, name, _present(model.scales)):
+        if problem := _refusal(drive, {base: nominal[base]}, name, scales):
             yield Finding(("model", "monitor", i), problem)
 
 
@@ -138,9 +140,8 @@ def whole(axis: AxisConfig) -> Iterator[Finding]:
     if any(not _is_quiet(rule, axis) for rule in MODEL_RULES if rule is not whole):
         return
     model, drive = axis.model, usable_drive(axis)
-    scales, bounds = _present(model.scales), _present(model.bounds)
     try:
-        AxisModel(drive, given_values(axis), model.monitor, scales, bounds)
+        AxisModel(drive, watched_values(axis), model.monitor, scales_of(axis), bounds_of(axis))
     except KeyError:  # a value that is wrong in itself is as good as missing here
         return
     except ValueError as error:
@@ -167,7 +168,7 @@ def usable_drive(axis: AxisConfig, inputs: bool = True) -> Drive:
     if any(one_drive(axis)):
         raise Absent("drive")
     try:
-        drive = drive_of(axis, _measured(axis))
+        drive = watched_drive(axis, _measured(axis))
     except ModelError:
         raise Absent("drive") from None
     if inputs and _refusal(drive, {}):
@@ -194,7 +195,7 @@ def _lacking(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
 
 def _nominal(axis: AxisConfig, drive: Drive) -> dict[str, float]:
     """The nominal values of the drive's parameters, merged ones too, as far as they are right in themselves."""
-    values = _known(given_values(axis), drive)
+    values = _known(watched_values(axis), drive)
     for d in drive.definitions:
         if d.name not in values and d.names <= values.keys():
             with suppress(ValueError):

@@ -13,6 +13,7 @@ from service.config.model_rules import MODEL_RULES
 from service.config.nominal_rules import NOMINAL_RULES
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
+from service.config.skew_rules import SKEW_RULES
 from service.config.tables import Absent, Table, present
 from service.config.wording import Finding
 from service.ingest.interfaces import interface_names
@@ -204,5 +205,6 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     further_signals,
     *NOMINAL_RULES,
     *MODEL_RULES,
+    *SKEW_RULES,
     *ESTIMATOR_RULES,
 )

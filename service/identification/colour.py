@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from monitor_core.drive import DELAY
 from monitor_core.identification.colour import scores_covariance
 from monitor_core.identification.fit import fit_starts
 from monitor_core.identification.predictor import Predictor
@@ -30,8 +31,9 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
     found = estimate.problem
     K = tuple(estimate.K.tolist()) if found.predictor == "innovations" else None
     problem = replace(
-        found, drive=estimate.drive, nominal=estimate.values, free=tuple(monitored), K=K, disturbance=None,
-        delay_s=estimate.delay_s, free_delay=False, bounds={}, varying={}, slopes={},
+        found, drive=estimate.drive, nominal=estimate.values, free=tuple(n for n in monitored if n != DELAY),
+        K=K, disturbance=None, delay_s=estimate.delay_s, free_delay=DELAY in monitored,
+        bounds={}, varying={}, slopes={},
     )  # fmt: skip
     predictor = Predictor(problem, records, None)
     errors, p = predictor.errors(fit_starts(predictor)), len(monitored)

@@ -8,6 +8,7 @@ import structlog
 
 from monitor_core.episodes import Episode
 from monitor_core.monitor import AxisMonitor
+from service.alarm_words import alarm_words
 from service.monitoring.banks import Change
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal
@@ -116,6 +117,7 @@ class Alarms:
             "size_sd": e.size_sd,
             "nominal": quantity.nominal,
             "unit": quantity.unit,
+            "words": alarm_words(e.parameter, e.size, quantity.nominal, quantity.unit),
         }
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.drive import DELAY
 from monitor_core.excitation import multisine
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel, split_name
@@ -63,17 +64,24 @@ class ControlledAxis:
     def break_down(self, fault: Mapping[str, float]) -> None:
         """From now on parameters have so many times their value: {"fm": 1.3, "1/Ja": 0.8}.
 
-        They may be those of the drive, or those that were drawn and of which the drive has its own merged.
+        They may be those of the drive, or those that were drawn and of which the drive has its own merged.  The delay
+        of the torque is no factor: from now on it is so many seconds.
 
         Raises:
             KeyError: the drive has no such parameter.
             ValueError: the drive cannot have such a value.
         """
-        changed = faulty({**self._model.nominal, **self._given}, fault)
-        named = {split_name(name)[0] for name in fault}
+        own = {name: factor for name, factor in fault.items() if name != DELAY or DELAY in self._given}
+        changed = faulty({**self._model.nominal, **self._given}, own)
+        named = {split_name(name)[0] for name in own}
+        delay_s = fault.get(DELAY, self._delay_s) if DELAY not in own else self._delay_s
+        if not 0 <= delay_s <= self.interval_s:
+            raise ValueError(
+                f"delay = {delay_s:g}: a torque acts from 0 to {self.interval_s:g} s after its sample"
+            )
         given = {name: value for name, value in changed.items() if name in named or name in self._given}
         self._drive.set(AxisModel(self._model.drive, given, ()).nominal)
-        self._given = given
+        self._given, self._delay_s = given, delay_s
 
     def sample(self, k: int) -> Reading:
         """Sample k: what is measured and commanded now; then the drive moves on to the next one."""

@@ -134,6 +134,7 @@ class Alarm(Body):
     axis: str
     parameter: str
     direction: Direction
+    words: str = Field(description="the alarm in a sentence, e.g. the torque frame is 0.5 ms late: ..")
     active: bool = Field(description="it has not ended")
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
     nominal: Number = Field(description="commissioned value, in unit")

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from monitor_core.facts import ParameterFacts
+from service.alarm_words import alarm_words
 from service.monitoring.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
 from service.store import journal
 from service.web import models
@@ -98,6 +99,7 @@ def alarm(a: journal.Alarm) -> models.Alarm:
         axis=a.axis,
         parameter=a.parameter,
         direction=a.direction,
+        words=alarm_words(a.parameter, a.size, a.nominal, a.unit),
         active=a.active,
         unit=a.unit,
         nominal=a.nominal,

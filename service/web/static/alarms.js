@@ -25,7 +25,8 @@ export function showAlarms(active, ended) {
 function row(alarm) {
   const cell = (label, ...children) => el("td", { role: "cell", "data-label": label }, ...children);
   const arrow = alarm.direction === "up" ? "▲" : "▼";
-  const parameter = cell("Parameter", el("b", {}, alarm.parameter), ` ${arrow} ${alarm.direction}`);
+  const said = el("small", { className: "words" }, alarm.words);
+  const parameter = cell("Parameter", el("b", {}, alarm.parameter), ` ${arrow} ${alarm.direction}`, said);
   return el(
     "tr",
     { role: "row", className: alarm.active ? "active" : "ended" },
@@ -48,6 +49,6 @@ function announce(active) {
   const fresh = active.filter((alarm) => announced !== null && !announced.has(alarm.id));
   announced = new Set(active.map((alarm) => alarm.id));
   if (fresh.length === 0) return;
-  const words = fresh.map((alarm) => `${alarm.axis}, ${alarm.parameter} ${alarm.direction}${shareOf(alarm)}`);
+  const words = fresh.map((alarm) => `${alarm.axis}: ${alarm.words}`);
   text(document.getElementById("news"), `New alarm: ${words.join("; ")}`);
 }

@@ -173,6 +173,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
             "axis": "demo.axis1",
             "parameter": "fm",
             "direction": "up",
+            "words": "fm is 0.018 N m s/rad (31 %) above its nominal value",
             "active": True,
             "unit": "N m s/rad",
             "nominal": 0.06,

@@ -1,0 +1,64 @@
+"""The skew between torque and motion as a watched parameter, ``monitor = [.., "delay"]``.
+
+It is no parameter of the drawing: every drive can have it, its nominal value is the axis's ``torque_delay_s``.
+"""
+
+from __future__ import annotations
+
+from monitor_core.drive import DELAY, Drive, Output
+from service.config.drives import drive_of, given_values
+from service.config.nominal import nominal_file_of
+from service.config.schema import AxisConfig
+from service.config.tables import ABSENT, present
+
+SCALE = 0.5
+"""Of a sample interval.  A tenth of an interval late, which reads as 3 % of motor inertia, then counts as a fifth of
+any other parameter does; with smaller scales a change of the arm's inertia by a fifth is often taken for a skew."""
+
+
+def watches_skew(axis: AxisConfig) -> bool:
+    """Whether the delay of the torque is monitored."""
+    return present(axis.model, "monitor") and DELAY in axis.model.monitor
+
+
+def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
+    """The drive of an axis as it is monitored.
+
+    Raises:
+        ModelError: it has none.
+    """
+    drive = drive_of(axis, output)
+    return drive.with_delay() if watches_skew(axis) and not has_own_delay(drive) else drive
+
+
+def watched_values(axis: AxisConfig) -> dict[str, float]:
+    """The nominal values of the monitored drive, as ``given_values``."""
+    own = {DELAY: nominal_skew(axis)} if watches_skew(axis) else {}
+    return given_values(axis) | own
+
+
+def nominal_skew(axis: AxisConfig) -> float:
+    """How late the torque of the healthy axis acts [s]."""
+    found = nominal_file_of(axis)
+    return axis.torque_delay_s if found is None else found.predictor.torque_delay_s
+
+
+def scales_of(axis: AxisConfig) -> dict[str, float]:
+    """Sizes of monitored parameters, by name, where |nominal| is not it."""
+    own = {DELAY: SCALE * axis.sample_interval_s} if watches_skew(axis) else {}
+    return own | {name: value for name, value in axis.model.scales.items() if value is not ABSENT}
+
+
+def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
+    """Bounds of monitored parameters, by name, where they are not the engine's own.
+
+    A skew is followed up to one interval: then the torque is that of another sample.
+    """
+    h = axis.sample_interval_s
+    own = {DELAY: (-h, h)} if watches_skew(axis) and nominal_skew(axis) < h else {}
+    return own | {name: pair for name, pair in axis.model.bounds.items() if pair is not ABSENT}
+
+
+def has_own_delay(drive: Drive) -> bool:
+    """Whether it was drawn with a parameter of that name, which is something else."""
+    return any(p.name == DELAY for p in (*drive.parameters, *drive.drawn))

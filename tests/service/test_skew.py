@@ -1,0 +1,169 @@
+"""A torque that acts late: watched by the configuration's word, named as what it is, all the way to the user."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from service.alarm_words import alarm_words
+from service.axes import axis_model
+from service.commands.main import app
+from service.config import Config, ConfigErrors, load
+from service.simulation.robot import Fault, SimulatedRobot
+from tests.end_to_end.processes import demo_config
+
+H, FAULT_S, END_S = 0.005, 14.0, 24.0
+START_S = 1_760_000_000
+WATCHED = 'monitor = ["kT", "1/Ja", "fm", "delay"]'
+INERTIAS = 'monitor = ["1/Jm", "1/Ja", "fm", "delay"]'
+
+
+def written(folder: Path, *changes: tuple[str, str], monitor: str = WATCHED) -> Path:
+    """The demo's first axis, with columns; ``changes`` of the text."""
+    file = demo_config(folder, 'interface = "virtual"\nchannel = "skew"', axes=1)
+    text = file.read_text(encoding="utf-8").replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
+    text = text.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
+    text = text.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"')
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("initial_p"))
+    for old, new in (('monitor = ["kT", "1/Ja", "fm"]', monitor), *changes):
+        assert old in text, text
+        text = text.replace(old, new)
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def record(folder: Path, config: Config, seed: int, late_s: float) -> Path:
+    """A record in which the torque acts that late from FAULT_S on."""
+    rows = ["t,u,phi"]
+    for moment in SimulatedRobot(config, seed, [Fault("demo.axis1", {"delay": late_s}, FAULT_S)]).moments():
+        if moment.time_s > END_S:
+            break
+        u, phi = moment.readings["demo.axis1"]
+        rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
+    (folder / "late.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return folder / "late.csv"
+
+
+def replayed(file: Path, *arguments: str) -> str:
+    result = CliRunner().invoke(app, ["replay", "--config", str(file), *arguments])
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def alarms(file: Path, late: Path) -> list[dict[str, Any]]:
+    (axis,) = json.loads(replayed(file, str(late), "--json", "-"))["axes"]
+    found: list[dict[str, Any]] = axis["alarms"]
+    return found
+
+
+@pytest.mark.parametrize("monitor", [WATCHED, INERTIAS], ids=["kT", "Jm"])
+def test_a_torque_half_a_millisecond_late_is_named_and_is_no_inertia(
+    monitor: str, tmp_path: Path, seed: int
+) -> None:
+    file = written(tmp_path, monitor=monitor)
+    late = record(tmp_path, load(file, {}), seed, 0.0005)
+    (alarm,) = alarms(file, late)
+    assert (alarm["parameter"], alarm["direction"], alarm["ended"]) == ("delay", "up", None)
+    assert alarm["size"] == pytest.approx(0.0005, rel=0.25)  # over 60 records its standard deviation is 2 %
+    assert alarm["words"].startswith("the torque frame is 0.")
+    assert " ms late: the torque acts that much after its sample" in alarm["words"]
+    assert alarm["raised"] >= "2025-10-09T08:53:34"  # START_S + FAULT_S
+
+
+def test_unwatched_it_reads_as_another_fault(tmp_path: Path, seed: int) -> None:
+    """T6: half a millisecond is some percent of an inertia or of the friction, and there is nothing to tell it by."""
+    file = written(tmp_path, monitor='monitor = ["kT", "1/Ja", "fm"]')
+    found = alarms(file, record(tmp_path, load(file, {}), seed, 0.0005))
+    assert "fm" in {a["parameter"] for a in found}  # in 60 of 60 records, in two of them kT later, too
+
+
+def test_people_read_it_in_words(tmp_path: Path, seed: int) -> None:
+    file = written(tmp_path)
+    late = record(tmp_path, load(file, {}), seed, 0.002)
+    shown = " ".join(replayed(file, str(late)).split())
+    assert all(word in shown for word in ("delay", "torque", "frame", "late:")), shown
+
+
+def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
+    plain = axis_model(load(written(tmp_path), {}).axes[0].config)
+    assert (plain.nominal["delay"], plain.scale[3]) == (0.0, H / 2)
+    np.testing.assert_array_equal(plain.limits[:, 3], [-H, H])
+    late = ("sample_interval_s = 0.005", "sample_interval_s = 0.005\ntorque_delay_s = 0.001")
+    assert axis_model(load(written(tmp_path, late), {}).axes[0].config).theta0[3] == 0.001
+    own = (WATCHED, f"{WATCHED}\nscales = {{ delay = 0.001 }}\nbounds = {{ delay = [-0.002, 0.003] }}")
+    given = axis_model(load(written(tmp_path, own), {}).axes[0].config)
+    assert given.scale[3] == 0.001
+    np.testing.assert_array_equal(given.limits[:, 3], [-0.002, 0.003])
+
+
+INTERVAL = "sample_interval_s = 0.005"
+MISTAKES = [
+    (
+        (INTERVAL, f"{INTERVAL}\ntorque_delay_s = 0.005"),
+        "model.monitor[4]",
+        "followed up to sample_interval_s",
+    ),
+    (
+        (WATCHED, f"{WATCHED}\nbounds = {{ delay = [-0.01, 0.001] }}"),
+        "model.bounds.delay",
+        "within sample_inter",
+    ),
+    ((WATCHED, f"{WATCHED}\nscales = {{ delay = 0 }}"), "model.scales.delay", "must be greater than 0"),
+    ((WATCHED, f"{WATCHED}\nnominal.delay = 0.001"), "model.nominal.delay", "torque_delay_s of the axis"),
+    (('"delay"]', '"1/delay"]'), "model.monitor[4]", "the drive has no such parameter"),
+    (('"delay"]', '"Delay"]'), "model.monitor[4]", 'no such parameter: did you mean "delay"'),
+]
+
+
+@pytest.mark.parametrize(("change", "key", "words"), MISTAKES, ids=[m[1] + " " + m[2] for m in MISTAKES])
+def test_mistakes(change: tuple[str, str], key: str, words: str, tmp_path: Path) -> None:
+    if key == "model.nominal.delay":
+        change = ("tau0 = ", "delay = 0.001\ntau0 = ")
+    with pytest.raises(ConfigErrors) as caught:
+        load(written(tmp_path, change), {})
+    assert [p.key for p in caught.value.problems] == [f"robot[1].axis[1].{key}"]
+    assert words in str(caught.value.problems[0])
+
+
+def test_a_drive_with_such_a_parameter_of_its_own(tmp_path: Path) -> None:
+    own = Path(__file__).resolve().parents[2] / "config" / "drives" / "two_mass.mo"
+    text = own.read_text(encoding="utf-8").replace("fm", "delay")
+    (tmp_path / "own.mo").write_text(text, encoding="utf-8")
+    file = written(tmp_path, ('drive = "three-mass"', 'drive = "own.mo"'))
+    with pytest.raises(ConfigErrors) as caught:
+        load(file, {})
+    assert "the drive has a parameter of that name: rename that one" in str(caught.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("alarm", "words"),
+    [
+        (
+            ("delay", 0.0005, 0.0, "s"),
+            "the torque frame is 0.5 ms late: the torque acts that much after its sample",
+        ),
+        (
+            ("delay", -0.00123, 0.0, "s"),
+            "the torque frame is 1.2 ms early: the torque acts that much before its sample",
+        ),
+        (
+            ("delay", 0.0005, 0.001, "s"),
+            "the torque frame is 0.5 ms later than usual: the torque acts 1.5 ms after its sample",
+        ),
+        (
+            ("delay", -0.002, 0.001, "s"),
+            "the torque frame is 2 ms earlier than usual: the torque acts 1 ms before its sample",
+        ),
+        (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
+        (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
+        (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
+        (("fm", float("nan"), 0.06, "N m s/rad"), "fm is ? N m s/rad (? %) above its nominal value"),
+    ],
+)
+def test_words(alarm: tuple[str, float, float, str], words: str) -> None:
+    assert alarm_words(*alarm) == words
