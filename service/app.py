@@ -10,7 +10,7 @@ from types import FrameType
 
 import structlog
 
-from service.config import Config, remarks
+from service.config import Config
 from service.ingest.can_source import CanReader
 from service.ingest.recorder import FrameRecorder
 from service.monitoring.alarms import Alarms, quantities
@@ -131,8 +131,7 @@ def _worker(
     stack.callback(checkpoints.close)
     monitors = core.monitors.by_id
     restored = restore(monitors, checkpoints, journal, now_us())
-    messages = (*restored.messages, *remarks(config))
-    for message in messages:
+    for message in restored.messages:
         log.warning("start", message=message)
     alarms = Alarms(journal, quantities(monitors))
     alarms.adopt(restored.open)
@@ -140,7 +139,9 @@ def _worker(
     interval_s = config.service.checkpoint_interval_s
     saver = Saver(checkpoints, monitors, interval_s, restored.checkpoint_us, now_us)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
-    worker = Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
+    worker = Worker(
+        config, core, buses, recording, alarms, saver, compiled, now_us, restored.messages, stop.set
+    )
     return worker, journal
 
 

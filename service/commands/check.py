@@ -10,7 +10,7 @@ from rich.text import Text
 from service.axes import short_memories
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
-from service.config import AxisConfig, Config, ModelConfig, NamedAxis, nominal_file_of, remarks
+from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
 from service.modeling import SUFFIX
 
 
@@ -18,7 +18,7 @@ def check(config: ConfigPath) -> None:
     """Check a configuration with its DBC files; name every problem by file and line."""
     read = configuration(config)
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
-        notes = (*remarks(read), *short_memories(read))
+        notes = (*unsaid(read), *short_memories(read))
     console = Console()
     console.print(_buses(read))
     console.print(_axes(read))
@@ -50,7 +50,9 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
         f"{config.torque.message}.{config.torque.signal}\n"
         f"{config.motion.message}.{config.motion.signal} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
-        "\n".join((_drive(config.model), ", ".join(config.model.monitor), *_nominal(config))),
+        "\n".join(
+            (_drive(config.model), ", ".join(config.model.monitor), *_nominal(config), *in_words(config))
+        ),
     )
 
 

@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from service.config import Config
+from service.config import Config, needed
 from service.ingest.pipeline import Value
 
 _UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
@@ -33,7 +33,8 @@ class Latest:
         self._seen: dict[tuple[str, str], _Seen | None] = {}
         for axis in config.axes:
             counter = ("counter",) if axis.config.time.counter_signal else ()
-            for quantity in ("torque", axis.config.output, *counter):
+            further = (f"signal {source.name}" for source in needed(axis))
+            for quantity in ("torque", axis.config.output, *counter, *further):
                 self._seen[axis.id, quantity] = None
 
     def add(self, value: Value) -> None:
@@ -53,7 +54,7 @@ class Latest:
                 continue
             v = seen.value
             age_s = max(0, now_us - v.t_us) / 1e6
-            si = f"{v.si:.6g} {_UNITS[quantity]}".rstrip()
+            si = f"{v.si:.6g} {_UNITS.get(quantity, '')}".rstrip()
             signal = f"{v.message}.{v.signal}"
             old = f"{age_s:.1f} s" if age_s >= _OLD_S else "now"
             yield (axis_id, quantity, si, signal, f"{v.physical:.6g}", f"{seen.rate_hz:.1f} Hz", old)

@@ -10,7 +10,7 @@ from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import MISTAKE, explained
 from service.commands.progress import progress_bar
 from service.commands.replay_report import Report, as_json, tables
-from service.config import Config, remarks
+from service.config import Config
 
 Records = Annotated[
     list[Path],
@@ -29,8 +29,6 @@ def replay(config: ConfigPath, records: Records, json: Json = None) -> None:
     the next.
     """
     read = configuration(config)
-    for remark in remarks(read):
-        typer.echo(f"axiswatch: note: {remark}", err=True)
     with explained():
         report = _replay(read, records)
     if json == Path("-"):

@@ -1,8 +1,9 @@
 """The configuration file: its schema, its rules, and every problem with file, line, key and value."""
 
+from service.config.conditions import conditions_of, in_words, needed, unsaid
 from service.config.drives import drive_of, given_values
 from service.config.loading import load
-from service.config.nominal import Predictor, nominal_file_of, predictor_of, remarks
+from service.config.nominal import Predictor, nominal_file_of, predictor_of
 from service.config.problems import ConfigErrors, Problem
 from service.config.schema import (
     AxisConfig,
@@ -39,13 +40,16 @@ __all__ = [
     "TimeConfig",
     "WebConfig",
     "bounds_of",
+    "conditions_of",
     "drive_of",
     "given_values",
+    "in_words",
     "load",
+    "needed",
     "nominal_file_of",
     "predictor_of",
-    "remarks",
     "scales_of",
+    "unsaid",
     "watched_drive",
     "watched_values",
 ]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
-from service.config.schema import AxisConfig, Config, EstimatorConfig
+from service.config.schema import AxisConfig, EstimatorConfig
 from service.config.tables import Absent
 
 
@@ -56,17 +55,3 @@ def predictor_of(axis: AxisConfig) -> Predictor:
 
 def _noises(e: EstimatorConfig, found: NominalFile) -> tuple[float | None, float | None]:
     return e.torque_noise or found.noise.torque or None, e.output_noise or found.noise.output or None
-
-
-def remarks(config: Config) -> Iterator[str]:
-    """What the files of nominal values know and the daemon does not do, for its user."""
-    for axis in config.axes:
-        found = nominal_file_of(axis.config)
-        if found is None:
-            continue
-        for v in found.varying:
-            yield (
-                f"{axis.id}: {v.parameter} follows {v.signal} (slope {v.slope:.3g} around {v.reference:g}, in"
-                f" {found.path.name}), but is not watched so yet: its value at {v.reference:g} is taken for nominal"
-                " throughout, and elsewhere an alarm may tell of the signal only"
-            )

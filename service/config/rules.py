@@ -7,6 +7,7 @@ rule asks for a value that is itself wrong, ``Absent`` ends it: that value has b
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
+from service.config.condition_rules import CONDITION_RULES, places_of_signals, signals_of_axes
 from service.config.crosschecks import DBC_RULES
 from service.config.estimator_rules import ESTIMATOR_RULES
 from service.config.model_rules import MODEL_RULES
@@ -172,16 +173,7 @@ def counter(axis: AxisConfig) -> Iterator[Finding]:
 def further_signals(axis: AxisConfig) -> Iterator[Finding]:
     """Further signals have names of their own, and each says where it is."""
     yield from _same_names("signal", axis.signal)
-    for n, further in enumerate(axis.signal):
-        if not present(further, "message", "signal", "column"):
-            continue
-        if (further.message is None) != (further.signal is None):
-            missing = "message" if further.message is None else "signal"
-            yield Finding(("signal", n, missing), "missing: message and signal go together")
-        elif further.message is None and further.column is None:
-            yield Finding(
-                ("signal", n, "column"), "missing: it is either in a column or in a message and signal"
-            )
+    yield from places_of_signals(axis)
 
 
 def _same_names(
@@ -195,7 +187,7 @@ def _same_names(
 
 FILE_RULES: tuple[Rule[Config], ...] = (bus_names, robot_names, bus_references, sources, *DBC_RULES)
 BUS_RULES: tuple[Rule[BusConfig], ...] = (interface, bus_options)
-ROBOT_RULES: tuple[Rule[RobotConfig], ...] = (axis_names,)
+ROBOT_RULES: tuple[Rule[RobotConfig], ...] = (axis_names, signals_of_axes)
 AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     one_motion,
     torque_delay,
@@ -207,4 +199,5 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     *MODEL_RULES,
     *SKEW_RULES,
     *ESTIMATOR_RULES,
+    *CONDITION_RULES,
 )

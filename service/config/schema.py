@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from monitor_core.model import Output
+from service.config.sources import Source, sources_of
 from service.config.tables import ABSENT, Absent, Reading, Table
 from service.modeling import SUFFIX
 
@@ -101,14 +102,31 @@ class SignalConfig(Table):
 
 
 class FurtherConfig(Table):
-    """[[robot.axis.signal]]: a further signal that records hold beside torque and motion."""
+    """[[robot.axis.signal]]: a further signal beside torque and motion: of the axis, of another one, of the robot."""
 
-    name: Name = Field(description="name by which the identification refers to it: letters, digits, - and _")
+    name: Name = Field(description="name by which the configuration refers to it: letters, digits, - and _")
+    axis: Text | None = Field(
+        None, description="it is the angle (or speed) of this other axis of the robot, in place of a message"
+    )
     message: Text | None = Field(None, description="name of the message in the DBC")
     signal: Text | None = Field(None, description="name of the signal in that message")
     column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
     factor: Real = Field(1.0, description="value = factor * signal + offset")
     offset: Real = Field(0.0, description="value = factor * signal + offset")
+    maximum_age_s: Positive = Field(
+        10.0, description="a value received longer ago than this is no longer believed [s]"
+    )
+
+
+class GateConfig(Table):
+    """[[robot.axis.gate]]: when the axis may be watched; the signal is one of [[robot.axis.signal]]."""
+
+    signal: Text = Field(description="name of a signal; estimates and tests wait while it has another value")
+    equals: tuple[Real, ...] | None = Field(
+        None, min_length=1, description="open while the signal is one of these"
+    )
+    above: Real | None = Field(None, description="open while the signal is greater than this")
+    below: Real | None = Field(None, description="open while the signal is less than this")
 
 
 class TimeConfig(Table):
@@ -120,6 +138,20 @@ class TimeConfig(Table):
     counter_message: Text | None = Field(None, description="message that carries the sample counter")
     counter_signal: Text | None = Field(
         None, description="sample counter; with it sample times are whole intervals, free of receipt jitter"
+    )
+
+
+class VaryingConfig(Table):
+    """[[robot.axis.model.varying]]: nominal value = that of the model + slope * (signal - reference)."""
+
+    parameter: Text = Field(description='a monitored parameter, or its reciprocal: "fm", "Ja"')
+    signal: Text = Field(
+        description="a signal of [[robot.axis.signal]], or cos, sin or square of one: cos(angle2)"
+    )
+    slope: Real = Field(description="change of the parameter for each unit of the signal, in its SI unit")
+    reference: Real = Field(description="where the signal is when the parameter has the value of the model")
+    range: tuple[Real, Real] | None = Field(
+        None, description="[lowest, highest] of the signal; a tenth of it beyond, nothing is estimated"
     )
 
 
@@ -154,6 +186,20 @@ class ModelConfig(Table):
     bounds: dict[str, tuple[Real, Real]] = Field(
         default_factory=dict, description="name = [lower, upper]: the estimate stays between them"
     )
+    varying: tuple[VaryingConfig, ...] = Field(
+        (), description="nominal values that follow signals, beside those of the nominal_file"
+    )
+    conditions: Literal["followed", "gated", "others stand still"] | None = Field(
+        None,
+        description="how the pose of the other axes, payload and temperature are dealt with: nominal values follow"
+        " them, gates keep them the same, or they do not change",
+    )
+
+
+def _none_or_three(value: float) -> float:
+    if value != 0 and value < 3:  # noise alone is there often
+        raise ValueError("must be 0 or at least 3")
+    return value
 
 
 DEFAULT_MEMORY_S = 1.0
@@ -187,6 +233,11 @@ class EstimatorConfig(Table):
         ge=0,
         le=0.5,
         description="share of the usual excitation below which nothing is estimated; 0: the paper's, always",
+    )
+    outlier_limit: Annotated[Real, AfterValidator(_none_or_three)] = Field(
+        6.0,
+        le=1000,
+        description="an innovation beyond so many standard deviations is passed over, if few are; 0: none is",
     )
     torque_noise: Positive | None = Field(
         None, description="standard deviation of the torque per sample [N m], for the Kalman gain"
@@ -237,7 +288,13 @@ class AxisConfig(Table):
     time: TimeConfig = Field(default_factory=TimeConfig, description="time of the samples")
     signal: tuple[FurtherConfig, ...] = Field(
         (),
-        description="further signals of the axis in records: reference, temperature, ..., [[robot.axis.signal]]",
+        description="further signals: temperature, mode, angle of another axis, ..., [[robot.axis.signal]]",
+    )
+    gate: tuple[GateConfig, ...] = Field(
+        (), description="the axis is watched only while all of these are open, [[robot.axis.gate]]"
+    )
+    least_speed: Positive | None = Field(
+        None, description="the axis is not watched while its motor turns more slowly than this [rad/s]"
     )
     model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
     estimator: EstimatorConfig = Field(default_factory=EstimatorConfig, description="recursive estimator")
@@ -284,6 +341,8 @@ class NamedAxis(NamedTuple):
     id: str
     robot: str
     config: AxisConfig
+    sources: tuple[Source, ...] = ()
+    """Its further signals"""
 
 
 class Config(Table):
@@ -302,7 +361,7 @@ class Config(Table):
     def axes(self) -> tuple[NamedAxis, ...]:
         """All axes in the order of the file."""
         return tuple(
-            NamedAxis(f"{robot.name}.{axis.name}", robot.name, axis)
+            NamedAxis(f"{robot.name}.{axis.name}", robot.name, axis, tuple(sources_of(axis, robot.axis)))
             for robot in self.robot
             for axis in robot.axis
         )

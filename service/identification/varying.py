@@ -9,28 +9,22 @@ follow the signals has the value that holds in the middle of them.
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.drive import split_name
 from monitor_core.kernel.tables import Floats
+from monitor_core.operating import Term
 from service.config import AxisConfig
+from service.config.conditions import term_of
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice
 from service.ingest.identification_records import Loaded
 from service.words import did_you_mean
 
-FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType(
-    {"cos": np.cos, "sin": np.sin, "square": np.square}
-)
-"""Of a signal: cos(angle2)."""
-
-_TERM = re.compile(r"(?:(?P<function>\w+)\s*\(\s*(?P<inner>[\w-]+)\s*\))|(?P<signal>[\w-]+)")
 _CONSTANT = 1e-6
 """Relative: a signal that varies less is constant."""
 _DIGITS = 2
@@ -79,24 +73,10 @@ def asked(texts: Sequence[str], axis: AxisConfig) -> Asked:
 
 def _term(text: str, axis: AxisConfig) -> str:
     """As it is called from here on."""
-    match = _TERM.fullmatch(text)
-    if match is None:
-        functions = ", ".join(f"{name}(...)" for name in FUNCTIONS)
-        raise IdentificationError(f'"{text}" is neither a signal nor one of {functions} of a signal')
-    function, signal = match["function"], match["inner"] or match["signal"]
-    if function and function not in FUNCTIONS:
-        raise IdentificationError(f"no function {function} of signals: {did_you_mean(function, FUNCTIONS)}")
-    known = [one.name for one in axis.signal]
-    if not known:
-        raise IdentificationError(
-            f"no signal {signal}: the configuration names none; add [[robot.axis.signal]] with"
-            f' name = "{signal}" and its column'
-        )
-    if signal not in known:
-        raise IdentificationError(
-            f"no signal {signal}: {did_you_mean(signal, known)}; signals are [[robot.axis.signal]] of the configuration"
-        )
-    return f"{function}({signal})" if function else signal
+    try:
+        return str(term_of(text, [one.name for one in axis.signal]))
+    except ValueError as error:
+        raise IdentificationError(str(error)) from None
 
 
 def with_varying(choice: Choice, varying: Asked, free: Sequence[str]) -> Choice:
@@ -161,13 +141,12 @@ def _reference(mean: float, low: float, high: float) -> float:
     return round(mean, _DIGITS - math.floor(math.log10(high - low)))
 
 
-def _values(term: str, loaded: Loaded) -> Floats:
-    function, _, rest = term.rpartition("(")
-    name = rest.removesuffix(")")
-    values = loaded.record.signals.get(name)
+def _values(name: str, loaded: Loaded) -> Floats:
+    term = Term.read(name)
+    values = loaded.record.signals.get(term.signal)
     if values is None or not np.isfinite(values).any():
-        raise IdentificationError(f"{loaded.source.path}: the signal {name} was never measured there")
-    return FUNCTIONS[function](values) if function else values
+        raise IdentificationError(f"{loaded.source.path}: the signal {term.signal} was never measured there")
+    return term.of(values)
 
 
 def _with_terms(loaded: Loaded, references: Mapping[str, float]) -> Loaded:

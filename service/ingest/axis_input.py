@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from service.config.conditions import needed
 from service.config.schema import NamedAxis, SignalConfig
 from service.ingest.assemble import Assembler
 from service.ingest.clock import SampleClock
@@ -12,12 +13,13 @@ from service.ingest.dbc import DbcError, find_counter
 from service.ingest.decode import Decoder, FrameKey
 from service.ingest.errors import IngestError
 from service.ingest.frames import Sample
+from service.ingest.held import HeldSignal
 
 
 class Quantity(NamedTuple):
-    """One value of an axis: value = factor * signal + offset, SI on the motor side."""
+    """One value of an axis: value = factor * signal + offset, SI on the motor side, or a further signal's own unit."""
 
-    name: str  # "torque", "angle", "speed" or "counter"
+    name: str  # "torque", "angle", "speed", "counter" or "signal NAME"
     key: FrameKey
     message: str
     signal: str
@@ -37,6 +39,9 @@ def wanted_signals(axis: NamedAxis) -> Iterator[tuple[str, str]]:
         yield source.message, source.signal
     if config.time.counter_message and config.time.counter_signal:
         yield config.time.counter_message, config.time.counter_signal
+    for further in needed(axis):
+        if further.message is not None and further.signal is not None:
+            yield further.message, further.signal
 
 
 class AxisInput:
@@ -52,6 +57,8 @@ class AxisInput:
         self._interval_s = config.sample_interval_s
         self.torque = _quantity("torque", config.torque, decoder)
         self.motion = _quantity(config.output, config.motion, decoder)
+        self.further = [HeldSignal(s, decoder.key(s.message or "")) for s in needed(axis)]
+        """Further signals that its samples carry, in the order of the configuration."""
         self.counter: Quantity | None = None
         self._counter_offset = 0.0
         self._clock: SampleClock | None = None
@@ -78,6 +85,12 @@ class AxisInput:
 
     def take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sample | None:
         """Take the signals of a frame received at that time [us]; returns the sample that they complete."""
+        sample = self._take(key, t_us, signals)
+        if sample is None or not self.further:
+            return sample
+        return sample._replace(signals=tuple(held.at(t_us) for held in self.further))
+
+    def _take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sample | None:
         torque = self.torque.value(signals) if self.torque.key == key else None
         motion = self.motion.value(signals) if self.motion.key == key else None
         values = (torque is not None) + (motion is not None)
@@ -95,11 +108,21 @@ class AxisInput:
         return self.assembler.add("motion", t_us, motion, sample_us)
 
     def quantities(self) -> Iterator[Quantity]:
+        """Torque, motion and the counter, where there is one; then the further signals."""
+        yield from self.sampled()
+        yield from self.further_quantities()
+
+    def sampled(self) -> Iterator[Quantity]:
         """Torque, motion and the counter, where there is one."""
         yield self.torque
         yield self.motion
         if self.counter:
             yield self.counter
+
+    def further_quantities(self) -> Iterator[Quantity]:
+        """Further signals, as they are called outside."""
+        for h in self.further:
+            yield Quantity(f"signal {h.name}", h.key, h.message, h.signal, h.factor, h.offset)
 
     def _count(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> int | str | None:
         if self.counter is None or self._clock is None or self.counter.key != key:

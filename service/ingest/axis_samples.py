@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.identification.suspicion import LIMITS
-from service.config.schema import Config, FurtherConfig, NamedAxis
+from service.config.schema import Config, NamedAxis
+from service.config.sources import Source
 from service.ingest.csv_table import CsvTable
 from service.ingest.decode import Decoder, FrameKey
 from service.ingest.log_record import LogRecord
@@ -45,7 +46,7 @@ def table_samples(path: Path, axis: NamedAxis) -> AxisSamples:
     """
     table = open_table(path)
     columns = AxisColumns(axis.id, axis.config)
-    further = [signal for signal in axis.config.signal if signal.column is not None]
+    further = [signal for signal in axis.sources if signal.column is not None]
     wanted = columns.wanted() | {str(s.column): f"the signal {s.name} of axis {axis.id}" for s in further}
     check_columns(path, table, wanted)
     rows = _all_rows(table, list(dict.fromkeys((*wanted, *_all_columns(table)))))
@@ -53,7 +54,7 @@ def table_samples(path: Path, axis: NamedAxis) -> AxisSamples:
     index, block = columns.chosen(rows, 0, ~np.any(list(refused.values()), axis=0))
     signals = {s.name: _value(s, rows.columns[str(s.column)][index]) for s in further}
     counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
-    return AxisSamples(*block, signals, columns.dropped | counts)
+    return AxisSamples(block.t_us, block.torque, block.motion, signals, columns.dropped | counts)
 
 
 def log_samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
@@ -108,7 +109,8 @@ def _absurd(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> Bools:
 def _samples(blocks: list[SampleBlock]) -> tuple[Times, Floats, Floats]:
     if not blocks:
         return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-    t_us, torque, motion = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+    columns = ((b.t_us, b.torque, b.motion) for b in blocks)
+    t_us, torque, motion = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     return t_us, torque, motion
 
 
@@ -116,13 +118,13 @@ def _joined(values: list[Floats]) -> Floats:
     return np.concatenate(values) if values else np.zeros(0)
 
 
-def _value(signal: FurtherConfig, values: Floats) -> Floats:
+def _value(signal: Source, values: Floats) -> Floats:
     return np.asarray(signal.factor * values + signal.offset, np.float64)
 
 
 def _received(path: Path, config: Config, axis: NamedAxis, t_us: Times) -> dict[str, Floats]:
     """The further signals of an axis at the times of its samples, NaN before the first was received."""
-    further = [(s, s.message, s.signal) for s in axis.config.signal]
+    further = [(s, s.message, s.signal) for s in axis.sources]
     asked = [(message, name) for _, message, name in further if message is not None and name is not None]
     if not asked:
         return {}

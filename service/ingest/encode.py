@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -16,6 +17,8 @@ from service.ingest.pipeline import Ingest
 
 Raw = dict[str, int | float]
 Page = tuple[tuple[str, int], ...]
+Values = tuple[float, float] | tuple[float, float, tuple[float, ...]]
+"""Torque [N m], motion [rad or rad/s], and the further signals that the axis needs, where they are known."""
 
 
 class Encoded(NamedTuple):
@@ -26,7 +29,7 @@ class Encoded(NamedTuple):
 
 
 class FrameEncoder:
-    """Frames of one bus from torque and motion of its axes.
+    """Frames of one bus from torque, motion and further signals of its axes.
 
     Signals that no axis needs have their initial value, or the raw value 0.
 
@@ -38,28 +41,47 @@ class FrameEncoder:
         ingest = Ingest(config, bus)
         self._axes = {axis.id: axis for axis in ingest.axes}
         self._messages = {key: ingest.decoder.message(key) for key in ingest.keys}
+        # A signal that is the motion of another axis goes with that axis.
+        own = {(q.key, q.signal) for axis in ingest.axes for q in axis.sampled()}
+        self._further = {
+            axis.id: [None if (q.key, q.signal) in own else q for q in axis.further_quantities()]
+            for axis in ingest.axes
+        }
 
-    def encode(self, values: Mapping[str, tuple[float, float]], count: int) -> list[Encoded]:
-        """The frames of one sample, those with the torque first.
+    def encode(self, values: Mapping[str, Values], count: int) -> list[Encoded]:
+        """The frames of one sample, further signals first, then those with the torque.
 
         Args:
-            values: torque [N m] and motion [rad or rad/s] by axis; axes of other buses are left out.
+            values: by axis; axes of other buses are left out.
             count: for the sample counters of these axes; it wraps.
 
         Raises:
             IngestError: a value does not fit into its signal.
         """
         messages: dict[FrameKey, dict[Page, Raw]] = {}
-        for axis_id, (torque, motion) in values.items():
-            if axis_id in self._axes:
-                for quantity, raw in self._raws(self._axes[axis_id], torque, motion, count):
-                    page = _page(self._messages[quantity.key], self._signal(quantity))
-                    messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw
+        mine = {axis_id: of_axis for axis_id, of_axis in values.items() if axis_id in self._axes}
+        for axis_id, of_axis in mine.items():
+            for quantity, raw in self._further_raws(axis_id, *of_axis[2:]):
+                self._add(messages, quantity, raw)
+        for axis_id, of_axis in mine.items():
+            for quantity, raw in self._raws(self._axes[axis_id], of_axis[0], of_axis[1], count):
+                self._add(messages, quantity, raw)
         return [
             Encoded(key, data)
             for key, pages in messages.items()
             for data in _data(self._messages[key], pages)
         ]
+
+    def _add(self, messages: dict[FrameKey, dict[Page, Raw]], quantity: Quantity, raw: int | float) -> None:
+        page = _page(self._messages[quantity.key], self._signal(quantity))
+        messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw
+
+    def _further_raws(
+        self, axis_id: str, signals: tuple[float, ...] = ()
+    ) -> Iterator[tuple[Quantity, int | float]]:
+        for quantity, value in zip(self._further[axis_id], signals, strict=False):
+            if quantity is not None and math.isfinite(value):
+                yield quantity, self._raw(axis_id, quantity, value)
 
     def _raws(
         self, axis: AxisInput, torque: float, motion: float, count: int

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
-
 from service.config.schema import Config
 from service.ingest.can_log import CanLog
-from service.ingest.frames import Frame, Sample
+from service.ingest.frames import Frame
 from service.ingest.pipeline import Ingest
-from service.ingest.table_record import SampleBlock, Step
+from service.ingest.table_record import SampleBlock, Step, block_of
 
 
 class LogRecord:
@@ -73,7 +71,7 @@ class LogRecord:
             samples: dict[str, SampleBlock] = {}
             for bus, frames in of_bus.items():
                 for axis_id, found in self._ingests[bus].feed(frames).items():
-                    samples[axis_id] = _arrays(found)
+                    samples[axis_id] = block_of(found)
             yield Step(samples, done)
         for ingest in self._ingests.values():
             ingest.flush()
@@ -88,8 +86,3 @@ class LogRecord:
         if len(buses) == 1 and not seen & known.keys():
             return {"": buses[0].name}
         return known
-
-
-def _arrays(samples: list[Sample]) -> SampleBlock:
-    t_us, torque, motion = zip(*samples, strict=True)
-    return SampleBlock(np.array(t_us, np.int64), np.array(torque, float), np.array(motion, float))

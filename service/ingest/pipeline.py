@@ -10,6 +10,7 @@ from service.ingest.axis_input import AxisInput, Quantity, wanted_signals
 from service.ingest.decode import Decoder, FrameKey
 from service.ingest.errors import IngestError
 from service.ingest.frames import Frame, Sample
+from service.ingest.held import HeldSignal
 
 FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
 """Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Ingest.dropped``."""
@@ -20,11 +21,11 @@ class Value(NamedTuple):
 
     t_us: int
     axis_id: str
-    quantity: str  # "torque", "angle", "speed" or "counter"
+    quantity: str  # "torque", "angle", "speed", "counter" or "signal NAME"
     message: str
     signal: str
     physical: float  # as the DBC says
-    si: float  # N m, rad or rad/s on the motor side
+    si: float  # N m, rad or rad/s on the motor side; of a further signal, its own unit
 
 
 class Ingest:
@@ -45,10 +46,13 @@ class Ingest:
         self.decoder = Decoder(self.bus.dbc, [wanted for axis in axes for wanted in wanted_signals(axis)])
         self.axes = [AxisInput(axis, self.decoder) for axis in axes]
         self._inputs: dict[FrameKey, list[AxisInput]] = {key: [] for key in self.decoder.keys}
+        self._held: dict[FrameKey, list[HeldSignal]] = {}
         self._quantities: dict[FrameKey, list[tuple[str, Quantity]]] = {key: [] for key in self.decoder.keys}
         for axis in self.axes:
             for key in axis.keys:
                 self._inputs[key].append(axis)
+            for held in axis.further:
+                self._held.setdefault(held.key, []).append(held)
             for quantity in axis.quantities():
                 self._quantities[quantity.key].append((axis.id, quantity))
         self._dropped = dict.fromkeys(FRAME_REASONS, 0)
@@ -85,6 +89,8 @@ class Ingest:
             if signals is None:
                 continue
             key = FrameKey(frame.can_id, frame.extended)
+            for held in self._held.get(key, ()):  # first: they may belong to the sample that is completed now
+                held.take(frame.t_us, signals)
             for axis in self._inputs[key]:
                 sample = axis.take(key, frame.t_us, signals)
                 if sample is not None:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import can
+import numpy as np
 
 from service.config.schema import Config
 from service.ingest.can_bus import send
 from service.ingest.can_log import LOG_SUFFIXES
 from service.ingest.decode import FrameKey
-from service.ingest.encode import FrameEncoder
+from service.ingest.encode import FrameEncoder, Values
 from service.ingest.errors import IngestError, RecordError
 from service.ingest.log_record import LogRecord
 from service.ingest.records import Record, read_record
@@ -105,14 +106,15 @@ def _wait(wait_s: float, stop: threading.Event) -> None:
         time.sleep(wait_s)  # a fifth of the work of an Event: matters at 2000 frames a second
 
 
-def _by_time(step: Step) -> Iterator[tuple[int, dict[str, tuple[float, float]]]]:
+def _by_time(step: Step) -> Iterator[tuple[int, dict[str, Values]]]:
     """The samples of all axes, those of one time together, in the order of time."""
-    rows: dict[int, dict[str, tuple[float, float]]] = {}
+    rows: dict[int, dict[str, Values]] = {}
     for axis_id, block in step.samples.items():
-        columns = (block.t_us.tolist(), block.torque.tolist(), block.motion.tolist())
-        for t_us, torque, motion in zip(*columns, strict=True):
-            rows.setdefault(t_us, {})[axis_id] = (torque, motion)
-    return iter(sorted(rows.items()))
+        signals = np.zeros((len(block.t_us), 0)) if block.signals is None else block.signals
+        columns = (block.t_us, block.torque, block.motion, signals)
+        for t_us, torque, motion, further in zip(*(c.tolist() for c in columns), strict=True):
+            rows.setdefault(t_us, {})[axis_id] = (torque, motion, tuple(further))
+    return iter(sorted(rows.items(), key=lambda row: row[0]))
 
 
 def _log_frames(record: LogRecord) -> Iterator[PlayFrame]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.config.conditions import needed
 from service.config.schema import AxisConfig, Config, SignalConfig
+from service.config.sources import Source
 from service.ingest.assemble import REASONS
 from service.ingest.errors import RecordError
+from service.ingest.frames import Sample
+from service.ingest.held import HeldColumns
 from service.ingest.rows import Floats, Rows
 from service.ingest.tables import check_columns, open_table
 
@@ -20,11 +24,22 @@ _LATEST_US = 2.0**62
 
 
 class SampleBlock(NamedTuple):
-    """Samples of one axis: times [us], strictly increasing, torque [N m], motion [rad or rad/s]."""
+    """Samples of one axis: times [us], strictly increasing, torque [N m], motion [rad or rad/s].
+
+    ``signals`` (N, S) are the further ones that the axis needs, NaN where not known; None: it needs none.
+    """
 
     t_us: Times
     torque: Floats
     motion: Floats
+    signals: Floats | None = None
+
+
+def block_of(samples: Sequence[Sample]) -> SampleBlock:
+    """Samples, of which there is one at least, as arrays."""
+    t_us, torque, motion, signals = zip(*samples, strict=True)
+    further = np.array(signals, float) if signals[0] else None
+    return SampleBlock(np.array(t_us, np.int64), np.array(torque, float), np.array(motion, float), further)
 
 
 class Step(NamedTuple):
@@ -47,7 +62,7 @@ class TableRecord:
         self.path = path
         self._table = open_table(path)
         axes = [axis for axis in config.axes if _has_columns(axis.config)]
-        self._axes = {axis.id: AxisColumns(axis.id, axis.config) for axis in axes}
+        self._axes = {axis.id: AxisColumns(axis.id, axis.config, needed(axis)) for axis in axes}
         if not self._axes:
             raise RecordError(
                 f"{path}: no axis says where it is in a table: set torque.column and angle.column or "
@@ -86,17 +101,24 @@ def _has_columns(config: AxisConfig) -> bool:
 
 
 class AxisColumns:
-    """The columns of one axis, and what became of its rows.
+    """The columns of one axis with the ``further`` signals that it needs, and what became of its rows.
 
     Raises:
-        RecordError: the configuration does not say which column the torque or the motion is.
+        RecordError: the configuration does not say which column the torque, the motion or one of these is.
     """
 
-    def __init__(self, axis_id: str, config: AxisConfig) -> None:
+    def __init__(self, axis_id: str, config: AxisConfig, further: Sequence[Source] = ()) -> None:
         if config.torque.column is None or config.motion.column is None:
             missing = "torque" if config.torque.column is None else config.output
             raise RecordError(f"axis {axis_id}: {missing}.column is missing in the configuration")
-        self._id, self._config = axis_id, config
+        for source in further:
+            if source.column is None:
+                raise RecordError(
+                    f"axis {axis_id}: the signal {source.name} has no column in the configuration, and the axis depends"
+                    " on it"
+                )
+        self._id, self._config, self._further = axis_id, config, tuple(further)
+        self._held = HeldColumns(further) if further else None
         self._torque, self._motion, self._time = (
             config.torque.column,
             config.motion.column,
@@ -112,7 +134,8 @@ class AxisColumns:
             self._torque: f"the torque of axis {self._id}",
             self._motion: f"the {self._config.output} of axis {self._id}",
         }
-        return wanted | ({self._time: f"the time of axis {self._id}"} if self._time is not None else {})
+        wanted |= {self._time: f"the time of axis {self._id}"} if self._time is not None else {}
+        return {str(s.column): f"the signal {s.name} of axis {self._id}" for s in self._further} | wanted
 
     def samples(self, rows: Rows, first_row: int) -> SampleBlock:
         """The samples in these rows, the first of which has that number in the file."""
@@ -124,14 +147,18 @@ class AxisColumns:
         """Which of these rows became samples, and the samples; rows that are not ``sound`` are passed over."""
         torque, motion = self.quantities(rows)
         time_us = self._times(rows, first_row, len(torque))
-        fine = np.isfinite(torque) & np.isfinite(motion) & (np.abs(time_us) < _LATEST_US)
+        timed = np.abs(time_us) < _LATEST_US
+        fine = np.isfinite(torque) & np.isfinite(motion) & timed
         looked_at = np.ones(len(fine), np.bool_) if sound is None else sound
         self.dropped["not_finite"] += int(np.count_nonzero(~fine & looked_at))
         index = np.flatnonzero(fine & looked_at)
         t_us = time_us[index].astype(np.int64)
         later = self._increasing(t_us)
         index = index[later]
-        return index, SampleBlock(t_us[later], torque[index], motion[index])
+        # A row that is no sample may still hold a signal: of a temperature that was written by itself.
+        held = self._held.take(np.where(timed, time_us, np.nan), rows.columns) if self._held else None
+        signals = None if held is None else held[index]
+        return index, SampleBlock(t_us[later], torque[index], motion[index], signals)
 
     def quantities(self, rows: Rows) -> tuple[Floats, Floats]:
         """Torque and motion in these rows, in SI units."""

@@ -10,15 +10,14 @@ from monitor_core.bank import Bank
 from monitor_core.episodes import Episode
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
+from monitor_core.operating import Conditions, Operating
 from monitor_core.settings import Settings
 from service.axes import axis_model, axis_settings
-from service.config import NamedAxis
+from service.config import NamedAxis, conditions_of
+from service.ingest.table_record import SampleBlock
 
-Block = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
-"""Samples of an axis in the order of their times [us]: times, torque [N m], motion [rad or rad/s]."""
-
-Samples = Mapping[str, Block]
-"""Samples by axis."""
+Samples = Mapping[str, SampleBlock]
+"""Samples by axis, in the order of their times."""
 
 
 class Change(NamedTuple):
@@ -39,10 +38,16 @@ class Monitors:
         self._banks = [_MonitorBank(group) for group in _groups(axes)]
         monitors = {axis_id: monitor for bank in self._banks for axis_id, monitor in bank.lanes}
         self.by_id: Mapping[str, AxisMonitor] = {axis.id: monitors[axis.id] for axis in axes}
+        self._operating = {axis_id: one for bank in self._banks for axis_id, one in bank.operating.items()}
 
     def run(self, samples: Samples) -> list[Change]:
         """Let every axis take its samples; what changed, axis by axis in order of time."""
         return [change for bank in self._banks for change in bank.run(samples)]
+
+    def waits_for(self, axis_id: str) -> str:
+        """Why the last sample of an axis was not learned from, by its operating conditions; empty: nothing is."""
+        operating = self._operating.get(axis_id)
+        return operating.reason if operating else ""
 
     @property
     def bank_sizes(self) -> list[int]:
@@ -58,6 +63,7 @@ class _Axis(NamedTuple):
     id: str
     model: AxisModel
     settings: Settings
+    conditions: Conditions
 
 
 class _MonitorBank:
@@ -66,19 +72,37 @@ class _MonitorBank:
     def __init__(self, axes: Sequence[_Axis]) -> None:
         self._bank = Bank([axis.model for axis in axes], [axis.settings for axis in axes])
         self.lanes = [(axis.id, AxisMonitor(self._bank, a)) for a, axis in enumerate(axes)]
+        self.operating = {axis.id: Operating(axis.model, axis.conditions) for axis in axes if axis.conditions}
 
     def run(self, samples: Samples) -> Iterator[Change]:
         blocks = [samples.get(axis_id) for axis_id, _ in self.lanes]
-        count = np.array([0 if block is None else len(block[0]) for block in blocks])
+        count = np.array([0 if block is None else len(block.t_us) for block in blocks])
         shape = (int(count.max()), len(blocks))
         t_us, u, y = np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape)
         for a, block in enumerate(blocks):
             if block is not None:
-                t_us[: count[a], a], u[: count[a], a], y[: count[a], a] = block
-        for a, event in self._bank.run(t_us, u, y, count):
+                n = count[a]
+                t_us[:n, a], u[:n, a], y[:n, a] = block.t_us, block.torque, block.motion
+        shift, gate = self._conditions(blocks, count)
+        for a, event in self._bank.run(t_us, u, y, count, shift, gate):
             axis_id, monitor = self.lanes[a]
             for episode in monitor.apply(event):
                 yield Change(axis_id, episode)
+
+    def _conditions(
+        self, blocks: Sequence[SampleBlock | None], count: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64] | None, NDArray[np.bool_] | None]:
+        """Shift (N, p, W) of the nominal values and gates (N, W), where any axis depends on something."""
+        if not self.operating:
+            return None, None
+        N, W = int(count.max()), len(blocks)
+        shift, gate = np.zeros((N, len(self._bank.models[0].monitored), W)), np.ones((N, W), np.bool_)
+        for a, block in enumerate(blocks):
+            operating = self.operating.get(self.lanes[a][0])
+            if block is not None and operating is not None:
+                n = count[a]
+                shift[:n, :, a], gate[:n, a] = operating.take(block.t_us, block.motion, block.signals)
+        return shift, gate
 
 
 def _groups(axes: Sequence[NamedAxis]) -> list[list[_Axis]]:
@@ -87,5 +111,5 @@ def _groups(axes: Sequence[NamedAxis]) -> list[list[_Axis]]:
     for axis in axes:
         model = axis_model(axis.config)
         found = groups.setdefault((model.drive, model.monitored), [])
-        found.append(_Axis(axis.id, model, axis_settings(axis, model)))
+        found.append(_Axis(axis.id, model, axis_settings(axis, model), conditions_of(axis)))
     return list(groups.values())

@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 
-import numpy as np
-
 from service.config import Config
 from service.ingest.frames import Frame, Sample
 from service.ingest.pipeline import Ingest
-from service.monitoring.banks import Block, Change, Monitors
+from service.ingest.table_record import block_of
+from service.monitoring.banks import Change, Monitors
 
 
 class Core:
@@ -33,14 +32,9 @@ class Core:
         waiting, self._samples = self._samples, {}
         if not waiting:
             return []
-        return self.monitors.run({axis_id: _block(samples) for axis_id, samples in waiting.items()})
+        return self.monitors.run({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
 
     def flush(self) -> None:
         """The end of the frames: values without a partner are counted."""
         for ingest in self.ingests.values():
             ingest.flush()
-
-
-def _block(samples: list[Sample]) -> Block:
-    t_us, torque, motion = zip(*samples, strict=True)
-    return np.array(t_us, np.int64), np.array(torque, float), np.array(motion, float)

@@ -10,7 +10,6 @@ import structlog
 
 from service.app import DaemonFailedError, run_daemon
 from service.monitoring.core import Core
-from service.monitoring.worker import Worker
 from service.store.journal import Journal
 from tests.service.monitoring.robots import demo
 
@@ -30,27 +29,3 @@ def test_a_worker_that_fails_stops_the_daemon_and_says_so(
     assert "the worker has failed; the daemon stops" in [entry["event"] for entry in logs]
     Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer
     assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
-
-
-def test_what_the_daemon_does_not_follow_is_logged_and_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shown = list[str]()
-
-    def broken(core: Core) -> None:
-        raise ZeroDivisionError("ends it")
-
-    def begin(self: Worker) -> None:
-        shown.extend(self.snapshot.messages)
-        start(self)
-
-    start = Worker.start
-    config = demo(tmp_path, 1)
-    web = config.web.model_copy(update={"port": 0})
-    monkeypatch.setattr("service.app.remarks", lambda _: iter(["fm follows temperature"]))
-    monkeypatch.setattr(Core, "run", broken)
-    monkeypatch.setattr(Worker, "start", begin)
-    with structlog.testing.capture_logs() as logs, pytest.raises(DaemonFailedError):
-        run_daemon(config.model_copy(update={"web": web}))
-    assert "fm follows temperature" in [entry.get("message") for entry in logs]
-    assert "fm follows temperature" in shown

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from service.config import Config, NamedAxis
+from service.ingest.table_record import SampleBlock
 from service.monitoring.banks import Monitors
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault, Moment, SimulatedRobot
@@ -54,7 +55,7 @@ def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Pa
     u, y = (np.array(column) for column in zip(*readings, strict=True))
     assert 0.5 < u.std() < 2.0
     monitors = Monitors([one])
-    assert monitors.run({one.id: (times, u, y)}) == []
+    assert monitors.run({one.id: SampleBlock(times, u, y)}) == []
     for p in monitors.by_id[one.id].facts().parameters:
         assert abs(p.estimate - p.nominal) < 0.15 * p.nominal, p.name
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from service.config import Config, load
-from service.monitoring.banks import Block, Change, Monitors
+from service.ingest.table_record import SampleBlock
+from service.monitoring.banks import Change, Monitors
 from service.shipping import shipped
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 
@@ -56,7 +57,7 @@ def run(robot: SimulatedRobot, monitors: Monitors, length_s: int) -> Iterator[Ch
         yield from monitors.run({axis_id: block(part, axis_id) for axis_id in monitors.by_id})
 
 
-def block(moments: list[Moment], axis_id: str) -> Block:
+def block(moments: list[Moment], axis_id: str) -> SampleBlock:
     t_us = np.array([round(m.time_s * 1e6) for m in moments])
     torque = np.array([m.readings[axis_id].torque for m in moments])
-    return t_us, torque, np.array([m.readings[axis_id].motion for m in moments])
+    return SampleBlock(t_us, torque, np.array([m.readings[axis_id].motion for m in moments]))

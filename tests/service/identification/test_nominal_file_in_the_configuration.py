@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 from monitor_core.kalman import filter_gain
 from service.axes import axis_model, axis_settings
 from service.commands.check import check
-from service.commands.main import app as main
-from service.config import AxisConfig, Config, ConfigErrors, Problem, drive_of, load, remarks
+from service.config import AxisConfig, Config, ConfigErrors, Problem, drive_of, load
 from tests.service.identification.nominal_texts import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
@@ -243,19 +242,12 @@ range = [20.0, 45.0]
 """
 
 
-def test_who_uses_a_value_that_follows_a_signal_is_told(robot: Path) -> None:
-    """By check and replay; the daemon logs it and shows it on its page."""
+def test_a_value_that_follows_a_signal_needs_the_signal(robot: Path) -> None:
     path = file_with(robot)
-    assert list(remarks(load(robot, {}))) == []
     path.write_text(path.read_text(encoding="utf-8") + FOLLOWS, encoding="utf-8")
-    (remark,) = remarks(load(robot, {}))
-    assert (
-        "fm follows temperature (slope -0.0012 around 32.5, in nominal.toml), but is not watched so yet"
-        in remark
-    )
-    for command in (["check"], ["replay", str(robot.parent / "none.csv")]):
-        result = CliRunner().invoke(main, [command[0], "--config", str(robot), *command[1:]])
-        assert remark in result.output
+    (problem,) = problems(robot)
+    assert problem.key.endswith("model.nominal_file")
+    assert "fm follows temperature: no signal temperature: the configuration names none" in problem.message
 
 
 def test_a_slope_that_is_none_is_named(robot: Path) -> None:

@@ -63,7 +63,7 @@ def samples_of(path: Path, folder: Path, axis: dict[str, Any]) -> tuple[SampleBl
     assert [step.done for step in steps] == sorted(step.done for step in steps)
     assert steps[-1].done == 1.0
     dropped = record.axis_dropped[f"r.{axis['name']}"]
-    joined = SampleBlock(*(np.concatenate(parts) for parts in zip(*blocks, strict=True)))
+    joined = SampleBlock(*(np.concatenate(parts) for parts in zip(*(b[:3] for b in blocks), strict=True)))
     return joined, {reason: n for reason, n in dropped.items() if n}
 
 

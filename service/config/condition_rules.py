@@ -1,0 +1,223 @@
+"""Rules for operating conditions: signals are where they can be had, and what follows them is watched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from monitor_core.drive import split_name
+from monitor_core.model import AxisModel
+from monitor_core.modeling.flat import ModelError
+from monitor_core.operating import Conditions, Follow, Operating
+from service.config.conditions import Varying, term_of, varying_of
+from service.config.positions import Keys
+from service.config.schema import AxisConfig, RobotConfig
+from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
+from service.config.tables import Absent, present
+from service.config.wording import Finding
+from service.words import did_you_mean
+
+
+def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
+    """A signal that is the motion of another axis: of this robot, on the same bus."""
+    names = [axis.name for axis in robot.axis if present(axis, "name")]
+    for k, axis in enumerate(robot.axis):
+        for n, s in enumerate(axis.signal if present(axis, "signal") else ()):
+            if not present(s, "axis") or s.axis is None:
+                continue
+            path: Keys = ("axis", k, "signal", n, "axis")
+            others = [name for name in names if not present(axis, "name") or name != axis.name]
+            if s.axis not in others:
+                yield Finding(path, f"no other axis of that name: {did_you_mean(s.axis, others)}")
+                continue
+            other = robot.axis[
+                next(i for i, o in enumerate(robot.axis) if present(o, "name") and o.name == s.axis)
+            ]
+            if present(axis, "bus") and present(other, "bus") and axis.bus != other.bus:
+                yield Finding(
+                    path,
+                    f"it is on the bus {other.bus}, this axis on {axis.bus}: signals come from an axis's own bus, where"
+                    " their order is certain",
+                )
+
+
+def places_of_signals(axis: AxisConfig) -> Iterator[Finding]:
+    """Each further signal says where it is, once."""
+    for n, s in enumerate(axis.signal):
+        path: Keys = ("signal", n)
+        if not present(s, "axis", "message", "signal", "column"):
+            continue
+        if s.axis is not None:
+            for key in ("message", "signal"):
+                if getattr(s, key) is not None:
+                    yield Finding(
+                        (*path, key), "it is the motion of another axis: remove this, or", (*path, "axis")
+                    )
+        elif (s.message is None) != (s.signal is None):
+            missing = "message" if s.message is None else "signal"
+            yield Finding((*path, missing), "missing: message and signal go together")
+        elif s.message is None and s.column is None:
+            yield Finding((*path, "column"), "missing: it is either in a column or in a message and signal")
+
+
+def gates(axis: AxisConfig) -> Iterator[Finding]:
+    """A gate is of a signal of the axis, and says one thing of it."""
+    for k, gate in enumerate(axis.gate):
+        path: Keys = ("gate", k)
+        if present(gate, "signal") and (problem := _unknown(gate.signal, axis)):
+            yield Finding((*path, "signal"), problem)
+        if present(gate, "equals", "above", "below"):
+            given = [key for key in ("equals", "above", "below") if getattr(gate, key) is not None]
+            if len(given) != 1:
+                key = given[1] if given else "equals"
+                yield Finding((*path, key), "a gate has one of equals, above and below")
+
+
+def varying_terms(axis: AxisConfig) -> Iterator[Finding]:
+    """What is followed is a signal of the axis or a function of it, and is said once."""
+    seen = dict[tuple[str, str], Keys]()
+    for v in varying_of(axis):
+        try:
+            term = str(term_of(v.signal, _names(axis)))
+        except ValueError as error:
+            yield Finding(_key(v, "signal"), f"{v.parameter} follows {v.signal}: {error}")
+            continue
+        if (first := seen.setdefault((v.parameter, term), v.path)) != v.path:
+            yield Finding(_key(v, "signal"), f"{v.parameter} follows {term} already by", first)
+
+
+def varying_ranges(axis: AxisConfig) -> Iterator[Finding]:
+    """The ends of a range are in order."""
+    for v in varying_of(axis):
+        if v.range is not None and not v.range[0] < v.range[1]:
+            yield Finding(_key(v, "range"), "must be [lowest, highest] with lowest < highest")
+
+
+def varying_parameters(axis: AxisConfig) -> Iterator[Finding]:
+    """What follows is monitored, by the slopes of the parameter or of its reciprocal."""
+    monitored = {split_name(name)[0] for name in axis.model.monitor}
+    first = dict[str, str]()
+    for v in varying_of(axis):
+        base = split_name(v.parameter)[0]
+        if base not in monitored:
+            yield Finding(
+                _key(v, "parameter"),
+                f"{v.parameter} follows {v.signal}, but only a monitored parameter can follow: add it to monitor, or"
+                " identify it without",
+            )
+        elif first.setdefault(base, v.parameter) != v.parameter:
+            yield Finding(
+                _key(v, "parameter"), f"slopes of both {v.parameter} and {first[base]}: give one of them"
+            )
+
+
+def varying_values(axis: AxisConfig) -> Iterator[Finding]:
+    """Nominal values stay within their bounds over the whole range of each signal."""
+    if any(_findings(rule, axis) for rule in CONDITION_RULES if rule is not varying_values):
+        return
+    model = _model(axis)
+    for v in varying_of(axis):
+        for end in v.range or ():
+            if _leaves_bounds(model, v.follow, end):
+                yield Finding(
+                    _key(v, "slope"), f"{v.parameter} would leave its bounds at {v.signal} = {end:g}"
+                )
+
+
+def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
+    """The signals that a watched axis needs come over its bus."""
+    if axis.records_only:
+        return
+    purposes = {_signal(v, axis): f"{v.parameter} follows it" for v in varying_of(axis)}
+    purposes |= {g.signal: "it is a gate" for g in axis.gate if present(g, "signal")}
+    for n, s in enumerate(axis.signal):
+        if (
+            present(s, "name", "axis", "message")
+            and s.axis is None
+            and s.message is None
+            and s.name in purposes
+        ):
+            yield Finding(
+                ("signal", n, "message"), f"missing: {purposes[s.name]}, so it must be on the bus of the axis"
+            )
+
+
+def choice(axis: AxisConfig) -> Iterator[Finding]:
+    """What is said of the conditions is what is configured."""
+    said, path = axis.model.conditions, ("model", "conditions")
+    if said == "followed" and not varying_of(axis):
+        yield Finding(
+            path, "nothing follows anything: add [[robot.axis.model.varying]], or a nominal_file with some"
+        )
+    if said == "gated" and not axis.gate:
+        yield Finding(path, "there is no gate: add [[robot.axis.gate]]")
+    if said == "others stand still":
+        moving = {s.name: s.axis for s in axis.signal if present(s, "name", "axis") and s.axis is not None}
+        for v in varying_of(axis):
+            if (other := moving.get(_signal(v, axis))) is not None:
+                yield Finding(path, f"but {v.parameter} follows the motion of {other}, by", v.path)
+
+
+def _names(axis: AxisConfig) -> list[str]:
+    return [s.name for s in axis.signal if present(s, "name")]
+
+
+def _signal(v: Varying, axis: AxisConfig) -> str:
+    """The signal of a term."""
+    try:
+        return term_of(v.signal, _names(axis)).signal
+    except ValueError:  # which another rule says
+        raise Absent("signal") from None
+
+
+def _unknown(name: str, axis: AxisConfig) -> str:
+    """Why that is no signal of the axis; empty if it is one."""
+    if name in _names(axis):
+        return ""
+    try:
+        return "must be a signal itself" if term_of(name, _names(axis)).function else ""
+    except ValueError as error:
+        return str(error)
+
+
+def _key(v: Varying, key: str) -> Keys:
+    """The key of a table of the configuration; of a file of nominal values, the file."""
+    return v.path if v.path[-1] == "nominal_file" else (*v.path, key)
+
+
+def _findings(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig) -> bool:
+    """Whether the rule finds something, or cannot be asked."""
+    try:
+        return next(rule(axis), None) is not None
+    except Absent:
+        return True
+
+
+def _model(axis: AxisConfig) -> AxisModel:
+    try:
+        return AxisModel(
+            watched_drive(axis), watched_values(axis), axis.model.monitor, scales_of(axis), bounds_of(axis)
+        )
+    except (KeyError, ValueError, ModelError):  # which another rule says
+        raise Absent("model") from None
+
+
+def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
+    """Whether theta_0 is impossible where the term has that value."""
+    plain = follow._replace(term=follow.term._replace(function=""), low=end, high=end)
+    signal = follow.term.signal
+    operating = Operating(model, Conditions((signal,), (plain,)))
+    shift, _ = operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([[end]]))
+    return bool(np.isnan(shift).any())
+
+
+CONDITION_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
+    gates,
+    varying_terms,
+    varying_ranges,
+    varying_parameters,
+    varying_values,
+    on_the_bus,
+    choice,
+)

@@ -1,0 +1,136 @@
+"""What the operation of an axis depends on, by its configuration and its file of nominal values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from monitor_core.operating import FUNCTIONS, Conditions, Follow, Gate, Term
+from service.config.nominal import nominal_file_of
+from service.config.positions import Keys
+from service.config.schema import AxisConfig, Config, GateConfig, NamedAxis, RobotConfig
+from service.config.sources import Source
+from service.config.tables import present
+from service.words import did_you_mean
+
+
+class Varying(NamedTuple):
+    """A parameter that follows a signal, and where that is written, relative to the axis."""
+
+    parameter: str
+    signal: str
+    slope: float
+    reference: float
+    range: tuple[float, float] | None
+    path: Keys
+
+    @property
+    def follow(self) -> Follow:
+        """For the engine.
+
+        Raises:
+            ValueError: the signal is no term.
+        """
+        low, high = self.range or (-math.inf, math.inf)
+        return Follow(self.parameter, Term.read(self.signal), self.slope, self.reference, low, high)
+
+
+def varying_of(axis: AxisConfig) -> tuple[Varying, ...]:
+    """All that follows something: by the file of nominal values, and by the configuration.
+
+    Raises:
+        Absent: the file cannot be used, or there is no configuration of these in a lenient reading.
+    """
+    return (*_of_file(axis), *_of_configuration(axis))
+
+
+def _of_file(axis: AxisConfig) -> Iterator[Varying]:
+    found = nominal_file_of(axis)
+    for v in found.varying if found else ():
+        yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, ("model", "nominal_file"))
+
+
+def _of_configuration(axis: AxisConfig) -> Iterator[Varying]:
+    for k, v in enumerate(axis.model.varying):
+        if present(v, "parameter", "signal", "slope", "reference", "range"):
+            path: Keys = ("model", "varying", k)
+            yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, path)
+
+
+def term_of(text: str, known: Iterable[str]) -> Term:
+    """A signal or a function of it, as the user writes it: temperature, cos(angle2).
+
+    Raises:
+        ValueError: there is no such signal or function.
+    """
+    term, names = Term.read(text), list(known)
+    if term.function and term.function not in FUNCTIONS:
+        raise ValueError(f"no function {term.function} of signals: {did_you_mean(term.function, FUNCTIONS)}")
+    if not names:
+        raise ValueError(
+            f"no signal {term.signal}: the configuration names none; add [[robot.axis.signal]] with"
+            f' name = "{term.signal}" and its column'
+        )
+    if term.signal not in names:
+        raise ValueError(
+            f"no signal {term.signal}: {did_you_mean(term.signal, names)}; signals are [[robot.axis.signal]] of the"
+            " configuration"
+        )
+    return term
+
+
+def conditions_of(axis: NamedAxis) -> Conditions:
+    """What the operation of an axis of a right configuration depends on."""
+    return Conditions(
+        tuple(source.name for source in needed(axis)),
+        tuple(v.follow for v in varying_of(axis.config)),
+        tuple(_gate(gate) for gate in axis.config.gate),
+        axis.config.least_speed or 0.0,
+    )
+
+
+def needed(axis: NamedAxis) -> tuple[Source, ...]:
+    """The further signals without which the axis cannot be watched, in the order of the configuration."""
+    names = {v.follow.term.signal for v in varying_of(axis.config)} | {g.signal for g in axis.config.gate}
+    return tuple(source for source in axis.sources if source.name in names)
+
+
+def _gate(gate: GateConfig) -> Gate:
+    above = -math.inf if gate.above is None else gate.above
+    below = math.inf if gate.below is None else gate.below
+    return Gate(gate.signal, gate.equals or (), above, below)
+
+
+def in_words(axis: AxisConfig) -> Iterator[str]:
+    """The conditions of an axis, for people."""
+    for v in varying_of(axis):
+        yield f"{v.parameter} follows {v.signal}"
+    for g in axis.gate:
+        yield f"only while {g.signal} is {_value(g)}"
+    if axis.least_speed is not None:
+        yield f"only from {axis.least_speed:g} rad/s on"
+
+
+def _value(gate: GateConfig) -> str:
+    if gate.equals is not None:
+        return " or ".join(f"{value:g}" for value in gate.equals)
+    return f"above {gate.above:g}" if gate.above is not None else f"below {gate.below:g}"
+
+
+def unsaid(config: Config) -> Iterator[str]:
+    """What is taken for granted where nothing is said of the conditions, robot by robot."""
+    for robot in config.robot:
+        names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
+        if names:
+            yield (
+                f"{robot.name}: {', '.join(names)}: watched as if the other axes stood still: where their pose changes"
+                " the inertia, alarms will tell of that. Let nominal values follow it ([[robot.axis.model.varying]]),"
+                " watch a reference motion only ([[robot.axis.gate]]), or say"
+                ' conditions = "others stand still" in [robot.axis.model]'
+            )
+
+
+def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
+    said = axis.model.conditions is not None or axis.gate or varying_of(axis)
+    return len(robot.axis) > 1 and not said
