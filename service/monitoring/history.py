@@ -36,4 +36,5 @@ def _point(t_us: int, facts: AxisFacts) -> HistoryPoint:
         standard_deviations=tuple(p.standard_deviation for p in ps),
         g_up=tuple(p.g_up for p in ps),
         g_down=tuple(p.g_down for p in ps),
+        nominals=tuple(p.nominal for p in ps),
     )

@@ -21,7 +21,11 @@ class AxisView:
     nominal: Mapping[str, tuple[float, str]]
 
     def snapshot(
-        self, open_episodes: tuple[Episode, ...], dropped: Mapping[str, int], clock: Mapping[str, int]
+        self,
+        open_episodes: tuple[Episode, ...],
+        dropped: Mapping[str, int],
+        clock: Mapping[str, int],
+        gated_by: str = "",
     ) -> AxisSnapshot:
         """The axis now.  ``open_episodes`` are those of the journal, and the only ones shown."""
         facts = self.monitor.facts()
@@ -41,6 +45,7 @@ class AxisView:
             dropped=dropped,
             clock=clock,
             history=self.history.history,
+            gated_by=gated_by,
         )
 
 

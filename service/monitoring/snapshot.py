@@ -16,6 +16,7 @@ class HistoryPoint:
     standard_deviations: tuple[float, ...]
     g_up: tuple[float, ...]
     g_down: tuple[float, ...]
+    nominals: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,8 @@ class AxisSnapshot:
     clock: Mapping[str, int]
     """How often the time line of the samples began anew, by cause (service.ingest.pipeline.Ingest.axis_events)"""
     history: History
+    gated_by: str = ""
+    """Which operating condition forbids to learn from the last sample, e.g. mode = 2; empty: none does"""
 
 
 @dataclass(frozen=True, slots=True)

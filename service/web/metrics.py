@@ -75,7 +75,11 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
 
     p_ii = "P_ii of the recursion; the variance of the estimate is lambda_0 P_ii / (1 + lambda)."
     yield gauge("parameter_estimate", f"Estimated value, {_UNIT}.", lambda p: p.estimate)
-    yield gauge("parameter_nominal", f"Commissioned value, {_UNIT}.", lambda p: p.nominal)
+    yield gauge(
+        "parameter_nominal",
+        f"Commissioned value, which may follow operating conditions, {_UNIT}.",
+        lambda p: p.nominal,
+    )
     yield gauge(
         "parameter_standard_deviation", f"Standard deviation, {_UNIT}.", lambda p: p.standard_deviation
     )
@@ -111,10 +115,17 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
         ("axis",),
         (((a.id,), a.facts.innovation_variance) for a in axes),
     )
+    yield _gauge(
+        "axis_gated",
+        "1 while operating conditions forbid to learn from the samples, else 0.",
+        ("axis",),
+        (((a.id,), float(bool(a.gated_by))) for a in axes),
+    )
     yield _counter("samples", "Samples received.", ("axis",), (((a.id,), a.facts.samples) for a in axes))
     yield _counter(
         "samples_by_fate",
-        "What became of the samples; starved: nothing to learn; projected: used, an estimate was held in its bounds.",
+        "What became of the samples; starved: nothing to learn; gated: operating conditions forbid it; "
+        "projected: used, an estimate was held in its bounds.",
         ("axis", "fate"),
         _by_reason((a.id, a.facts.counters) for a in axes),
     )

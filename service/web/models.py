@@ -36,7 +36,9 @@ class Parameter(Body):
     name: str = Field(description="e.g. kT, or 1/Ja for the reciprocal of Ja")
     unit: str = Field(description="SI unit; 1 for a ratio")
     meaning: str
-    nominal: Number = Field(description="commissioned value, in the parameter's unit")
+    nominal: Number = Field(
+        description="commissioned value, in the parameter's unit; where it follows operating conditions, that of now"
+    )
     estimate: Number = Field(description="value now, in the parameter's unit")
     standard_deviation: Number = Field(description="of the estimate, in the parameter's unit")
     p_diagonal: Number = Field(description="P_ii of the recursion: variance = lambda_0 P_ii / (1 + lambda)")
@@ -90,7 +92,12 @@ class Axis(Body):
     innovation_unit: str = Field(description="unit of the output: rad or rad/s")
     samples: int = Field(description="samples received since the start, whatever became of them")
     confounded: list[str] = Field(description="what cannot be told apart, or is not observed, now: in words")
-    counters: dict[str, int] = Field(description="what became of the samples, number by fate")
+    gated_by: str | None = Field(
+        description="which operating condition forbids to learn from the last sample, e.g. mode = 2; null: none does"
+    )
+    counters: dict[str, int] = Field(
+        description="what became of the samples, number by fate; gated: operating conditions forbade to learn from them"
+    )
     dropped: dict[str, int] = Field(
         description="decoded values that did not become a sample, number by reason"
     )
@@ -112,7 +119,8 @@ class Course(Body):
 
     name: str
     unit: str
-    nominal: Number
+    nominal: Number = Field(description="now, in the parameter's unit")
+    nominals: list[Number] = Field(description="then, in the parameter's unit")
     estimate: list[Number] = Field(description="in the parameter's unit")
     standard_deviation: list[Number] = Field(description="in the parameter's unit")
     cusum_up: list[Number] = Field(description="in the parameter's unit times samples")

@@ -48,7 +48,7 @@ function makeCard(axis) {
     text(age, seconds === null ? "no sample yet" : `last sample ${span(seconds)} ago`);
     className(age, seconds === null || seconds > LATE_S ? "age late" : "age quiet");
     text(sub, describe(now));
-    now.parameters.forEach((parameter, i) => rows[i].show(parameter));
+    now.parameters.forEach((parameter, i) => rows[i].show(parameter, now.gated_by !== null));
   }
   return { node, show };
 }
@@ -65,6 +65,7 @@ function describe(axis) {
   const parts = [`${axis.model.drive}, ${axis.model.output}`, `bus ${axis.bus}`, `${count(axis.samples)} samples`];
   if (axis.samples > used) parts.push(`${count(axis.samples - used)} not used`);
   if (lost > 0) parts.push(`${count(lost)} values dropped`);
+  if (axis.gated_by !== null) parts.push(`nothing is learned: ${axis.gated_by}`);
   parts.push(...axis.confounded);
   return parts.join(" · ");
 }
@@ -89,13 +90,14 @@ function makeRow(parameter) {
     cell("CUSUM", cusum.node),
     el("td", { role: "cell", className: "status" }, status),
   );
-  function show(now) {
+  function show(now, gated) {
+    const state = gated && now.status !== "alarm" && now.status !== "waiting" ? "gated" : now.status;
     const difference = deviationOf(now);
     text(nominal, number(now.nominal));
     text(estimate, withDeviation(now.estimate, now.standard_deviation));
     text(share, now.nominal ? percent(difference / Math.abs(now.nominal)) : `${signed(difference)} ${inUnit}`);
-    text(status, now.status);
-    className(status, STATUS_CLASS[now.status] ?? "pill");
+    text(status, state);
+    className(status, STATUS_CLASS[state] ?? "pill");
     className(node, now.status === "alarm" ? "out" : "");
     deviation.show(now);
     cusum.show(now);

@@ -89,6 +89,7 @@ COUNTERS = {
     "seeding": 2000,
     "settling": 400,
     "starved": 5120,
+    "gated": 1200,
     "not_finite": 3,
     "not_increasing": 1,
     "gap": 2,
@@ -103,9 +104,9 @@ def history(points: int) -> History:
     course = History()
     for k in range(points):
         time_us = NOON_US - (points - 1 - k) * 1_000_000
-        course = course.append(
-            HistoryPoint(time_us, (1.0, 0.01, 0.06 + k * 1e-4), (0.1, 0.2, 0.3), (k, 0, 0), (0, k, 0))
-        )
+        estimates, nominals = (1.0, 0.01, 0.06 + k * 1e-4), (1.0, 0.01, 0.06)
+        point = HistoryPoint(time_us, estimates, (0.1, 0.2, 0.3), (k, 0, 0), (0, k, 0), nominals)
+        course = course.append(point)
     return course
 
 

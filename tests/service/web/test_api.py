@@ -44,14 +44,25 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert get(client, "/api/v1/axes/demo.axis1") == first
     assert first["last_sample"] == "2026-03-01T11:59:59.600000Z"
     assert first["last_sample_age_s"] == 0.65
-    assert first["samples"] == 126_330
+    assert first["samples"] == 127_530
     assert first["counters"]["gap"] == 2
+    assert first["counters"]["gated"] == 1200
+    assert first["gated_by"] is None
     assert first["confounded"] == ["1/Ja is not observed"]
     assert first["dropped"] == {"no_partner": 5, "late": 0}
     assert first["clock"] == {"clock_reanchored": 3}
     assert first["innovation_unit"] == "rad"
     assert second["last_sample"] is None
     assert second["last_sample_age_s"] is None
+
+
+def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
+    one, other = stage.snapshot.axes
+    stage.snapshot = replace(stage.snapshot, axes=(replace(one, gated_by="mode = 2"), other))
+    assert [axis["gated_by"] for axis in get(client, "/api/v1/axes")["axes"]] == ["mode = 2", None]
+    metrics = client.get("/metrics").text
+    assert 'axiswatch_axis_gated{axis="demo.axis1"} 1.0' in metrics
+    assert 'axiswatch_axis_gated{axis="demo.axis2"} 0.0' in metrics
 
 
 def test_a_parameter_has_its_unit_and_both_cusums(client: TestClient) -> None:
@@ -115,6 +126,7 @@ def test_history_comes_in_columns(client: TestClient) -> None:
     assert kT["cusum_up"] == list(range(100))
     assert Ja["cusum_down"] == list(range(100))
     assert kT["standard_deviation"] == [0.1] * 100
+    assert Ja["nominals"] == [0.01] * 100
 
 
 def test_history_of_one_parameter_since_a_time(client: TestClient) -> None:

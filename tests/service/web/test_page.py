@@ -172,6 +172,15 @@ def test_the_documentation_needs_no_other_host(page: Page) -> None:
     expect(page.get_by_text("at most so many points, the last ones")).to_be_visible()
 
 
+def test_what_forbids_to_learn_is_shown(page: Page, stage: Stage) -> None:
+    axis = stage.snapshot.axes[0]
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, gated_by="temperature is not known"),))
+    page.goto("/")
+    expect(page.get_by_role("article").first).to_contain_text("nothing is learned: temperature is not known")
+    expect(page.get_by_role("row", name="kT").get_by_role("cell").last).to_have_text("gated")
+    expect(page.get_by_role("row", name="fm").get_by_role("cell").last).to_have_text("alarm")
+
+
 def test_values_that_are_no_numbers_are_dashes(page: Page, stage: Stage) -> None:
     axis = stage.snapshot.axes[0]
     broken = replace(axis.facts.parameters[0], estimate=math.nan, standard_deviation=math.nan, g_up=math.inf)
