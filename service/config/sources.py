@@ -19,6 +19,8 @@ class Source(NamedTuple):
     factor: float
     offset: float
     maximum_age_s: float
+    axis: str | None = None
+    """The other axis of the robot whose motion it is"""
 
 
 def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
@@ -33,4 +35,4 @@ def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source
         column = s.column if s.column is not None else other.column
         # Without a bus a motion has no message.
         message, signal = other.message or None, other.signal or None
-        yield Source(s.name, message, signal, column, factor, offset, s.maximum_age_s)
+        yield Source(s.name, message, signal, column, factor, offset, s.maximum_age_s, s.axis)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -12,13 +13,17 @@ from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel, split_name
 from monitor_core.reference import faulty
 from monitor_core.simulation import SimulatedAxis
-from service.config import NamedAxis, drive_of, given_values, predictor_of
+from service.config import NamedAxis, conditions_of, drive_of, given_values, predictor_of
+from service.simulation.conditions import SimulatedConditions
 from service.simulation.motion import motion_of
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)
 RIPPLE = 0.4
 """Part of the configured torque noise that the drive really has; the rest is for what no model has."""
+
+FOLLOW_S = 0.1
+"""So often a drive follows its operating conditions."""
 
 _SWING, _SWING_PERIOD_S = 2.0, 20.0  # rad, s
 
@@ -28,6 +33,7 @@ class Reading(NamedTuple):
 
     torque: float  # N m
     motion: float  # rad or rad/s
+    signals: tuple[float, ...] = ()  # further ones that the axis needs, in the order of the configuration
 
 
 class ControlledAxis:
@@ -60,6 +66,8 @@ class ControlledAxis:
         self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
         self._noise = predictor.output_noise or 0.0
         self._torque_before = 0.0
+        self._conditions = SimulatedConditions(axis) if conditions_of(axis) else None
+        self._follows_every = max(1, round(FOLLOW_S / self.interval_s))
 
     def break_down(self, fault: Mapping[str, float]) -> None:
         """From now on parameters have so many times their value: {"fm": 1.3, "1/Ja": 0.8}.
@@ -83,11 +91,18 @@ class ControlledAxis:
         self._drive.set(AxisModel(self._model.drive, given, ()).nominal)
         self._given, self._delay_s = given, delay_s
 
-    def sample(self, k: int) -> Reading:
-        """Sample k: what is measured and commanded now; then the drive moves on to the next one."""
+    def sample(self, k: int, others: Mapping[str, float] = MappingProxyType({})) -> Reading:
+        """Sample k: what is measured and commanded now; then the drive moves on to the next one.
+
+        ``others`` is what the other axes of the robot send of their motion, by name.
+        """
+        signals = self._conditions.signals(k * self.interval_s, others) if self._conditions else ()
+        if self._conditions and k % self._follows_every == 0:
+            values = AxisModel(self._model.drive, self._given, ()).nominal
+            self._drive.set(dict(self._conditions.followed(signals, values)))
         torque = self._command(k)
         motion = self._drive.angle if self._output == "angle" else self._drive.speed
-        reading = Reading(torque, motion + self._noise * self._rng.standard_normal())
+        reading = Reading(torque, motion + self._noise * self._rng.standard_normal(), signals)
         self._move(torque + self._ripple * self._rng.standard_normal())
         return reading
 

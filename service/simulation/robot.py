@@ -46,6 +46,8 @@ class SimulatedRobot:
     def __init__(self, config: Config, seed: int | None = None, faults: Sequence[Fault] = ()) -> None:
         rng = np.random.default_rng(seed)
         self._axes = {axis.id: ControlledAxis(axis, rng) for axis in config.axes}
+        self._named = {axis.id: axis for axis in config.axes}
+        self._sent: dict[str, dict[str, float]] = {robot.name: {} for robot in config.robot}
         self._faults = sorted(faults, key=lambda fault: fault.after_s)
         for fault in faults:
             _try_out(fault, config)
@@ -60,9 +62,18 @@ class SimulatedRobot:
                 fault = waiting.pop(0)
                 self._axes[fault.axis_id].break_down(fault.factors)
                 happened(fault)
-            axes = (axis for axis in self._axes.values() if axis.interval_s == interval_s)
-            yield Moment(time_s, interval_s, k, {axis.id: axis.sample(k) for axis in axes})
+            axes = [axis for axis in self._axes.values() if axis.interval_s == interval_s]
+            yield Moment(time_s, interval_s, k, {axis.id: self._sample(axis, k) for axis in axes})
             heapq.heappush(groups, ((k + 1) * interval_s, interval_s, k + 1))
+
+    def _sample(self, axis: ControlledAxis, k: int) -> Reading:
+        """The sample; what it says of the motion is there for the other axes, as it is on the bus."""
+        named = self._named[axis.id]
+        sent, motion = self._sent[named.robot], named.config.motion
+        reading = axis.sample(k, sent)
+        if motion.factor:
+            sent[named.config.name] = (reading.motion - motion.offset) / motion.factor
+        return reading
 
 
 def _try_out(fault: Fault, config: Config) -> None:

@@ -52,7 +52,7 @@ def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Pa
     n = round(40 / robot.interval_s)
     readings = [robot.sample(k) for k in range(n)]
     times = np.arange(n) * round(robot.interval_s * 1e6)
-    u, y = (np.array(column) for column in zip(*readings, strict=True))
+    u, y = (np.array([getattr(r, name) for r in readings]) for name in ("torque", "motion"))
     assert 0.5 < u.std() < 2.0
     monitors = Monitors([one])
     assert monitors.run({one.id: SampleBlock(times, u, y)}) == []

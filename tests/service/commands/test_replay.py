@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
     for moment in SimulatedRobot(load(file, {}), seed, [Fault("demo.axis1", {"fm": 1.5}, 6.0)]).moments():
         if moment.time_s > 12:
             break
-        u, phi = moment.readings["demo.axis1"]
+        u, phi, _ = moment.readings["demo.axis1"]
         rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
     (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     return folder

@@ -60,7 +60,8 @@ def write_record(
     for k in range(round(seconds / h)):
         if fault and k == round(after_s / h):
             plant.break_down(fault)
-        rows.append((k * h, *plant.sample(k)))
+        reading = plant.sample(k)
+        rows.append((k * h, reading.torque, reading.motion))
     text = "".join(f"{t:.6f},{u:.10g},{y:.13g}\n" for t, u, y in rows)
     path.write_text("t,torque,angle\n" + text, encoding="utf-8")
     return path
