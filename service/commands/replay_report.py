@@ -42,6 +42,10 @@ class Report:
         for bus, counts in record.bus_dropped.items():
             _count(self.frames_dropped.setdefault(bus, {}), counts.items())
 
+    def dropped_of(self, axis_id: str) -> dict[str, int]:
+        """What never reached the monitor of an axis, by reason."""
+        return {**self.dropped[axis_id], **self.monitors.dropped(axis_id)}
+
     def alarms(self, axis_id: str) -> list[Episode]:
         """The alarms of an axis, in the order in which they were raised."""
         return [change.episode for change in self._alarms.values() if change.axis_id == axis_id]
@@ -112,7 +116,7 @@ def _axis(report: Report, axis_id: str) -> Json:
         "innovation_variance": _number(facts.innovation_variance),
         "confounded": list(facts.confounded),
         "counters": dict(facts.counters),
-        "dropped": report.dropped[axis_id],
+        "dropped": report.dropped_of(axis_id),
         "parameters": [_parameter(p) for p in facts.parameters],
         "alarms": [_alarm(e, facts) for e in report.alarms(axis_id)],
     }

@@ -2,6 +2,7 @@
 
 from service.config.conditions import conditions_of, in_words, needed, unsaid
 from service.config.drives import drive_of, given_values
+from service.config.encoder import step_noise
 from service.config.loading import load
 from service.config.nominal import Predictor, nominal_file_of, predictor_of
 from service.config.problems import ConfigErrors, Problem
@@ -49,6 +50,7 @@ __all__ = [
     "nominal_file_of",
     "predictor_of",
     "scales_of",
+    "step_noise",
     "unsaid",
     "watched_drive",
     "watched_values",

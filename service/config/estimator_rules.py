@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Iterator
 
+from service.config.encoder import step_noise
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of
 from service.config.schema import FEWEST_SAMPLES, AxisConfig
+from service.config.tables import present
 from service.config.wording import Finding
 
 
@@ -31,10 +33,11 @@ def noises(axis: AxisConfig) -> Iterator[Finding]:
     estimator = axis.estimator
     if nominal_file_of(axis) is not None or axis.records_only:
         return
-    pair = {"torque_noise": estimator.torque_noise, "output_noise": estimator.output_noise}
+    steps = step_noise(axis) if present(axis, "angle", "speed") else None
+    pair = {"torque_noise": estimator.torque_noise, "output_noise": estimator.output_noise or steps}
     missing = [name for name, value in pair.items() if value is None]
     if estimator.predictor == "output-error":
-        if estimator.innovation_variance is None and estimator.output_noise is None:
+        if estimator.innovation_variance is None and pair["output_noise"] is None:
             yield Finding(("estimator", "output_noise"), "missing: give output_noise or innovation_variance")
     elif not estimator.gain:
         for name in missing:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from service.config.encoder import step_noise
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
 from service.config.schema import AxisConfig, EstimatorConfig
 from service.config.tables import Absent
@@ -43,7 +44,7 @@ def predictor_of(axis: AxisConfig) -> Predictor:
     e, found = axis.estimator, nominal_file_of(axis)
     if found is None:
         return Predictor(
-            e.predictor, e.gain, e.innovation_variance, e.torque_noise, e.output_noise,
+            e.predictor, e.gain, e.innovation_variance, e.torque_noise, e.output_noise or step_noise(axis),
             axis.torque_delay_s, axis.model.friction_speed_scale,
         )  # fmt: skip
     p = found.predictor

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from service.config.condition_rules import CONDITION_RULES, places_of_signals, signals_of_axes
 from service.config.crosschecks import DBC_RULES
+from service.config.encoder_rules import ENCODER_RULES
 from service.config.estimator_rules import ESTIMATOR_RULES
 from service.config.model_rules import MODEL_RULES
 from service.config.nominal_rules import NOMINAL_RULES
@@ -198,6 +199,7 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     *NOMINAL_RULES,
     *MODEL_RULES,
     *SKEW_RULES,
+    *ENCODER_RULES,
     *ESTIMATOR_RULES,
     *CONDITION_RULES,
 )

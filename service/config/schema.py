@@ -101,6 +101,27 @@ class SignalConfig(Table):
     column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
 
 
+_RESOLUTION = (
+    "step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"
+)
+
+
+class AngleConfig(SignalConfig):
+    """[robot.axis.angle]: the motor angle."""
+
+    wraps_at: Positive | None = Field(
+        None,
+        description="the signal starts again after so much, in its own unit, before the factor: 360, 65536, 6.2831853",
+    )
+    resolution: Positive | None = Field(None, description=_RESOLUTION)
+
+
+class SpeedConfig(SignalConfig):
+    """[robot.axis.speed]: the motor speed."""
+
+    resolution: Positive | None = Field(None, description=_RESOLUTION)
+
+
 class FurtherConfig(Table):
     """[[robot.axis.signal]]: a further signal beside torque and motion: of the axis, of another one, of the robot."""
 
@@ -283,8 +304,8 @@ class AxisConfig(Table):
         0.0, ge=0, description="torque acts so much later than its sample [s], at most one interval"
     )
     torque: SignalConfig = Field(description="motor torque; factor and offset make it N m")
-    angle: SignalConfig | None = Field(None, description="motor angle; factor and offset make it rad")
-    speed: SignalConfig | None = Field(None, description="motor speed; factor and offset make it rad/s")
+    angle: AngleConfig | None = Field(None, description="motor angle; factor and offset make it rad")
+    speed: SpeedConfig | None = Field(None, description="motor speed; factor and offset make it rad/s")
     time: TimeConfig = Field(default_factory=TimeConfig, description="time of the samples")
     signal: tuple[FurtherConfig, ...] = Field(
         (),
@@ -315,7 +336,7 @@ class AxisConfig(Table):
         return 1 - self.sample_interval_s / memory
 
     @property
-    def motion(self) -> SignalConfig:
+    def motion(self) -> AngleConfig | SpeedConfig:
         """The signal of the angle or of the speed; a loaded configuration has exactly one of them."""
         given = [signal for signal in (self.angle, self.speed) if signal is not None]
         if len(given) != 1:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from service.config.conditions import needed
-from service.config.schema import NamedAxis, SignalConfig
+from service.config.schema import AngleConfig, NamedAxis, SignalConfig
 from service.ingest.assemble import Assembler
 from service.ingest.clock import SampleClock
 from service.ingest.dbc import DbcError, find_counter
@@ -25,6 +25,7 @@ class Quantity(NamedTuple):
     signal: str
     factor: float = 1.0
     offset: float = 0.0
+    wraps_at: float | None = None
 
     def value(self, signals: Mapping[str, float]) -> float | None:
         """The value in SI units; None where a multiplexed signal is absent."""
@@ -152,4 +153,5 @@ class AxisInput:
 
 def _quantity(name: str, source: SignalConfig, decoder: Decoder) -> Quantity:
     key = decoder.key(source.message)
-    return Quantity(name, key, source.message, source.signal, source.factor, source.offset)
+    wraps_at = source.wraps_at if isinstance(source, AngleConfig) else None
+    return Quantity(name, key, source.message, source.signal, source.factor, source.offset, wraps_at)

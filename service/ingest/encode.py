@@ -98,7 +98,7 @@ class FrameEncoder:
         signal = self._signal(quantity)
         if not quantity.factor:
             raise IngestError(f"axis {axis_id}: the factor of the {quantity.name} is 0: nothing can be sent")
-        raw = signal.scaled_to_raw((value - quantity.offset) / quantity.factor)
+        raw = signal.scaled_to_raw(_wrapped((value - quantity.offset) / quantity.factor, quantity, signal))
         if signal.is_float:
             return raw
         lowest = -(1 << (signal.length - 1)) if signal.is_signed else 0
@@ -111,6 +111,14 @@ class FrameEncoder:
 
     def _signal(self, quantity: Quantity) -> Signal:
         return self._messages[quantity.key].get_signal_by_name(quantity.signal)
+
+
+def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
+    """An angle that starts again, from zero or, where the signal has a sign, from minus half a period."""
+    if quantity.wraps_at is None:
+        return value
+    lowest = -quantity.wraps_at / 2 if signal.is_signed else 0.0
+    return (value - lowest) % quantity.wraps_at + lowest
 
 
 def _page(message: Message, signal: Signal) -> Page:

@@ -19,6 +19,7 @@ from service.ingest.can_log import LOG_SUFFIXES
 from service.ingest.errors import RecordError
 from service.ingest.records import RECORD_SUFFIXES
 from service.ingest.tables import TABLE_SUFFIXES
+from service.ingest.turns import AMBIGUOUS, turns_of
 
 _RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
 _CHUNK = 1 << 20
@@ -102,7 +103,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
         DbcError, IngestError: the configuration cannot be used.
     """
     want, axis = wanted(text), axis_named(config, axis_id)
-    samples = _samples(want.path, config, axis)
+    samples = unwrapped(_samples(want.path, config, axis), axis)
     if len(samples.t_us) < 2:
         dropped = ", ".join(f"{count} {reason}" for reason, count in samples.dropped.items() if count)
         raise RecordError(
@@ -148,6 +149,21 @@ def _samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
             )
         return log_samples(path, config, axis)
     raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")
+
+
+def unwrapped(samples: AxisSamples, axis: NamedAxis) -> AxisSamples:
+    """The samples with whole angles, where the configured one starts again after each turn."""
+    turns = turns_of(axis.config)
+    if turns is None:
+        return samples
+    angle, sure = turns.take(samples.t_us, samples.motion)
+    return AxisSamples(
+        samples.t_us[sure],
+        samples.torque[sure],
+        angle[sure],
+        {name: values[sure] for name, values in samples.signals.items()},
+        {**samples.dropped, AMBIGUOUS: turns.refused},
+    )
 
 
 def _record(samples: AxisSamples, axis: NamedAxis, name: str) -> Record:

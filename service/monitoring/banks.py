@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from monitor_core.bank import Bank
 from monitor_core.episodes import Episode
+from monitor_core.kernel.state import NEVER
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
 from monitor_core.operating import Conditions, Operating
@@ -15,6 +16,7 @@ from monitor_core.settings import Settings
 from service.axes import axis_model, axis_settings
 from service.config import NamedAxis, conditions_of
 from service.ingest.table_record import SampleBlock
+from service.ingest.turns import AMBIGUOUS, Motion, Turns, turns_of
 
 Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""
@@ -38,11 +40,31 @@ class Monitors:
         self._banks = [_MonitorBank(group) for group in _groups(axes)]
         monitors = {axis_id: monitor for bank in self._banks for axis_id, monitor in bank.lanes}
         self.by_id: Mapping[str, AxisMonitor] = {axis.id: monitors[axis.id] for axis in axes}
+        self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
+        self._resumed = False
         self._operating = {axis_id: one for bank in self._banks for axis_id, one in bank.operating.items()}
 
     def run(self, samples: Samples) -> list[Change]:
         """Let every axis take its samples; what changed, axis by axis in order of time."""
-        return [change for bank in self._banks for change in bank.run(samples)]
+        whole = self._whole(samples) if self._turns else samples
+        return [change for bank in self._banks for change in bank.run(whole)]
+
+    def dropped(self, axis_id: str) -> Mapping[str, int]:
+        """Samples of an axis that were refused before its monitor saw them, by reason."""
+        turns = self._turns.get(axis_id)
+        return {} if turns is None else {AMBIGUOUS: turns.refused}
+
+    def _whole(self, samples: Samples) -> Samples:
+        """The samples with whole angles, where those of an axis start again after each turn."""
+        if samples and not self._resumed:  # by now a saved state has been put back, if there is one
+            self._resumed = True
+            for axis_id, turns in self._turns.items():
+                if (motion := _motion(self.by_id[axis_id])) is not None:
+                    turns.resume(motion)
+        return {
+            axis_id: _unwrapped(block, self._turns[axis_id]) if axis_id in self._turns else block
+            for axis_id, block in samples.items()
+        }
 
     def waits_for(self, axis_id: str) -> str:
         """Why the last sample of an axis was not learned from, by its operating conditions; empty: nothing is."""
@@ -103,6 +125,22 @@ class _MonitorBank:
                 n = count[a]
                 shift[:n, :, a], gate[:n, a] = operating.take(block.t_us, block.motion, block.signals)
         return shift, gate
+
+
+def _motion(monitor: AxisMonitor) -> Motion | None:
+    """Where the predictor of an axis has it, at its last sample; None: there was none."""
+    state, a = monitor.bank.state, monitor.axis
+    if state.t[a] == NEVER:
+        return None
+    A, _, C = monitor.model.matrices()
+    angle, speed = float(C[0] @ state.x[:, a]), float((C @ A)[0] @ state.x[:, a])
+    return Motion(int(state.t[a]), angle, speed * 1e-6)
+
+
+def _unwrapped(block: SampleBlock, turns: Turns) -> SampleBlock:
+    angle, sure = turns.take(block.t_us, block.motion)
+    signals = None if block.signals is None else block.signals[sure]
+    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals)
 
 
 def _groups(axes: Sequence[NamedAxis]) -> list[list[_Axis]]:

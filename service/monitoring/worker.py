@@ -146,10 +146,9 @@ class Worker:
     def _axis(self, view: AxisView) -> AxisSnapshot:
         axis_id, ingest = view.axis.id, self._core.ingests[view.axis.config.bus]
         open_alarms = self._alarms.open(axis_id)
+        dropped = {**ingest.axis_dropped(axis_id), **self._core.monitors.dropped(axis_id)}
         gated_by = self._core.monitors.waits_for(axis_id)
-        return view.snapshot(
-            open_alarms, ingest.axis_dropped(axis_id), ingest.axis_events(axis_id), gated_by
-        )
+        return view.snapshot(open_alarms, dropped, ingest.axis_events(axis_id), gated_by)
 
     def _all_messages(self) -> tuple[str, ...]:
         now = (self._alarms.problem, self._saver.problem, self._recording.problem)

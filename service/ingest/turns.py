@@ -1,0 +1,80 @@
+"""An angle that starts again after each turn, or after 2^16 counts, made whole.
+
+The next angle is expected where the last two point; of all angles that the signal may stand for, a period apart, the
+nearest to that is taken.  Where even that is nearly as far from the one as from the next, the sample is refused rather
+than guessed at: a wrong turn would be a jump of the motion that never was.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.config.schema import AxisConfig
+
+AMBIGUOUS = "ambiguous"
+"""Of samples that are refused: half a period away from where they were expected."""
+SURE = 0.4
+"""Part of a period: further away than this from where it was expected, an angle could be one of two."""
+
+Times = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+class Motion(NamedTuple):
+    """Where an axis was at a time [us]: angle [rad] and speed [rad/us]."""
+
+    t_us: int
+    angle: float
+    speed: float
+
+
+class Turns:
+    """Whole angles of one axis from those of its signal, sample by sample.
+
+    After a gap they are those of the signal again: the predictor starts anew there, too.
+
+    Args:
+        period: of the angle [rad].
+        gap_us: a longer time between samples is a gap [us].
+    """
+
+    def __init__(self, period: float, gap_us: int) -> None:
+        self._period, self._gap_us = period, gap_us
+        self._last: Motion | None = None
+        self.refused = 0
+
+    def resume(self, motion: Motion) -> None:
+        """Go on from where the axis was known to be."""
+        self._last = motion
+
+    def take(self, t_us: Times, angle: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Whole angles (N,) of samples at increasing times, and which of them are sure (N,)."""
+        whole = [self._next(t, value) for t, value in zip(t_us.tolist(), angle.tolist(), strict=True)]
+        sure = np.array([value is not None for value in whole], np.bool_)
+        self.refused += len(whole) - int(np.count_nonzero(sure))
+        return np.array([np.nan if value is None else value for value in whole]), sure
+
+    def _next(self, t_us: int, value: float) -> float | None:
+        last = self._last
+        if last is None or abs(t_us - last.t_us) > self._gap_us:
+            self._last = Motion(t_us, value, 0.0)
+            return value
+        if t_us <= last.t_us:  # the monitor refuses it, and counts it
+            return value
+        expected = last.angle + last.speed * (t_us - last.t_us)
+        whole = value + round((expected - value) / self._period) * self._period
+        if not abs(whole - expected) <= SURE * self._period:
+            return None
+        self._last = Motion(t_us, whole, (whole - last.angle) / (t_us - last.t_us))
+        return whole
+
+
+def turns_of(config: AxisConfig) -> Turns | None:
+    """What makes the angle of an axis whole; None: it does not start again."""
+    if config.angle is None or config.angle.wraps_at is None:
+        return None
+    period = abs(config.angle.factor) * config.angle.wraps_at
+    return Turns(period, round(config.maximum_gap_s * 1e6))

@@ -1,0 +1,289 @@
+"""Encoders as they are: angles that start again, steps, angles of the arm behind a gear that turns the other way."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from monitor_core.kalman import filter_gain
+from service.axes import axis_model, axis_settings
+from service.commands.main import app
+from service.config import Config, ConfigErrors, load
+from service.encoders import remarks_on_encoders
+from service.ingest.identification_records import load as load_record
+from service.ingest.table_record import SampleBlock
+from service.monitoring.banks import Monitors
+from service.monitoring.core import Core
+from service.simulation.axis import ControlledAxis
+from service.simulation.robot import Fault
+from tests.service.monitoring.robots import blocks
+from tests.service.test_skew import replayed, written
+
+H, N, FAULT = 0.005, 4400, 3000  # the first 2000 samples find P(0)
+R = 0.00847457627118644  # of the demo: angle of the arm over that of the motor
+SIGNAL = 'signal = "Angle"\ncolumn = "phi"'
+WATCHED = 'monitor = ["kT", "1/Ja", "fm"]'
+Course = tuple[np.ndarray, np.ndarray]
+
+
+def config(folder: Path, angle: str = "", *changes: tuple[str, str]) -> Path:
+    """The demo's first axis; ``angle`` are further lines of its [robot.axis.angle]."""
+    folder.mkdir(exist_ok=True)
+    return written(folder, (SIGNAL, f"{SIGNAL}\n{angle}"), *changes, monitor=WATCHED)
+
+
+@pytest.fixture(scope="module")
+def course(seed: int, tmp_path_factory: pytest.TempPathFactory) -> Course:
+    """Torque and motor angle; the torque constant falls by a third."""
+    axis = load(config(tmp_path_factory.mktemp("course")), {}).axes[0]
+    robot = ControlledAxis(axis, np.random.default_rng(seed))
+    readings = []
+    for k in range(N):
+        if k == FAULT:
+            robot.break_down({"kT": 0.66})
+        readings.append(robot.sample(k))
+    u, y, *_ = (np.array(column) for column in zip(*readings, strict=True))
+    return u, y + 0.01  # its first angle is not about to start again
+
+
+def table(
+    folder: Path, course: Course, shown: Callable[[np.ndarray], np.ndarray], skip: range = range(0)
+) -> Path:
+    u, y = course
+    rows = zip(np.arange(N) * H, u, shown(y), strict=True)
+    lines = [f"{t:.6f},{a!r},{b!r}" for k, (t, a, b) in enumerate(rows) if k not in skip]
+    (folder / "a.csv").write_text("t,u,phi\n" + "\n".join(lines).replace("np.float64(", "").replace(")", ""))
+    return folder / "a.csv"
+
+
+def found(file: Path, *records: Path) -> dict[str, Any]:
+    (axis,) = json.loads(replayed(file, *map(str, records), "--json", "-"))["axes"]
+    return dict(axis)
+
+
+def alike(a: dict[str, Any], b: dict[str, Any]) -> None:
+    """The same estimates and alarms; the last digits of the angles differ."""
+    for p, q in zip(a["parameters"], b["parameters"], strict=True):
+        assert p["estimate"] == pytest.approx(q["estimate"], rel=1e-6)
+    kept = ("parameter", "direction", "raised", "crossings")
+    assert [[x[k] for k in kept] for x in a["alarms"]] == [[x[k] for k in kept] for x in b["alarms"]]
+    assert a["counters"] == b["counters"]
+
+
+COUNTS = 65536
+ENCODERS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
+    "a resolver": (lambda y: y % (2 * math.pi), f"wraps_at = {2 * math.pi!r}"),
+    "degrees around zero": (
+        lambda y: (np.degrees(y) + 180) % 360 - 180,
+        f"wraps_at = 360\nfactor = {math.radians(1)!r}",
+    ),
+    "turned round": (
+        lambda y: (-y / 6.0 * COUNTS) % COUNTS,
+        f"wraps_at = {COUNTS}\nfactor = {-6.0 / COUNTS!r}\noffset = 1.5",
+    ),
+    "arm, other direction": (lambda y: -R * y + 0.3, f"factor = {-1 / R!r}\noffset = {0.3 / R!r}"),
+    "arm, in degrees, about to start again": (
+        lambda y: (np.degrees(-R * y) + 359.999) % 360,
+        f"factor = {-math.radians(1) / R!r}\nwraps_at = 360",
+    ),
+}
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_what_the_encoder_shows_changes_nothing(encoder: str, course: Course, tmp_path: Path) -> None:
+    shown, angle = ENCODERS[encoder]
+    plain = found(config(tmp_path / "plain"), table(tmp_path, course, lambda y: y))
+    file = config(tmp_path / "encoder", angle)
+    record = table(tmp_path, course, shown)
+    if "wraps" in angle:
+        assert np.abs(np.diff(shown(course[1]))).max() > 1  # it does start again
+    assert "kT" in [a["parameter"] for a in plain["alarms"]]
+    alike(found(file, record), plain)
+
+
+def test_records_one_after_the_other_and_parts_of_one(course: Course, tmp_path: Path) -> None:
+    file = config(tmp_path / "a", "wraps_at = 0.5")
+    record = table(tmp_path, course, lambda y: y % 0.5)
+    head, *rows = record.read_text().splitlines()
+    cut = far(course)
+    (tmp_path / "b.csv").write_text("\n".join([head, *rows[:cut]]))
+    (tmp_path / "c.csv").write_text("\n".join([head, *rows[cut:]]))
+    whole, parts = found(file, record), found(file, tmp_path / "b.csv", tmp_path / "c.csv")
+    assert whole["parameters"] == parts["parameters"]
+    assert whole["alarms"] == parts["alarms"]
+
+
+def far(course: Course) -> int:
+    """A sample more than a period of 0.5 rad away from where it began."""
+    return 1 + int(np.flatnonzero(np.abs(course[1] - course[1][0]) > 1)[0])
+
+
+def samples(course: Course, a: int, b: int) -> dict[str, SampleBlock]:
+    t = 1_000_000 + np.arange(a, b) * 5000
+    return {"demo.axis1": SampleBlock(t, course[0][a:b], course[1][a:b] % 0.5)}
+
+
+def test_saved_and_put_back_within_a_gap(course: Course, tmp_path: Path) -> None:
+    """The whole angle goes on from where the saved predictor was."""
+    axes = load(config(tmp_path / "a", "wraps_at = 0.5"), {}).axes
+    cut = far(course)
+    one, first, second = Monitors(axes), Monitors(axes), Monitors(axes)
+    one.run(samples(course, 0, cut))
+    one.run(samples(course, cut, N))
+    first.run(samples(course, 0, cut))
+    second.run({})
+    second.by_id["demo.axis1"].from_arrays(first.by_id["demo.axis1"].to_arrays())
+    second.run(samples(course, cut, N))
+    a, b = (m.by_id["demo.axis1"].to_arrays()["floats"] for m in (one, second))
+    np.testing.assert_array_equal(a, b)
+
+
+def test_half_a_turn_away_is_refused_and_counted(course: Course, tmp_path: Path) -> None:
+    u, y = course
+    broken = y.copy()
+    broken[2500:2503] += math.pi
+    file = config(tmp_path / "a", f"wraps_at = {2 * math.pi!r}")
+    result = found(file, table(tmp_path, (u, broken), lambda y: y % (2 * math.pi)))
+    assert result["dropped"]["ambiguous"] == 3
+    assert sum(result["counters"].values()) == N - 3
+    alike(result, found(file, table(tmp_path, course, lambda y: y % (2 * math.pi), skip=range(2500, 2503))))
+
+
+def test_a_record_to_identify_from_is_made_whole(course: Course, tmp_path: Path) -> None:
+    file = config(tmp_path / "a", f"wraps_at = {2 * math.pi!r}")
+    text = str(table(tmp_path, course, lambda y: y % (2 * math.pi)))
+    record, source = load_record(text, load(file, {}), "demo.axis1")
+    np.testing.assert_allclose(record.y - record.y[0], course[1] - course[1][0], atol=1e-9)
+    assert source.dropped["ambiguous"] == 0
+
+
+def run_live(read: Config, frames: list[list[Any]]) -> Core:
+    core = Core(read)
+    for block in frames:
+        core.take(read.bus[0].name, block)
+        core.run()
+    return core
+
+
+def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
+    """Frames as such an encoder makes them; the daemon's own pipeline sees one course."""
+    fault = [Fault("demo.axis1", {"kT": 0.66}, 14.0)]
+    period = 1.0
+    wrapping, plain = (
+        load(config(tmp_path / name, line), {}) for name, line in (("a", f"wraps_at = {period!r}"), ("b", ""))
+    )
+    courses = [list(blocks(read, 20.0, seed, fault)) for read in (wrapping, plain)]
+    a, b = (run_live(read, frames) for read, frames in zip((wrapping, plain), courses, strict=True))
+    values = (v for block in courses[0] for v in a.ingests[wrapping.bus[0].name].feed_values(block))
+    angles = [v.si for v in values if v.quantity == "angle"]
+    assert 0.9 * period < max(angles) - min(angles) <= period
+    facts = [core.monitors.by_id["demo.axis1"].facts() for core in (a, b)]
+    assert facts[0].counters == facts[1].counters
+    for p, q in zip(*(f.parameters for f in facts), strict=True):
+        assert p.estimate == pytest.approx(
+            q.estimate, abs=0.3 * p.standard_deviation
+        )  # steps differ by a part of one
+    assert facts[0].parameters[0].estimate == pytest.approx(
+        0.66, abs=6 * facts[0].parameters[0].standard_deviation
+    )
+
+
+def test_resolution_is_a_noise(tmp_path: Path) -> None:
+    noises = ("output_noise = 0.0001\n", "")
+    file = config(tmp_path / "a", f"factor = {math.radians(1)!r}\nresolution = 0.02", noises)
+    axis = load(file, {}).axes[0]
+    model = axis_model(axis.config)
+    noise = math.radians(0.02) / math.sqrt(12)
+    assert axis_settings(axis, model).lam0 == filter_gain(model, H, 0.05, noise)[1]
+    given = load(config(tmp_path / "b", "resolution = 0.02"), {}).axes[0]
+    assert axis_settings(given, model).lam0 == filter_gain(model, H, 0.05, 1e-4)[1]
+
+
+@pytest.mark.parametrize(
+    ("angle", "noise", "words"),
+    [
+        ("resolution = 0.001", "1e-4", "below 0.000289, which the resolution of the angle makes"),
+        ("resolution = 0.001", "3e-4", None),
+        ("resolution = 1e-7", "1e-9", "below 2.89e-08"),
+        ("", "1e-9", "which the resolution of the angle makes"),  # of the signal in the DBC
+        ("", "1e-4", None),
+        (
+            "wraps_at = 6.283",
+            "1e-4",
+            "0.00019 rad, by which the angle would jump each time; exact is 6.283185307",
+        ),
+        (f"wraps_at = 360\nfactor = {math.radians(1)!r}", "1e-4", None),
+        ("wraps_at = 5.0", "1e-4", None),
+    ],
+)
+def test_remarks(angle: str, noise: str, words: str | None, tmp_path: Path) -> None:
+    file = config(tmp_path / "a", angle, ("output_noise = 0.0001", f"output_noise = {noise}"))
+    remarks = list(remarks_on_encoders(load(file, {})))
+    assert len(remarks) == (words is not None)
+    assert words is None or words in remarks[0]
+    shown = CliRunner().invoke(app, ["check", "--config", str(file)]).stdout
+    assert words is None or words in shown
+
+
+GRAVITY = """[robot.axis.model.components]
+torque = { type = "torque", at = "shaft", kT = "kT" }
+motor = { type = "inertia", at = "shaft", J = "Jm" }
+bearing = { type = "viscous-friction", at = "shaft", d = "fm" }
+encoder = { type = "angle-sensor", at = "shaft" }
+gear = { type = "ideal-gear", at = ["shaft", "arm"], ratio = "1/r" }
+weight = { type = "gravity", at = "WHERE", gc = "gc", gs = "gs" }
+[robot.axis.model.nominal]
+gc = 1.0
+gs = 0.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("where", "wraps_at", "fine"),
+    [
+        ("shaft", 2 * math.pi, True),
+        ("arm", 2 * math.pi, False),
+        ("shaft", math.pi, False),
+        ("arm", 2 * math.pi / R, True),
+    ],
+)
+def test_gravity_needs_to_know_where_the_arm_stands(
+    where: str, wraps_at: float, fine: bool, tmp_path: Path
+) -> None:
+    drawn = ("[robot.axis.model.nominal]\n", GRAVITY.replace("WHERE", where))
+    text = config(tmp_path / "a", f"wraps_at = {wraps_at!r}", drawn, ('drive = "three-mass"\n', ""))
+    lines = text.read_text().splitlines()
+    gone = ("Jg =", "Ja =", "kg =", "ka =", "dg =", "da =", "fc =", "tau0 =", "scales =")
+    kept = [line for line in lines if not line.startswith(gone)]
+    text.write_text("\n".join(kept).replace(WATCHED, 'monitor = ["kT", "fm"]'))
+    if fine:
+        assert load(text, {}).axes
+        return
+    with pytest.raises(ConfigErrors) as caught:
+        load(text, {})
+    assert [p.key for p in caught.value.problems] == ["robot[1].axis[1].angle.wraps_at"]
+    assert "gravity needs to know where the arm stands" in str(caught.value.problems[0])
+
+
+@pytest.mark.parametrize(
+    ("table_", "line", "words"),
+    [
+        ("angle", "wraps_at = 0", "must be greater than 0"),
+        ("angle", "resolution = -1", "must be greater than 0"),
+        ("torque", "wraps_at = 360", "unknown key"),
+        ("torque", "resolution = 1", "unknown key"),
+    ],
+)
+def test_mistakes(table_: str, line: str, words: str, tmp_path: Path) -> None:
+    file = config(tmp_path / "a", "", (f"[robot.axis.{table_}]", f"[robot.axis.{table_}]\n{line}"))
+    with pytest.raises(ConfigErrors) as caught:
+        load(file, {})
+    assert [p.key for p in caught.value.problems] == [f"robot[1].axis[1].{table_}.{line.split()[0]}"]
+    assert words in str(caught.value.problems[0])
