@@ -48,6 +48,13 @@ def run(record: Record) -> tuple[list[Episode], Floats, AxisMonitor]:
     return episodes, trace.g.max(axis=0) / monitor.model.scale, monitor
 
 
+def test_the_daemon_supervises_by_default() -> None:
+    _, settings = model_and_settings()
+    assert settings.floor > 0
+    assert settings.starved > 0
+    assert any(settings.K)
+
+
 def test_healthy_record_is_quiet(record: Record) -> None:
     episodes, g, monitor = run(record)
     assert episodes == []
