@@ -1,0 +1,237 @@
+"""Further signals come with the samples: the last value received by then, if it is not too old."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from service.config import Config
+from service.ingest.encode import FrameEncoder, Values
+from service.ingest.errors import RecordError
+from service.ingest.frames import Frame, Sample
+from service.ingest.held import HeldColumns
+from service.ingest.pipeline import Ingest
+from service.ingest.play import encode_table
+from service.ingest.records import read_record
+from tests.service.ingest.plant import axis1, axis2, axis4, make_config
+from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
+
+HEAT = {"name": "heat", "message": "Other", "signal": "Something", "factor": 0.5, "offset": -10.0}
+GATE = {"gate": [{"signal": "heat", "above": 0.0}]}
+
+
+def heat(t_us: int, raw: int) -> Frame:
+    return Frame(t_us, 320, False, bytes([raw, 0, 0, 0, 0, 0, 0, 0]))
+
+
+def pair(t_us: int, torque: float = 1.0, angle: float = 2.0) -> list[Frame]:
+    return [torque1(t_us, torque), angle1(t_us + 100, angle)]
+
+
+def fed(config: Config, *frames: Frame, axis_id: str = "r.one") -> list[tuple[float, ...]]:
+    """The further signals of each sample."""
+    return [sample.signals for sample in Ingest(config, "bus0").feed(frames)[axis_id]]
+
+
+def test_a_sample_has_the_last_value_received_by_then(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1(signal=[HEAT], **GATE))
+    T = START_US
+    frames = [
+        *pair(T),
+        heat(T + 2000, 100),
+        *pair(T + 5000),
+        heat(T + 7000, 60),
+        heat(T + 8000, 62),
+        *pair(T + 10_000),
+        torque1(T + 15_000, 1.0),
+        heat(T + 15_050, 80),  # between the two of a sample: it is there when the sample is complete
+        angle1(T + 15_100, 2.0),
+    ]
+    first, *others = fed(config, *frames)
+    assert len(first) == 1
+    assert math.isnan(first[0])
+    assert others == [(40.0,), (21.0,), (30.0,)]
+
+
+def test_an_axis_that_needs_none_has_none(tmp_path: Path) -> None:
+    unused = make_config(tmp_path, axis1(signal=[HEAT]))
+    ingest = Ingest(unused, "bus0")
+    assert (320, False) not in ingest.keys
+    assert ingest.feed(pair(START_US)) == {"r.one": [Sample(START_US + 100, 1.0, 2.0)]}
+
+
+def test_a_value_that_is_too_old_is_not_known_until_there_is_a_new_one(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1(signal=[{**HEAT, "maximum_age_s": 0.02}], **GATE))
+    T = START_US
+    times = [T + 5000 * k for k in range(8)]
+    frames = [
+        heat(T - 100, 100),
+        *(f for t in times for f in pair(t)),
+        heat(T + 36_000, 50),
+        *pair(T + 40_000),
+    ]
+    known = [not math.isnan(value) for (value,) in fed(config, *frames)]
+    assert known == [True] * 4 + [False] * 4 + [True]
+
+
+def test_a_clock_that_is_set_back_does_not_make_old_values_new(tmp_path: Path) -> None:
+    config = make_config(tmp_path, axis1(signal=[HEAT], **GATE))
+    (value,) = fed(config, heat(START_US, 100), *pair(START_US - 3_600_000_000))[0]
+    assert math.isnan(value)
+
+
+def test_the_motion_of_another_axis(tmp_path: Path) -> None:
+    other = {"name": "speed2", "axis": "two", "factor": 2.0, "offset": 1.0}
+    gate = [{"signal": "speed2", "above": 0.0}]
+    two = axis2()
+    two["speed"] |= {"factor": -3.0, "offset": 0.25}
+    config = make_config(tmp_path, axis1(signal=[other], gate=gate), two)
+    T = START_US
+    frames = [
+        both2(T, 0.5, 1.0),
+        *pair(T + 50),
+        *pair(T + 5000),
+        both2(T + 7000, 0.5, 2.0),
+        *pair(T + 10_000),
+    ]
+    assert fed(config, *frames) == [(-4.5,), (-4.5,), (-10.5,)]
+    assert fed(config, *frames, axis_id="r.two") == [(), ()]
+
+
+def test_a_value_in_the_very_frame_of_the_sample_counts(tmp_path: Path) -> None:
+    mode = {"name": "mode", "message": "Wide4", "signal": "Mode"}
+    config = make_config(tmp_path, axis4(signal=[mode], gate=[{"signal": "mode", "equals": [3.0]}]))
+    data = bytearray(64)
+    data[0:4], data[5], data[60:64] = struct.pack("<f", 1.5), 3, struct.pack("<f", 2.5)
+    assert fed(config, Frame(START_US, 304, False, bytes(data)), axis_id="r.four") == [(3.0,)]
+
+
+def test_a_value_that_is_no_number_is_passed_over(tmp_path: Path) -> None:
+    torque4 = {"name": "other", "message": "Wide4", "signal": "Torque"}
+    config = make_config(tmp_path, axis1(signal=[torque4], gate=[{"signal": "other", "above": 0.0}]))
+
+    def wide(t_us: int, value: float) -> Frame:
+        return Frame(t_us, 304, False, struct.pack("<f", value) + bytes(60))
+
+    T = START_US
+    frames = [wide(T, 1.5), wide(T + 10, math.nan), wide(T + 20, math.inf), *pair(T + 100)]
+    assert fed(config, *frames) == [(1.5,)]
+
+
+def test_what_is_needed_is_what_is_followed_or_gates(tmp_path: Path) -> None:
+    signals = [{**HEAT, "name": name} for name in ("a", "b", "c", "d")]
+    varying = [{"parameter": "kT", "signal": "cos(d)", "slope": 0.1, "reference": 0.0}]
+    axis = axis1(signal=signals, gate=[{"signal": "b", "above": 0.0}])
+    axis["model"] |= {"varying": varying}
+    config = make_config(tmp_path, axis)
+    assert [held.name for held in Ingest(config, "bus0").axes[0].further] == ["b", "d"]
+    names = [value.quantity for value in Ingest(config, "bus0").feed_values([heat(START_US, 30)])]
+    assert names == ["signal b", "signal d"]
+
+
+# --- tables -----------------------------------------------------------------------------------------------
+
+
+def table_axis(**other: Any) -> dict[str, Any]:
+    return axis1(time={"column": "t"}, signal=[{**HEAT, "column": "warm"}], **GATE, **other)
+
+
+def signals_of(path: Path, config: Config) -> np.ndarray:
+    blocks = [step.samples["r.one"] for step in read_record(path, config).steps() if step.samples]
+    return np.concatenate([block.signals for block in blocks if block.signals is not None])
+
+
+def written(folder: Path, rows: Sequence[str], names: str = "t,torque_one,angle_one,warm") -> Path:
+    path = folder / "a.csv"
+    path.write_text("\n".join([names, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_column_is_held_over_empty_cells(tmp_path: Path) -> None:
+    rows = [
+        "0,1,2,",
+        "0.005,1,2,100",
+        "0.01,1,2,",
+        "0.012,,,60",
+        "0.015,1,2,",
+        ",1,2,7",
+        "0.02,1,2,80",
+        "10.021,1,2,",
+    ]
+    found = signals_of(written(tmp_path, rows), make_config(tmp_path, table_axis()))
+    np.testing.assert_array_equal(found[:, 0], [math.nan, 40.0, 40.0, 20.0, 30.0, math.nan])
+
+
+@settings(max_examples=30)
+@given(
+    cells=st.lists(st.sampled_from(["", "5", "7.5", "nan"]), min_size=2, max_size=60),
+    rows=st.integers(1, 20),
+)
+def test_blocks_of_a_table_change_nothing(
+    cells: list[str], rows: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("held")
+    config = make_config(folder, table_axis())
+    path = written(folder, [f"{0.005 * k:.6f},1,2,{cell}" for k, cell in enumerate(cells)])
+    warm = np.array([float(cell) if cell else math.nan for cell in cells])
+    t_us = np.rint(5000.0 * np.arange(len(cells)))
+    sources, whole = config.axes[0].sources, signals_of(path, config)
+    held = HeldColumns(sources)
+    pieces = [held.take(t_us[k : k + rows], {"warm": warm[k : k + rows]}) for k in range(0, len(cells), rows)]
+    np.testing.assert_array_equal(np.concatenate(pieces), whole)
+
+
+def test_the_column_of_another_axis(tmp_path: Path) -> None:
+    other = {"name": "speed2", "axis": "two", "factor": 2.0}
+    one = axis1(signal=[other], gate=[{"signal": "speed2", "above": 0.0}])
+    path = written(tmp_path, ["1,2,1,3", "1,2,1,4"], "torque_one,angle_one,torque_two,speed_two")
+    np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, one, axis2())), [[6.0], [8.0]])
+    one["signal"][0]["column"] = "torque_two"
+    np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, one, axis2())), [[2.0], [2.0]])
+
+
+def test_a_column_that_is_missing_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path, ["0,1,2"], "t,torque_one,angle_one")
+    with pytest.raises(RecordError, match=r'no column "warm" for the signal heat of axis r\.one'):
+        read_record(path, make_config(tmp_path, table_axis()))
+    nowhere = axis1(signal=[HEAT], **GATE)
+    with pytest.raises(RecordError, match=r"axis r\.one: the signal heat has no column in the configuration"):
+        read_record(path, make_config(tmp_path, nowhere))
+
+
+# --- frames of samples ----------------------------------------------------------------------------------------
+
+
+def test_what_is_encoded_is_what_is_received(tmp_path: Path) -> None:
+    other = {"name": "speed2", "axis": "two"}
+    gates = [{"signal": "heat", "above": 0.0}, {"signal": "speed2", "above": 0.0}]
+    config = make_config(tmp_path, axis1(signal=[HEAT, other], gate=gates), axis2())
+    encoder, ingest = FrameEncoder(config, "bus0"), Ingest(config, "bus0")
+    found = []
+    for k in range(3):
+        values: dict[str, Values] = {"r.one": (1.0, 2.0, (5.0 + k, 99.0)), "r.two": (0.5, 0.25 * k)}
+        frames = encoder.encode(values, k)
+        assert frames[0].key.can_id == 320, "signals first: they are of this sample"
+        assert sum(key.can_id == 272 for key, _ in frames) == 1
+        block = [Frame(START_US + 5000 * k, *key, data) for key, data in frames]
+        found += [sample.signals for sample in ingest.feed(block).get("r.one", [])]
+    assert math.isnan(found[0][1]), "the other axis had not sent by then"
+    assert [signals[0] for signals in found] == [5.0, 6.0, 7.0]
+    assert [signals[1] for signals in found[1:]] == [0.0, 0.25]
+
+
+def test_a_table_is_played_with_its_signals(tmp_path: Path) -> None:
+    rows = ["0,1,2,", "0.005,1,2,100", "0.01,1,2,"]
+    config = make_config(tmp_path, table_axis())
+    frames = encode_table(read_record(written(tmp_path, rows), config), config)
+    assert [f.key.can_id for f in frames if f.key.can_id == 320] == [320, 320], (
+        "what is not known is not sent"
+    )
