@@ -61,7 +61,7 @@ class Assembly:
 
     def _tables(self, slots: list[_Slot]) -> Tables:
         n, p = len(self.drive.states), len(self.monitored)
-        filtered = self.drive.output == "angle" and COULOMB in self.drive.inputs
+        filtered = self.drive.output != "speed" and COULOMB in self.drive.inputs
         A = [s for s in slots if s.group == 0]
         ext_start, ext_src, ext_slot = self._extended_rows(n, p)
         inputs = self._input_products(n, p, filtered)
@@ -73,6 +73,7 @@ class Assembly:
             m=len(self.drive.inputs),
             speed_state=self.drive.speed_state,
             filtered_speed=int(filtered),
+            mean=self.drive.mean_state,
             late=self.monitored.index(DELAY) if DELAY in self.monitored else -1,
             slots=len(slots),
             A_row=_ints(s.row for s in A),
@@ -174,7 +175,7 @@ def _input_scales(model: AxisModel, speed_scale: float) -> Floats:
     drive = model.drive
     scale, friction = drive.matrix("ratio", model.nominal)[:, 0], np.array(drive.inputs) == COULOMB
     scale[friction] /= speed_scale
-    if drive.output == "angle" and friction.any():
+    if drive.output != "speed" and friction.any():
         A, _, C = model.matrices()
         sensor = (C @ A)[0, drive.speed_state]
         if sensor == 0:

@@ -10,6 +10,7 @@ from monitor_core.assembly import Assembly, fill
 from monitor_core.episodes import DIRECTIONS, Calm, Crossing
 from monitor_core.kernel.block import Samples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
+from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import Floats, constant_rows
 from monitor_core.model import AxisModel
@@ -69,6 +70,7 @@ class Bank:
         st.onset[:, :, a] = NEVER
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
+        st.credit[a] = CREDIT
         st.plenty[a] = 1.0
         st.seed_left[a] = s.seed_updates
         certain = s.P0 or (1 + s.lam) * model.scale**2 / s.lam0
@@ -213,6 +215,7 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "floor": s.floor,
         "starved": s.starved,
         "lost_us": round(s.lost_s * 1e6),
+        "outlier": s.outlier,
         "span": s.span,
     }
     vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}

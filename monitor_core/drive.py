@@ -15,13 +15,16 @@ import numpy as np
 from monitor_core.kernel.tables import OF_MOTION, TORQUE, Floats
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
-Output = Literal["speed", "angle"]
+Output = Literal["speed", "angle", "mean speed"]
+"""What is measured: the last is the mean of the speed over the interval before the sample."""
 Powers = tuple[tuple[str, int], ...]
 """Names of parameters and their exponents."""
 
 DISTURBANCE_TIME = "Td"
 """Name of the time constant of a drive's torque disturbance."""
 _DISTURBANCE = "time constant of the torque disturbance"
+SINCE_SAMPLE = "angle since the last sample"
+"""Name of the state that a mean speed is taken from."""
 DELAY = "delay"
 """Name of the skew between torque and output."""
 _DELAYED = "how much later the torque acts than its sample says"
@@ -183,6 +186,33 @@ class Drive:
         if any(p.name == DELAY for p in (*self.parameters, *self.drawn)):
             raise ValueError(f"the drive {self.name!r} already has a parameter {DELAY}")
         return replace(self, parameters=(*self.parameters, Parameter(DELAY, "s", _DELAYED, positive=False)))
+
+    def with_mean_speed(self) -> Drive:
+        """The drive with a sensor that gives the mean speed over each interval h:  s' = C x,  y = s / h.
+
+        C is that of the speed.  s, its last state, is zero again after every sample; the 1/h is not in C.
+
+        Raises:
+            ValueError: the output of this drive is not the speed.
+        """
+        if self.output != "speed":
+            raise ValueError(f"the drive {self.name!r} has the {self.output} as output: its mean is that of a speed")
+        n = len(self.states)
+        turned = [replace(term, matrix="A", row=n) for term in self.terms if term.matrix == "C"]
+        others = [term for term in self.terms if term.matrix != "C"]
+        return replace(
+            self,
+            output="mean speed",
+            states=(*self.states, Quantity(SINCE_SAMPLE, "rad")),
+            terms=(*others, *turned, Term("C", 0, n, 1.0, ())),
+        )
+
+    @property
+    def mean_state(self) -> int:
+        """Index of the state that is zero again after every sample; -1: there is none."""
+        if self.output != "mean speed":
+            return -1
+        return next(k for k, state in enumerate(self.states) if state.name == SINCE_SAMPLE)
 
     def with_disturbance(self) -> Drive:
         """The drive with d, which acts like its torque, as last state:  d' = -d / Td + w,  N m; w is no input.

@@ -37,7 +37,7 @@ def filter_gain(
     """
     _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise, disturbance_noise)
     lam0 = float(C @ P @ C) + 1
-    return d * (P @ C) / lam0, lam0 * output_noise**2
+    return _kept(model, d * (P @ C) / lam0), lam0 * output_noise**2
 
 
 def _steady(
@@ -79,7 +79,7 @@ def gains_after(
     for _ in range(GAINS - 2):
         found.append(Ad @ found[-1] @ Ad.T + Q)
     del found[1]
-    return tuple(tuple((d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in found)
+    return tuple(tuple(_kept(model, d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in found)
 
 
 def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
@@ -133,7 +133,16 @@ def _balanced(
         level = disturbance * held_disturbance(interval_s, model.nominal[DISTURBANCE_TIME])
         enters = np.column_stack([enters, level * np.eye(len(A))[-1]])
     Ad, G = zero_order_hold(A / d[:, np.newaxis] * d, enters / d[:, np.newaxis], interval_s)
+    if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
+        Ad[:, s], C = 0.0, C / interval_s
     return Ad, G, C[0] * d, d
+
+
+def _kept(model: AxisModel, K: Floats) -> Floats:
+    """The gain without that of a state which is zero after the correction, whatever it was."""
+    if (s := model.drive.mean_state) >= 0:
+        K[s] = 0.0
+    return K
 
 
 def _torque(model: AxisModel) -> np.ndarray:

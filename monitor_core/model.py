@@ -78,11 +78,11 @@ class AxisModel:
 
     def _check_inputs(self) -> None:
         kinds, output = self.drive.inputs, self.drive.output
-        if output == "speed" and (COSINE in kinds or SINE in kinds):
+        if output != "angle" and (COSINE in kinds or SINE in kinds):
             raise ValueError("gravity depends on the angle: measure the angle")
-        if output == "angle" and COULOMB in kinds and self.drive.speed_state < 0:
+        if output != "speed" and COULOMB in kinds and self.drive.speed_state < 0:
             raise ValueError(
-                "Coulomb friction depends on the speed, and no state is that of the angle sensor: measure the speed"
+                f"Coulomb friction depends on the speed, and no state is that of the {output} sensor: measure the speed"
             )
 
     def _check_monitored(self) -> None:

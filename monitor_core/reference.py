@@ -19,7 +19,7 @@ FAULT_AT = 1000
 BAND_HZ = (0.0, 30.0)
 TORQUE_RMS = 1.23
 """N m"""
-NOISE: Mapping[Output, float] = {"speed": 1.0, "angle": INTERVAL_S / np.sqrt(2)}
+NOISE: Mapping[Output, float] = {"speed": 1.0, "angle": INTERVAL_S / np.sqrt(2), "mean speed": 1.0}
 """Standard deviation of the white noise on the output: 1 rad/s; on the angle what differences to that."""
 
 

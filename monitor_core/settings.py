@@ -47,6 +47,9 @@ class Settings:
     starved: float = 0.0
     """Where psi' P psi stays below this share of its steady mean p (1 - lambda), nothing is to be learned: theta, P
     and g wait.  0: never, as in the paper."""
+    outlier: float = 0.0
+    """An innovation beyond so many of its standard deviations is an outlier, of which nothing is learned, if there are
+    few of them.  0: there are none, as in the paper."""
     run_on: bool = False
     """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
 
@@ -66,6 +69,7 @@ class Settings:
             "K_after": (self.K_after, np.isfinite(np.array(self.K_after or 0.0)).all()),
             "floor": (self.floor, 0 <= self.floor <= 0.5),
             "starved": (self.starved, 0 <= self.starved <= 0.5),
+            "outlier": (self.outlier, self.outlier == 0 or 3 <= self.outlier < math.inf),
             "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),
         }
         for name, (value, good) in ranges.items():

@@ -76,7 +76,7 @@ class SimulatedAxis:
         self._values = given
         self._A, self._B, C = model.matrices()
         self._C = C[0]
-        self._speed = C[0] @ self._A if self._drive.output == "angle" else C[0]
+        self._speed = C[0] if self._drive.output == "speed" else C[0] @ self._A
         self._ratio = self._drive.matrix("ratio", model.nominal)[:, 0]
         self._parts = self._substeps if _depends_on_motion(self._drive, self._B).any() else 1
         self._held: dict[float, tuple[Floats, Floats]] = {}
@@ -118,7 +118,8 @@ def simulate_linear(
 ) -> tuple[Floats, Floats]:
     """Output y (N, W) for the torque u (N, W) held from sample to sample, and the states (n, W) at the end.
 
-    y[k] is what is measured when u[k] starts to act: y[0] belongs to the state ``start`` (n, W), default 0.
+    y[k] is what is measured when u[k] starts to act: y[0] belongs to the state ``start`` (n, W), default 0.  A mean
+    speed is that over the interval before.
 
     Raises:
         ValueError: there is Coulomb friction or gravity, which is not linear.
@@ -128,6 +129,8 @@ def simulate_linear(
     if _depends_on_motion(drive, B).any():
         raise ValueError("Coulomb friction and gravity are not linear: use SimulatedAxis")
     Ad, Bd = zero_order_hold(drive.matrix("A", values), B, interval_s)
+    if drive.mean_state >= 0:
+        Ad[:, drive.mean_state], C = 0.0, C / interval_s
     torque = Bd[:, [kind == TORQUE for kind in drive.inputs]]
     constant = Bd[:, [kind == ONE for kind in drive.inputs]].sum(axis=1, keepdims=True)
     x = np.zeros((len(drive.states), u.shape[1])) if start is None else start

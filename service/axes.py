@@ -71,6 +71,7 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         P0=tuple(P0[name] for name in model.monitored) if P0 else (),
         floor=config.estimator.least_information,
         starved=config.estimator.least_excitation,
+        outlier=config.estimator.outlier_limit,
     )
 
 

@@ -7,9 +7,9 @@ from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, Floats, Ints
 
-SKIP, RESTART, SETTLE, GATED, IDLE, SEED, TRACK = 0, 1, 2, 3, 4, 5, 6
-"""What a lane does: nothing; start its predictor anew; predict only, as it has just started, as its gate is closed, or
-as there is nothing to learn; also run P to find P(0); all."""
+SKIP, RESTART, SETTLE, GATED, DOUBTED, IDLE, SEED, TRACK = 0, 1, 2, 3, 4, 5, 6, 7
+"""What a lane does: nothing; start its predictor anew; predict only, as it has just started, as its gate is closed, as
+the sample is an outlier, or as there is nothing to learn; also run P to find P(0); all."""
 
 
 @kernel

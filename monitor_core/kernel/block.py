@@ -6,7 +6,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.admission import GATED, IDLE, SEED, SETTLE, SKIP, TRACK, admit, hold, innovate, rest
+from monitor_core.kernel.admission import (
+    DOUBTED,
+    GATED,
+    IDLE,
+    SEED,
+    SETTLE,
+    SKIP,
+    TRACK,
+    admit,
+    hold,
+    innovate,
+    rest,
+)
 from monitor_core.kernel.columns import columns, copy, floats, ints, marks, most, put_back, table, times
 from monitor_core.kernel.compile import entry, kernel
 from monitor_core.kernel.conditions import close, follow
@@ -14,18 +26,20 @@ from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, devi
 from monitor_core.kernel.delay import delayed, switch
 from monitor_core.kernel.interval import for_interval
 from monitor_core.kernel.laurent import evaluate
+from monitor_core.kernel.mean import begin_again, mean, own_interval
+from monitor_core.kernel.outliers import running_variance, sift
 from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.recursion import (
     correct,
     find_P0,
     gain,
     predict,
-    running_variance,
     update_P,
     update_theta,
 )
 from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
+    OUTLIER,
     PROJECTED,
     SEEDING,
     SETTLING,
@@ -43,7 +57,7 @@ class Samples(NamedTuple):
 
     t: NDArray[np.int64]  # (N, W) time, us
     u: Floats  # (N, W) motor torque, N m
-    y: Floats  # (N, W) motor speed, rad/s, or motor angle, rad
+    y: Floats  # (N, W) motor speed or its mean over the interval before, rad/s, or motor angle, rad
     number: NDArray[np.int64]  # (W,)
     shift: Floats  # (N, p, W) theta_0(s) - theta_0; (0, p, W): as before
     gate: NDArray[np.bool_]  # (N, W) whether to learn; (0, W): always
@@ -89,6 +103,7 @@ def _tally(lanes: Any, does: Ints, hit: Ints, counts: Ints) -> None:
         counts[SEEDING, a] += does[a] == SEED
         counts[SETTLING, a] += does[a] == SETTLE
         counts[GATED_COUNT, a] += does[a] == GATED
+        counts[OUTLIER, a] += does[a] == DOUBTED
         counts[STARVED, a] += does[a] == IDLE
         counts[PROJECTED, a] += hit[a]
 
@@ -147,8 +162,9 @@ def run(
         now, after, src, slot = floats(X.size), floats(X.size), times(T.ext_src, W), times(T.ext_slot, W)
         psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
         u, y, h, h_first = floats(W), floats(W), floats(W), floats(W)
+        h_before, over, lost = floats(W), floats(W), ints(W)
         lam, K = floats(W), table(T.n, W)
-        yhat, eps, S, tmp = floats(W), floats(W), floats(W), floats(W)
+        yhat, eps, believed, S, tmp = floats(W), floats(W), floats(W), floats(W), floats(W)
         N, L, Y, tests = table(T.p, T.p), table(T.p, T.p), table(T.p, T.p), marks(T.p, W)
         t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
         moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
@@ -178,20 +194,30 @@ def run(
                     switch(lanes, T.in_row, T.in_slot, T.in_col, T.kind, T.late, T.p, V, delay, u_first, st.u, h_first,
                             h, X)
                 drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, st.u, st.du, G)
+                if T.mean >= 0 and own_interval(lanes, con.interval, h_first, h, h_before, over, lost):
+                    split(lanes, T.A_row, con.weight, V, h_before, steps, terms)
+                    propagate(lanes, T.ext_start, src, slot, V_, G_, h_before, steps, terms, X_, now, after, tmp)
+                    begin_again(lanes, T.mean, T.n, lost, X)
                 split(lanes, T.A_row, con.weight, V, h, steps, terms)
                 propagate(lanes, T.ext_start, src, slot, V_, G_, h, steps, terms, X_, now, after, tmp)
                 predict(lanes, T.out_slot, T.out_src, T.out_par, V, X, yhat, psi)
+                if T.mean >= 0:
+                    mean(lanes, over, yhat, psi)
                 gain(lanes, lam, st.P, psi, Ppsi, S)
                 excite(lanes, lam, con.lam, con.starved, S, st.plenty, does, st.starved, st.observed)
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
-                update_theta(lanes, con.lower, con.upper, st.theta, st.observed, eps, Ppsi, S, tracks, hit)
+                sift(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, does, moves, learns,
+                     tracks, believed)
+                update_theta(lanes, con.lower, con.upper, st.theta, st.observed, believed, Ppsi, S, tracks, hit)
                 update_P(lanes, lam, st.P, Ppsi, S, learns, fit)
                 find_P0(lanes, con.seed, st.seed_left, st.P_nom, st.P, does)
                 look(lanes, con.floor, con.starved, con.span, con.lam, st.P_nom, tracks, st.since, st.starved,
                      st.observed, con.h, st.P, N, L, Y)
                 admit_to_tests(lanes, st.observed, st.theta, tracks, st.theta_seen, tests)
-                running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, learns)
+                running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, does)
                 correct(lanes, K, X, eps, psi, moves)
+                if T.mean >= 0:
+                    begin_again(lanes, T.mean, T.n, moves, X)
                 _tally(lanes, does, hit, st.counts)
                 deviate(lanes, con.theta0, st.shift, con.alpha1, con.lam0, st.theta, st.P, d, nu)
                 if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):

@@ -112,17 +112,6 @@ def correct(lanes: Any, K: Floats, X: Floats, eps: Floats, psi: Floats, on: Ints
 
 
 @kernel
-def running_variance(
-    lanes: Any, lam: Floats, lam_slow: Floats, lam0_running: Floats, eps: Floats, S: Floats, on: Ints
-) -> None:
-    """Running innovation variance: eps^2 has the mean lam0 (1 + psi' P psi / (1 + lambda)) in steady state."""
-    for a in range(len(lanes)):
-        excess = (S[a] - lam[a]) / (1.0 + lam[a])
-        step = (1.0 - lam_slow[a]) * (eps[a] * eps[a] / (1.0 + excess) - lam0_running[a])
-        lam0_running[a] += step if on[a] and math.isfinite(step) else 0.0
-
-
-@kernel
 def find_P0(lanes: Any, seed: Floats, seed_left: Ints, P_nom: Floats, P: Floats, does: Ints) -> None:
     """P(0) by the paper's recipe: run the P recursion along the nominal theta, average its steady diagonal.
 

@@ -23,6 +23,7 @@ COUNTERS = (
     "seeding",
     "settling",
     "gated",
+    "outlier",
     "starved",
     "started",
     "gap",
@@ -32,9 +33,20 @@ COUNTERS = (
     "projected",
 )
 """What became of the samples, each in one of these; ``projected`` counts updates of theta that its bounds held."""
-USED, SEEDING, SETTLING, GATED, STARVED, STARTED, GAP, NOT_FINITE, NOT_INCREASING, DIVERGED, PROJECTED = (
-    range(len(COUNTERS))
-)
+(
+    USED,
+    SEEDING,
+    SETTLING,
+    GATED,
+    OUTLIER,
+    STARVED,
+    STARTED,
+    GAP,
+    NOT_FINITE,
+    NOT_INCREASING,
+    DIVERGED,
+    PROJECTED,
+) = range(len(COUNTERS))
 
 OBSERVED, WEAK, UNSEEN = 0, 1, 2
 """How much is known of a parameter now, beside what was known at commissioning."""
@@ -55,6 +67,7 @@ class State(NamedTuple):
     P_nom: Floats  # (p, W) commissioned P_ii: P(0), summed up while it is found
     theta_seen: Floats  # (p, W) theta_i when it was last observed
     shift: Floats  # (p, W) theta_0(s) - theta_0, where nominal values follow signals s
+    credit: Floats  # (W,) outliers that may be passed over now
     plenty: Floats  # (W,) running mean of psi' P psi over p (1 - lambda), each counting as 1 at most
     t: NDArray[np.int64]  # (W,) time of the last sample, us
     settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
@@ -64,6 +77,7 @@ class State(NamedTuple):
     observed: NDArray[np.int64]  # (p, W) OBSERVED, WEAK, UNSEEN
     since: NDArray[np.int64]  # (W,) updates since the last look at P
     starved: NDArray[np.int64]  # (W,) directions that are not observed
+    in_a_row: NDArray[np.int64]  # (W,) outliers up to the last sample
     counts: NDArray[np.int64]  # (len(COUNTERS), W)
 
 
@@ -94,6 +108,7 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         F[s : s + p],
         F[s + p : s + 2 * p],
         F[s + 2 * p],
+        F[s + 2 * p + 1],
         I[0],
         I[1],
         I[2],
@@ -102,13 +117,14 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
         I[r : r + p],
         I[r + p],
         I[r + p + 1],
-        I[r + p + 2 :],
+        I[r + p + 2],
+        I[r + p + 3 :],
     )
 
 
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Rows of the float array and of the integer array."""
-    return n + p * n + p + p * p + 2 * p + m + p * m + 3 + 3 * p, 5 + 4 * p + len(COUNTERS)
+    return n + p * n + p + p * p + 2 * p + m + p * m + 4 + 3 * p, 6 + 4 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:
@@ -146,6 +162,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 10],
         c[b + 11],
         c[b + 12],
+        c[b + 13],
     )
 
 

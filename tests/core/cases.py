@@ -66,6 +66,11 @@ def delayed(output: Output) -> Drive:
     return three_mass(output).with_delay()
 
 
+def averaged(output: Output) -> Drive:
+    """Of the speed, where that is asked for."""
+    return three_mass("speed").with_mean_speed() if output == "mean speed" else three_mass(output)
+
+
 PAPER = ("kT", "1/Ja", "fm")
 CASES = (
     Case("paper", "speed", PAPER, REFERENCE_VALUES, torque_noise=0.0),
@@ -81,6 +86,8 @@ CASES = (
         zero=("delay",),
         drive=delayed,
     ),
+    Case("mean-speed", "mean speed", ("kT", "1/Ja", "r"), FRICTION, drive=averaged, delay_s=0.002),
+    Case("mean-speed-output-error", "mean speed", PAPER, REFERENCE_VALUES, torque_noise=0.0, drive=averaged),
     Case("angle-paper", "angle", PAPER, REFERENCE_VALUES, torque_noise=0.01),
     Case("angle-friction", "angle", ("fc", "tau0", "1/kT"), zero=("fc", "tau0"), delay_s=0.002),
     Case("angle-gear", "angle", ("r", "Jg", "da")),
@@ -139,6 +146,8 @@ def record(
     u = multisine(rng, samples, H, (0.0, 30.0), 1.23)
     axis = SimulatedAxis(true or case.values, case.speed_scale, drive=case.drive("angle"))
     motion = [axis.step(torque, h * 1e-6) for torque, h in zip(u[:-1], h_us[1:], strict=True)]
-    y = np.array([(0.0, 0.0), *motion])[:, 0 if case.output == "angle" else 1]
+    angle, speed = np.array([(0.0, 0.0), *motion]).T
+    mean = np.append(0.0, np.diff(angle) / (h_us[1:] * 1e-6))
+    y = {"angle": angle, "speed": speed, "mean speed": mean}[case.output]
     t_us = np.cumsum(h_us) - h_us[0]
     return Record(t_us.astype(np.int64), u, y + NOISE[case.output] * rng.standard_normal(samples))

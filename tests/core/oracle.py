@@ -19,6 +19,7 @@ from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
 Array = NDArray[np.float64]
+LOST = 1.75  # intervals: then a mean speed is that over the last one
 STEP = 1e-30  # of the complex step; far below rounding, so that the derivative is exact
 
 
@@ -98,6 +99,8 @@ class Paper:
         self.unseen = np.zeros(p, dtype=bool)
         self.looks = self.starved_samples = 0
         self.starved = False
+        self.running, self.credit, self.in_a_row = s.lam0, 3.0, 0
+        self.outliers = 0
         self.log = Log()
 
     def run(self, t_us: NDArray[np.int64], u: Array, y: Array) -> Log:
@@ -148,28 +151,47 @@ class Paper:
             self.settled = max(self.settled, t + int(lost * round(self.s.lost_s * 1e6)))
         monitored = self.model.monitored
         delay = self.theta[monitored.index(DELAY)] if DELAY in monitored else self.s.delay_s
-        late = min(max(delay, 0.0), h)
+        late, mean = min(max(delay, 0.0), h), self.model.drive.mean_state
         self.lam = self.s.lam ** (h / self.s.interval_s)
         self._propagate(late, self.torque_before)
         if DELAY in monitored:
             self._step_of_torque(min(delay, 0.0), monitored.index(DELAY))
-        self._propagate(h - late, self.torque)
-        C = self.model.matrices(self.theta)[2][0]
-        dC = derivatives(self.model, "C", self.theta)
+        rest, over = h - late, 1.0
+        if mean >= 0:
+            rest, over = self._to_its_own_interval(h, rest)
+        self._propagate(rest, self.torque)
+        C = self.model.matrices(self.theta)[2][0] / over
+        dC = [d / over for d in derivatives(self.model, "C", self.theta)]
         eps = y - C @ self.x  # (11)
         psi = np.array([C @ z + d[0] @ self.x for z, d in zip(self.z, dC, strict=True)])  # (16)
         self.t = t
         used = t >= self.settled and not self._starves(psi)
         if t >= self.settled and not used:
             self.unseen[:], self.starved = True, True
+        known = self._expected(psi)
+        out, pass_over, believed = self._sift(eps, known)
+        used = used and not pass_over
         if used:
-            self._update(eps, psi)
+            self._update(believed, psi)
+            self._follow_variance(eps, known)
         intervals, gains = np.arange(GAINS), self.s.gains(len(self.x)).T
         K = np.array([np.interp(h / self.s.interval_s, intervals, gain) for gain in gains])
-        self.x = self.x + K * eps
-        self.z = self.z - np.outer(psi, K)
+        if not out or self.in_a_row >= 3:
+            self.x = self.x + K * eps
+            self.z = self.z - np.outer(psi, K)
+        if mean >= 0:
+            self.x[mean], self.z[:, mean] = 0.0, 0.0
         self._hold(u, y)
         return (eps, psi) if used else (math.nan, psi)
+
+    def _to_its_own_interval(self, h: float, rest: float) -> tuple[float, float]:
+        """What the drive averages a speed over begins so long before its end, after lost samples; else with h."""
+        if h <= LOST * self.s.interval_s:
+            return rest, h
+        own, mean = min(rest, self.s.interval_s), self.model.drive.mean_state
+        self._propagate(rest - own, self.torque)
+        self.x[mean], self.z[:, mean] = 0.0, 0.0
+        return own, own
 
     def _propagate(self, h: float, torque: float) -> None:
         """The extended system (18-19), all of it: w = (z_1 .. z_p, x)."""
@@ -214,6 +236,29 @@ class Paper:
             self.plenty += min(10 * (1 - self.s.lam), 1.0) * (share - self.plenty)
         self.starved_samples += self.plenty < self.s.starved
         return bool(self.plenty < self.s.starved)
+
+    def _expected(self, psi: Array) -> float:
+        """Var eps over lambda_0: 1 + psi' P psi / (1 + lambda)."""
+        return float(1 + psi @ self.P @ psi / (1 + self.lam))
+
+    def _sift(self, eps: float, known: float) -> tuple[bool, bool, float]:
+        """Whether it is an outlier, whether it is passed over (three in a row, and one in fifty), what is believed."""
+        if self.s.outlier == 0:
+            return False, False, eps
+        limit = self.s.outlier * math.sqrt(self.running * known)
+        out = abs(eps) > limit
+        self.in_a_row = self.in_a_row + 1 if out else 0
+        self.credit = min(self.credit + 0.02, 3.0)
+        pass_over = out and self.credit >= 1
+        self.credit -= pass_over
+        self.outliers += pass_over and self.t is not None and self.t >= self.settled
+        return out, pass_over, float(np.clip(eps, -limit, limit))
+
+    def _follow_variance(self, eps: float, known: float) -> None:
+        """lambda_0, over ten memories; a square counts as nine times the mean at most (Huber's proposal 2)."""
+        weight = (1 - self.s.lam) / 10
+        consistent = 0.99501  # the mean of min(z^2, 9)
+        self.running += weight * (min(eps**2 / known, 9 * self.running) / consistent - self.running)
 
     def _look(self) -> None:
         """Once in a span, floor / P(0)_ii more information, by two inversions; then what is observed."""
@@ -267,15 +312,22 @@ def prediction(
     A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
     K, kinds = s.gain(len(A)), np.array(model.drive.inputs)
     delay = theta[model.monitored.index(DELAY)] if DELAY in model.monitored else s.delay_s
+    mean = model.drive.mean_state
     x = model.drive.matrix("rest", model.nominal)[:, 0] * y[0] + 0 * A[0]
     yhat, before, held = [C[0] @ x], u[0], inputs(model, s, u[0], y[0], x)
     for j in range(1, len(u)):
         h = (t_us[j] - t_us[j - 1]) * 1e-6
         late, ahead = (min(delay, h, key=np.real), 0.0) if np.real(delay) > 0 else (0.0, delay)
         x = x + ahead * B @ np.where(kinds == TORQUE, before - u[j - 1], 0.0)
-        for piece, torque in ((late, before), (h - late, u[j - 1])):
+        own = min(h - late, s.interval_s) if mean >= 0 and h > LOST * s.interval_s else h - late
+        for piece, torque in ((late, before), (h - late - own, u[j - 1]), (own, u[j - 1])):
+            if mean >= 0 and piece is own and h > LOST * s.interval_s:
+                x[mean] = 0.0
             x = held_over(A, B @ np.where(kinds == TORQUE, torque, held), x, piece)
-        yhat.append(C[0] @ x)
+        over = 1.0 if mean < 0 else own if h > LOST * s.interval_s else h
+        yhat.append(C[0] @ x / over)
         x = x + K * (y[j] - yhat[-1])
+        if mean >= 0:
+            x[mean] = 0.0
         before, held = u[j - 1], inputs(model, s, u[j], y[j], x)
     return np.array(yhat)

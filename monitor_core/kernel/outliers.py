@@ -1,0 +1,78 @@
+"""Innovations that no noise explains: a few are outliers and are passed over, many are a change of the axis.
+
+A fault may put the innovations beyond every limit for seconds, and those very samples are needed to find it.  So an
+axis has some credit: each outlier costs one, and a credit comes back with many samples.  When it is used up, what
+comes is learned from, though no more of it is believed than that limit (bounded influence).  The state is corrected by
+the third outlier in a row only: that it is wrong, and not the sensor, is then likely.
+"""
+
+import math
+from typing import Any
+
+from monitor_core.kernel.admission import DOUBTED, SEED, SETTLE
+from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.tables import Floats, Ints
+
+CREDIT = 3.0
+"""Outliers in a row that are passed over."""
+SURELY = 3
+"""So many in a row are no mistake of the sensor."""
+COMES_BACK = 0.02
+"""Credit per sample: so large a share of the samples may be outliers."""
+_CLIP = 3.0
+_CLIPPED_MEAN = 0.99501
+"""E min(z^2, 9) of a normal z."""
+
+
+@kernel
+def sift(
+    lanes: Any,
+    outlier: Floats,
+    lam: Floats,
+    lam0_running: Floats,
+    eps: Floats,
+    S: Floats,
+    credit: Floats,
+    in_a_row: Ints,
+    does: Ints,
+    moves: Ints,
+    learns: Ints,
+    tracks: Ints,
+    believed: Floats,
+) -> None:
+    """Pass over an outlier: eps beyond ``outlier`` standard deviations of what is expected; 0: there is none.
+
+    ``believed`` (W,) is what theta is to learn from.
+    """
+    for a in range(len(lanes)):
+        believed[a] = eps[a]
+        if not moves[a] or outlier[a] == 0.0:
+            continue
+        limit = outlier[a] * math.sqrt(lam0_running[a] * (1.0 + (S[a] - lam[a]) / (1.0 + lam[a])))
+        out = abs(eps[a]) > limit
+        in_a_row[a] = min(in_a_row[a] + 1, SURELY) if out else 0
+        credit[a] = min(credit[a] + COMES_BACK, CREDIT)
+        if not out:
+            continue
+        moves[a] = in_a_row[a] == SURELY
+        believed[a] = min(max(eps[a], -limit), limit)
+        if credit[a] >= 1.0:
+            credit[a] -= 1.0
+            learns[a] = tracks[a] = 0
+            does[a] = does[a] if does[a] == SETTLE else DOUBTED
+
+
+@kernel
+def running_variance(
+    lanes: Any, lam: Floats, lam_slow: Floats, lam0_running: Floats, eps: Floats, S: Floats, does: Ints
+) -> None:
+    """Running innovation variance: eps^2 has the mean lam0 (1 + psi' P psi / (1 + lambda)) in steady state.
+
+    Each counts as nine times the mean at most, so that outliers hardly raise it (Huber's proposal 2), though a
+    lasting change does.
+    """
+    for a in range(len(lanes)):
+        excess = (S[a] - lam[a]) / (1.0 + lam[a])
+        square = min(eps[a] * eps[a] / (1.0 + excess), _CLIP * _CLIP * lam0_running[a]) / _CLIPPED_MEAN
+        step = (1.0 - lam_slow[a]) * (square - lam0_running[a])
+        lam0_running[a] += step if does[a] >= SEED and abs(step) < math.inf else 0.0

@@ -1,0 +1,131 @@
+"""Outliers: a few do no harm, many are no outliers; lambda_0 is told from both."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from monitor_core.bank import Bank
+from monitor_core.kalman import filter_gain
+from monitor_core.kernel.state import COUNTERS
+from monitor_core.kernel.tables import Floats
+from monitor_core.monitor import AxisMonitor
+from monitor_core.reference import FAULT_AT, NOISE, Record, experiments, reference_model
+from monitor_core.settings import Settings
+from tests.core.cases import CASES, record
+from tests.core.figures import settings_of
+from tests.core.oracle import Paper
+
+MODEL = reference_model("speed")
+AXES = 48
+SHARE = 0.002
+WIDTH = 6.0
+
+
+@pytest.fixture(scope="module")
+def settings() -> Settings:
+    return replace(settings_of("speed", 0, run_on=True), outlier=WIDTH)
+
+
+class Samples(NamedTuple):
+    t: np.ndarray
+    u: Floats
+    y: Floats
+
+
+def healthy(seed: int) -> Samples:
+    t, u, y = experiments(range(seed, seed + AXES))
+    return Samples(np.repeat(t[:, None], AXES, axis=1), u, y)
+
+
+def strike(values: Floats, sizes: tuple[float, float], rng: np.random.Generator) -> tuple[Floats, np.ndarray]:
+    """The values with a few outliers of either sign, their sizes even in logarithm; and which they are."""
+    hit = rng.random(values.shape) < SHARE
+    size = np.exp(rng.uniform(np.log(sizes[0]), np.log(sizes[1]), values.shape)) * rng.choice(
+        [-1, 1], values.shape
+    )
+    return np.where(hit, values + size, values), hit
+
+
+def spread(settings: Settings, samples: Samples) -> tuple[Bank, Floats]:
+    """The bank at its end, and of each axis the root mean square of theta's relative deviations (p, AXES)."""
+    bank = Bank([MODEL] * AXES, [settings] * AXES)
+    _, trace = bank.run_traced(*samples)
+    late = trace.theta[600::200] / MODEL.theta0[:, None] - 1
+    return bank, np.asarray(np.sqrt((late**2).mean(axis=0)))
+
+
+def counted(bank: Bank) -> int:
+    return int(bank.state.counts[COUNTERS.index("outlier")].sum())
+
+
+def test_outliers_of_the_output_do_no_harm(settings: Settings, seed: int) -> None:
+    clean = healthy(seed)
+    y, hit = strike(clean.y, (20 * NOISE["speed"], 1e6), np.random.default_rng(seed))
+    struck = clean._replace(y=y)
+    _, expected = spread(settings, clean)
+    bank, found = spread(settings, struck)
+    _, unsifted = spread(replace(settings, outlier=0.0), struck)
+    assert counted(bank) == pytest.approx(hit[550:].sum(), rel=0.1)  # after settling
+    ratio, without = (np.median(rms / expected, axis=1) for rms in (found, unsifted))
+    assert (abs(ratio - 1) < 0.05).all(), ratio
+    assert (without > 5).all(), without
+    assert (found.max(axis=1) < 10 * expected.max(axis=1)).all(), "more in a row than are passed over"
+
+
+def test_noise_alone_holds_no_outliers(settings: Settings, seed: int) -> None:
+    """One in 5e8 is beyond six standard deviations; here are 1e5, so one run in five thousand sees one."""
+    bank, _ = spread(settings, healthy(seed))
+    assert counted(bank) <= 1
+
+
+def test_a_lasting_change_is_no_outlier(settings: Settings, seed: int) -> None:
+    """Noise ten times as large after a quarter: hardly passed over, and lambda_0 follows."""
+    clean = healthy(seed)
+    K, lam0 = filter_gain(MODEL, 0.005, 2.0, NOISE["speed"])  # quick enough for so short a memory
+    quiet = replace(settings, lam=0.98, settle_s=1.0, K=tuple(K), lam0=lam0)
+    noise = 10 * NOISE["speed"] * np.random.default_rng(seed).standard_normal(clean.y.shape)
+    noise[: len(noise) // 4] = 0.0
+    bank = Bank([MODEL] * AXES, [quiet] * AXES)
+    _, trace = bank.run_traced(clean.t, clean.u, clean.y + noise)
+    assert counted(bank) <= AXES * (3 + 0.02 * len(noise))
+    assert bank.state.lam0_running.mean() == pytest.approx(np.nanmean(trace.eps[-1000:] ** 2), rel=0.25)
+    assert bank.state.lam0_running.mean() > 20 * lam0
+
+
+def test_lambda_0_is_true_without_outliers(settings: Settings, seed: int) -> None:
+    """48 axes, memories of 2000 samples, the last 1000 of them: six standard deviations are 4 %."""
+    bank, _ = spread(settings, healthy(seed))
+    assert bank.state.lam0_running.mean() == pytest.approx(NOISE["speed"] ** 2, rel=0.06)
+
+
+@pytest.mark.parametrize("name", ["paper", "angle-skew"])
+def test_as_transcribed(name: str, seed: int) -> None:
+    case = next(case for case in CASES if case.name == name)
+    s = case.settings(outlier=WIDTH, settle_s=0.1)
+    rec, rng = record(seed, case, 600), np.random.default_rng(seed)
+    y, _ = strike(rec.y, (20 * NOISE[case.output], 1e3), rng)
+    y[300:310] += 50 * NOISE[case.output]  # more in a row than are passed over
+    rec = Record(rec.t_us, rec.u, y)
+    monitor, paper = AxisMonitor.alone(case.model, s), Paper(case.model, s)
+    _, trace = monitor.run_traced(*rec)
+    log = paper.run(*rec)
+    assert monitor.facts().counters["outlier"] == paper.outliers >= 3
+    np.testing.assert_array_equal(np.isnan(trace.eps), np.isnan(log.eps))
+    np.testing.assert_allclose(trace.theta, log.theta, rtol=1e-8)
+    np.testing.assert_allclose(trace.g, log.g, rtol=1e-6, atol=1e-9 * case.model.scale.max())
+    assert monitor.facts().innovation_variance == pytest.approx(paper.running, rel=1e-8)
+
+
+def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:
+    """The samples that show a torque constant twice as large look like outliers."""
+    t, u, y = experiments(range(seed, seed + AXES), {"kT": 2.0})
+    first = []
+    for s in (settings, replace(settings, outlier=0.0)):
+        bank = Bank([MODEL] * AXES, [s] * AXES)
+        _, trace = bank.run_traced(np.repeat(t[:, None], AXES, axis=1), u, y)
+        crossed = trace.g[FAULT_AT:, 0, 0] > bank.thresholds[0]
+        assert crossed.any(axis=0).all()
+        first.append(np.median(crossed.argmax(axis=0)))
+    assert first[0] < 1.3 * first[1]
