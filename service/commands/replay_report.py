@@ -68,9 +68,15 @@ def tables(report: Report) -> Iterator[Table]:
         facts = report.monitors.by_id[axis.id].facts()
         for p in facts.parameters:
             count = sum(e.parameter == p.name for e in report.alarms(axis.id))
-            estimates.add_row(*map(escape, (axis.id, str(facts.samples), *_cells(p), str(count or ""))))
+            estimates.add_row(*map(escape, (axis.id, _samples(facts), *_cells(p), str(count or ""))))
     yield estimates
     yield _alarm_table(report)
+
+
+def _samples(facts: AxisFacts) -> str:
+    """How many there were, and of how many operating conditions forbade the use."""
+    gated = facts.counters["gated"]
+    return f"{facts.samples}, {gated} gated" if gated else str(facts.samples)
 
 
 def _cells(p: ParameterFacts) -> tuple[str, ...]:
@@ -115,6 +121,7 @@ def _axis(report: Report, axis_id: str) -> Json:
         "last_sample": maybe_iso(facts.time_us),
         "innovation_variance": _number(facts.innovation_variance),
         "confounded": list(facts.confounded),
+        "gated_by": report.monitors.waits_for(axis_id) or None,
         "counters": dict(facts.counters),
         "dropped": report.dropped_of(axis_id),
         "parameters": [_parameter(p) for p in facts.parameters],

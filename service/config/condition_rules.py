@@ -34,12 +34,23 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
             other = robot.axis[
                 next(i for i, o in enumerate(robot.axis) if present(o, "name") and o.name == s.axis)
             ]
+            if _starts_again(other):
+                message = (
+                    f"the angle of {s.axis} starts again after each turn, and how many there were a signal does not"
+                    " tell: take one that goes on, from a message"
+                )
+                yield Finding(path, message)
             if present(axis, "bus") and present(other, "bus") and axis.bus != other.bus:
                 yield Finding(
                     path,
                     f"it is on the bus {other.bus}, this axis on {axis.bus}: signals come from an axis's own bus, where"
                     " their order is certain",
                 )
+
+
+def _starts_again(axis: AxisConfig) -> bool:
+    angle = axis.angle if present(axis, "angle") else None
+    return angle is not None and present(angle, "wraps_at") and angle.wraps_at is not None
 
 
 def places_of_signals(axis: AxisConfig) -> Iterator[Finding]:

@@ -252,6 +252,15 @@ MISTAKES = {
 }
 
 
+def test_the_readme_is_right(folder: Path) -> None:
+    readme = (CONFIG.parent / "README.md").read_text(encoding="utf-8")
+    section = readme[readme.index("## Operating conditions") :]
+    example = section.split("```toml\n", 1)[1].split("```", 1)[0]
+    axis, _ = loaded(folder, text(example, "", "").replace('name = "second"', 'name = "axis2"')).axes
+    assert [source.name for source in axis.sources] == ["temperature", "angle2", "mode"]
+    assert conditions_of(axis).gates == (Gate("mode", (2.0, 3.0)),)
+
+
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_named(name: str, folder: Path) -> None:
     content, key, words = MISTAKES[name]
@@ -275,6 +284,20 @@ def test_another_axis_is_on_the_same_bus(folder: Path) -> None:
     (problem,) = caught.value.problems
     assert problem.key == "robot[1].axis[1].signal[1].axis"
     assert "it is on the bus can1, this axis on can0" in problem.message
+
+
+def test_an_angle_that_starts_again_is_no_signal_of_another_axis(folder: Path) -> None:
+    wraps = 'signal = "Angle"\nwraps_at = 6.283185307179586\n'
+    signal = 'signal = [{ name = "angle1", axis = "first" }]\n'
+    content = BASE.replace('signal = "Angle"\n', wraps, 1).replace(
+        "estimator = {", f"{signal}estimator = {{", 1
+    )
+    with pytest.raises(ConfigErrors) as caught:
+        loaded(folder, content)
+    (problem,) = caught.value.problems
+    assert problem.key == "robot[1].axis[2].signal[1].axis"
+    assert "the angle of first starts again after each turn" in problem.message
+    assert loaded(folder, content.replace(wraps, 'signal = "Angle"\n'))
 
 
 def test_signals_of_tables_need_no_bus(folder: Path) -> None:
