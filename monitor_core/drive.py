@@ -20,6 +20,8 @@ Output = Literal["speed", "angle", "mean speed"]
 Powers = tuple[tuple[str, int], ...]
 """Names of parameters and their exponents."""
 
+DISTURBANCE = "torque disturbance"
+"""Name of the state of a drive's torque disturbance."""
 DISTURBANCE_TIME = "Td"
 """Name of the time constant of a drive's torque disturbance."""
 _DISTURBANCE = "time constant of the torque disturbance"
@@ -196,7 +198,9 @@ class Drive:
             ValueError: the output of this drive is not the speed.
         """
         if self.output != "speed":
-            raise ValueError(f"the drive {self.name!r} has the {self.output} as output: its mean is that of a speed")
+            raise ValueError(
+                f"the drive {self.name!r} has the {self.output} as output: its mean is that of a speed"
+            )
         n = len(self.states)
         turned = [replace(term, matrix="A", row=n) for term in self.terms if term.matrix == "C"]
         others = [term for term in self.terms if term.matrix != "C"]
@@ -210,9 +214,15 @@ class Drive:
     @property
     def mean_state(self) -> int:
         """Index of the state that is zero again after every sample; -1: there is none."""
-        if self.output != "mean speed":
-            return -1
-        return next(k for k, state in enumerate(self.states) if state.name == SINCE_SAMPLE)
+        return self._state(SINCE_SAMPLE) if self.output == "mean speed" else -1
+
+    @property
+    def disturbance_state(self) -> int:
+        """Index of the state of the torque disturbance; -1: there is none."""
+        return self._state(DISTURBANCE)
+
+    def _state(self, name: str) -> int:
+        return next((k for k, state in enumerate(self.states) if state.name == name), -1)
 
     def with_disturbance(self) -> Drive:
         """The drive with d, which acts like its torque, as last state:  d' = -d / Td + w,  N m; w is no input.
@@ -230,7 +240,7 @@ class Drive:
         decays = Term("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
         return replace(
             self,
-            states=(*self.states, Quantity("torque disturbance", "N m")),
+            states=(*self.states, Quantity(DISTURBANCE, "N m")),
             parameters=(*self.parameters, Parameter(DISTURBANCE_TIME, "s", _DISTURBANCE)),
             terms=(*self.terms, *acts, decays),
         )

@@ -131,7 +131,7 @@ def _balanced(
         if DISTURBANCE_TIME not in model.nominal:
             raise ValueError(f"the drive {model.drive.name!r} has no torque disturbance")
         level = disturbance * held_disturbance(interval_s, model.nominal[DISTURBANCE_TIME])
-        enters = np.column_stack([enters, level * np.eye(len(A))[-1]])
+        enters = np.column_stack([enters, level * np.eye(len(A))[model.drive.disturbance_state]])
     Ad, G = zero_order_hold(A / d[:, np.newaxis] * d, enters / d[:, np.newaxis], interval_s)
     if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
         Ad[:, s], C = 0.0, C / interval_s

@@ -1,0 +1,144 @@
+"""A speed that the drive averages over its interval is exactly that, and not the speed at the sample."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.bank import Bank
+from monitor_core.discretize import zero_order_hold
+from monitor_core.drive import Drive
+from monitor_core.excitation import multisine
+from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.reference import BAND_HZ, MONITORED, TORQUE_RMS
+from monitor_core.settings import Settings
+from monitor_core.simulation import simulate_linear
+
+H, SAMPLES, SEEDS = 0.005, 4000, 64
+AVERAGED = three_mass("speed").with_mean_speed()
+
+
+@pytest.fixture(scope="module")
+def record(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """The reference experiment, u and y (N, SEEDS), y averaged over each interval and with 1 rad/s of noise."""
+    rngs = [np.random.default_rng((seed, k)) for k in range(SEEDS)]
+    u = np.stack([multisine(r, SAMPLES, H, BAND_HZ, TORQUE_RMS) for r in rngs], axis=1)
+    y, _ = simulate_linear(AVERAGED, REFERENCE_VALUES, u, H)
+    return u, y + np.stack([r.standard_normal(SAMPLES) for r in rngs], axis=1)
+
+
+def deviations(drive: Drive, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Mean of the estimates over nominal, minus 1, in percent (p,)."""
+    model = AxisModel(drive, REFERENCE_VALUES, MONITORED)
+    settings = Settings(H, settle_s=2.7, P0=tuple((0.05 * model.scale) ** 2))
+    bank = Bank([model] * SEEDS, [settings] * SEEDS)
+    t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
+    _, trace = bank.run_traced(t_us, u, y)
+    return np.asarray(100 * (trace.theta[1500:].mean(axis=(0, 2)) / model.theta0 - 1))
+
+
+def test_it_is_the_way_between_two_samples(record: tuple[np.ndarray, np.ndarray]) -> None:
+    u = record[0][:500, :3]
+    y, _ = simulate_linear(AVERAGED, REFERENCE_VALUES, u, H)
+    angle, _ = simulate_linear(three_mass("angle"), REFERENCE_VALUES, u, H)
+    np.testing.assert_allclose(y[1:], np.diff(angle, axis=0) / H, atol=1e-10)
+    assert (y[0] == 0).all()
+
+
+def test_estimates_are_without_bias(record: tuple[np.ndarray, np.ndarray]) -> None:
+    """Over 64 records they scatter by 0.07, 0.04 and 0.28 %: these limits are more than six of that."""
+    assert (abs(deviations(AVERAGED, *record)) < [0.5, 0.25, 1.9]).all()
+
+
+def test_read_as_the_speed_at_the_sample_they_are_off(record: tuple[np.ndarray, np.ndarray]) -> None:
+    """Half an interval late: as much as the design says, -5, -2 and -9 %."""
+    assert (abs(deviations(three_mass("speed"), *record) - [-5, -2, -9]) < [0.8, 0.5, 2.2]).all()
+
+
+def covariances(model: AxisModel, noise: float, rounds: int) -> tuple[np.ndarray, ...]:
+    """Ad, Q, C of a sample and P of the prediction, by going round the filter with s = 0 said in so many words."""
+    A, B, _ = model.matrices()
+    n, torque = len(A), [kind == 0 for kind in model.drive.inputs]
+    Ad, Bd = zero_order_hold(A, B, H)
+    G, C, begin = noise * Bd[:, torque], np.eye(n)[-1] / H, np.diag([1.0] * (n - 1) + [0.0])
+    P = G @ G.T
+    for _ in range(rounds):
+        P = P - np.outer(P @ C, P @ C) / (C @ P @ C + 1)
+        P = Ad @ begin @ P @ begin @ Ad.T + G @ G.T
+    return Ad @ begin, G @ G.T, C, P
+
+
+@pytest.mark.parametrize(
+    "drive", [AVERAGED, three_mass("speed").with_mean_speed().with_delay()], ids=["plain", "delay"]
+)
+def test_the_gain_is_that_of_the_filter(drive: Drive) -> None:
+    values = {**REFERENCE_VALUES, "fc": 0.4, "delay": 0.0}
+    model = AxisModel(drive, {p.name: values[p.name] for p in drive.parameters}, ("kT",))
+    Ad, Q, C, P = covariances(model, 0.1, 4000)
+    K, lam0 = filter_gain(model, H, 0.1, 1.0)
+    assert lam0 == pytest.approx(C @ P @ C + 1, rel=1e-9)
+    np.testing.assert_allclose(K[:-1], (P @ C / (C @ P @ C + 1))[:-1], rtol=1e-6)
+    assert K[-1] == 0
+    later = gains_after(model, H, 0.1, 1.0)
+    P2 = Ad @ P @ Ad.T + Q  # a sample was missing: the mean is that over the second interval
+    np.testing.assert_allclose(later[1][:-1], (P2 @ C / (C @ P2 @ C + 1))[:-1], rtol=1e-6)
+    kept = (np.eye(len(Ad)) - np.outer(K, C)) @ Ad
+    slowest = -H / np.log(np.abs(np.linalg.eigvals(kept)).max())
+    assert slowest_time_constant(model, K, H) == pytest.approx(slowest, rel=1e-9)
+
+
+def test_innovations_are_white_and_as_large_as_said(seed: int) -> None:
+    """With torque noise as assumed: 64 records of 3500 innovations, so the limits are seven standard deviations."""
+    rngs = [np.random.default_rng((seed, 7, k)) for k in range(SEEDS)]
+    u = np.stack([multisine(r, SAMPLES, H, BAND_HZ, TORQUE_RMS) for r in rngs], axis=1)
+    white = [np.stack([r.standard_normal(SAMPLES) for r in rngs], axis=1) for _ in range(2)]
+    y, _ = simulate_linear(AVERAGED, REFERENCE_VALUES, u + 0.3 * white[0], H)
+    model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
+    K, lam0 = filter_gain(model, H, 0.3, 0.2)
+    settings = Settings(H, K=tuple(K), lam0=lam0, settle_s=2.5, P0=(1e-20,))
+    bank = Bank([model] * SEEDS, [settings] * SEEDS)
+    t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
+    eps = bank.run_traced(t_us, u, y + 0.2 * white[1])[1].eps[501:]
+    n = eps.size
+    assert np.mean(eps**2) / lam0 == pytest.approx(1.0, abs=7 * np.sqrt(2 / n))
+    assert abs(np.mean(eps[1:] * eps[:-1])) / lam0 < 7 / np.sqrt(n)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.002, 0.005])
+def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, seed: int) -> None:
+    """No noise, the right theta and the torque held while samples are lost: the prediction is exact."""
+    rng, fine = np.random.default_rng(seed), 5
+    kept = np.append(True, rng.random(1999) < 0.7)
+    u = rng.standard_normal(2000)[np.maximum.accumulate(np.where(kept, np.arange(2000), 0))]
+    late = round(delay_s / H * fine)
+    acting = np.concatenate([np.full(late, u[0]), np.repeat(u, fine)])[: 2000 * fine]
+    angle, _ = simulate_linear(three_mass("angle"), REFERENCE_VALUES, acting[:, np.newaxis], H / fine)
+    y = np.append(0.0, np.diff(angle[::fine, 0]) / H)
+    model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
+    settings = Settings(H, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0)
+    _, trace = AxisMonitor.alone(model, settings).run_traced(np.arange(2000)[kept] * 5000, u[kept], y[kept])
+    assert np.nanmax(np.abs(trace.eps)) < 1e-9 * np.abs(y).max()
+    _, whole = AxisMonitor.alone(model, replace(settings, interval_s=0.5)).run_traced(
+        np.arange(2000)[kept] * 5000, u[kept], y[kept]
+    )
+    assert np.nanmax(np.abs(whole.eps)) > 0.01 * np.abs(y).max()  # it is not the mean since the last sample
+
+
+def test_it_is_that_of_a_speed() -> None:
+    with pytest.raises(ValueError, match="has the angle as output: its mean is that of a speed"):
+        three_mass("angle").with_mean_speed()
+    with pytest.raises(ValueError, match="has the mean speed as output"):
+        AVERAGED.with_mean_speed()
+
+
+def test_disturbance_and_mean_go_together() -> None:
+    one, other = AVERAGED.with_disturbance(), three_mass("speed").with_disturbance().with_mean_speed()
+    assert (one.mean_state, other.mean_state) == (5, 6)
+    values = {**REFERENCE_VALUES, "Td": 0.1}
+    lam0 = [filter_gain(AxisModel(d, values, ("kT",)), H, 0.1, 1.0, 0.2)[1] for d in (one, other)]
+    assert lam0[0] == pytest.approx(lam0[1], rel=1e-9)
