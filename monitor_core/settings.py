@@ -50,6 +50,9 @@ class Settings:
     outlier: float = 0.0
     """An innovation beyond so many of its standard deviations is an outlier, of which nothing is learned, if there are
     few of them.  0: there are none, as in the paper."""
+    joint: bool = False
+    """The state moves with theta, as in the extended Kalman filter of both together; then memories far below the
+    slowest time constant of the predictor are possible.  False: the paper's."""
     run_on: bool = False
     """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
 

@@ -25,6 +25,8 @@ SETTLING_TIME_CONSTANTS = 5
 LEAST_MEMORY, AMPLE_MEMORY = 0.5, 2.5
 """Memory over the slowest time constant: below the first theta runs away, from the second on it scatters as P says;
 the paper's own experiment has 1.8."""
+JOINT = 0.2
+"""Of that where the state moves with the estimates: then they do not run away."""
 LOST_SAMPLE = 0.1
 """Part of the settling time that each lost sample but the first of a row costs: nine of them, nearly all of it."""
 
@@ -72,6 +74,7 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         floor=config.estimator.least_information,
         starved=config.estimator.least_excitation,
         outlier=config.estimator.outlier_limit,
+        joint=config.estimator.joint_state,
     )
 
 
@@ -103,10 +106,12 @@ def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> 
     slowest = _slowest(config, model, K)
     if not np.isfinite(slowest):
         raise ValueError("the predictor is not stable: give another gain, or torque_noise and output_noise")
-    if memory_s(config) < LEAST_MEMORY * slowest:
+    least = LEAST_MEMORY * slowest * (JOINT if config.estimator.joint_state else 1)
+    if memory_s(config) < least:
         raise ValueError(
-            f"a memory of {memory_s(config):.3g} s is less than half of {slowest:.3g} s, the slowest time constant of"
-            " the predictor: the estimates would run away. Raise memory_s, or torque_noise, with which it is faster"
+            f"a memory of {memory_s(config):.3g} s is less than {least:.3g} s, too short for the slowest time constant"
+            f" of the predictor, {slowest:.3g} s: the estimates would run away. Raise memory_s, or torque_noise, with"
+            " which it is faster"
         )
     given = config.settling_time_s
     return SETTLING_TIME_CONSTANTS * slowest if given is None else given
@@ -128,8 +133,9 @@ def short_memories(config: Config) -> Iterator[str]:
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)
         slowest, memory = _slowest(axis.config, model, settings.K), memory_s(axis.config)
-        if memory < AMPLE_MEMORY * slowest:
+        ample = AMPLE_MEMORY * slowest * (JOINT if settings.joint else 1)
+        if memory < ample:
             yield (
                 f"{axis.id}: a memory of {memory:.3g} s is short beside {slowest:.3g} s, the slowest time constant of"
-                f" the predictor: from {AMPLE_MEMORY * slowest:.3g} s on estimates scatter as reported"
+                f" the predictor: from {ample:.3g} s on estimates scatter as reported"
             )

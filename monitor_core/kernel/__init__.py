@@ -6,5 +6,6 @@ and the same loops become the inner, vectorised ones.  No function reassociates 
 same bits.
 
 Read in this order: tables (what a drive is here), state, laurent (A, B, C at theta), propagate (the interval), delay
-and mean (intervals in parts), recursion (theta and P), cusum, admission (what becomes of a sample), block (all of it, sample by sample).
+and mean (intervals in parts), recursion (theta and P), cusum, admission (what becomes of a sample), block (all of it,
+sample by sample).
 """

@@ -30,6 +30,7 @@ from monitor_core.kernel.mean import begin_again, mean, own_interval
 from monitor_core.kernel.outliers import running_variance, sift
 from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.recursion import (
+    carry,
     correct,
     find_P0,
     gain,
@@ -168,6 +169,7 @@ def run(
         N, L, Y, tests = table(T.p, T.p), table(T.p, T.p), table(T.p, T.p), marks(T.p, W)
         t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
         moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
+        moved, joint = table(T.p, W), con.joint.max() > 0.0
         copy(con.V0, V, 0)
         copy(st.z, X, 0)
         copy(st.x, X, z)
@@ -208,7 +210,8 @@ def run(
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
                 sift(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, does, moves, learns,
                      tracks, believed)
-                update_theta(lanes, con.lower, con.upper, st.theta, st.observed, believed, Ppsi, S, tracks, hit)
+                update_theta(lanes, con.lower, con.upper, st.theta, st.observed, believed, Ppsi, S, tracks, hit,
+                             moved)
                 update_P(lanes, lam, st.P, Ppsi, S, learns, fit)
                 find_P0(lanes, con.seed, st.seed_left, st.P_nom, st.P, does)
                 look(lanes, con.floor, con.starved, con.span, con.lam, st.P_nom, tracks, st.since, st.starved,
@@ -216,6 +219,8 @@ def run(
                 admit_to_tests(lanes, st.observed, st.theta, tracks, st.theta_seen, tests)
                 running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, does)
                 correct(lanes, K, X, eps, psi, moves)
+                if joint:
+                    carry(lanes, con.joint, X, moved)
                 if T.mean >= 0:
                     begin_again(lanes, T.mean, T.n, moves, X)
                 _tally(lanes, does, hit, st.counts)

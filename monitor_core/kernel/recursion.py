@@ -60,10 +60,11 @@ def update_theta(
     S: Floats,
     on: Ints,
     hit: Ints,
+    moved: Floats,
 ) -> None:
     """theta = theta + L eps, L = P psi / S (eq. 11), projected into its bounds; hit (W,) is 1 where they held it.
 
-    What is not observed stays (supervision.py).
+    What is not observed stays (supervision.py).  ``moved`` (p, W) is by how much theta was changed.
     """
     for a in range(len(lanes)):
         hit[a] = 0
@@ -71,7 +72,9 @@ def update_theta(
         for a in range(len(lanes)):
             free = theta[i, a] + Ppsi[i, a] * eps[a] / S[a]
             bound = min(max(free, lower[i, a]), upper[i, a])
+            moved[i, a] = 0.0
             if on[a] and observed[i, a] != UNSEEN and math.isfinite(free):
+                moved[i, a] = bound - theta[i, a]
                 theta[i, a] = bound
                 if bound != free:
                     hit[a] = 1
@@ -109,6 +112,21 @@ def correct(lanes: Any, K: Floats, X: Floats, eps: Floats, psi: Floats, on: Ints
         for a in range(len(lanes)):
             step = K[r, a] * eps[a]
             X[p * n + r, a] += step if on[a] else 0.0
+
+
+@kernel
+def carry(lanes: Any, joint: Floats, X: Floats, moved: Floats) -> None:
+    """x = x + sum z_i (change of theta_i): what x would be, had theta been known before; where ``joint`` (W,) is 1.
+
+    That is all that the extended Kalman filter of state and parameters together has beside this recursion but for the
+    way in which it forgets (Friedland's separation: the cross covariance of x and theta is z P).
+    """
+    p = moved.shape[0]
+    n = X.shape[0] // (p + 1)
+    for i in range(p):
+        for r in range(n):
+            for a in range(len(lanes)):
+                X[p * n + r, a] += X[i * n + r, a] * moved[i, a] if joint[a] > 0.0 else 0.0
 
 
 @kernel

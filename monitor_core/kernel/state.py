@@ -163,6 +163,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 11],
         c[b + 12],
         c[b + 13],
+        c[b + 14],
     )
 
 

@@ -37,7 +37,9 @@ class Tables(NamedTuple):
     p: int  # monitored parameters
     m: int  # inputs
     speed_state: int  # index in x of the speed at the sensor (up to a factor), where friction uses it
-    filtered_speed: int  # 1: friction uses the speed in x (angle or mean speed is measured), 0: the measured speed
+    filtered_speed: (
+        int  # 1: friction uses the speed in x (angle or mean speed is measured), 0: the measured speed
+    )
     mean: int  # index in x of the angle since the last sample, of which a mean speed is made; -1: none is measured
     late: int  # which parameter is the delay of the torque, -1: none
     slots: int  # length of V; V[slots] is an extra 0
@@ -87,9 +89,10 @@ class Constants(NamedTuple):
     starved: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
     lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
+    joint: Floats  # (W,) 1: the state moves with theta
     span: Floats  # (W,) updates between two looks at P
 
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 15
+    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 16

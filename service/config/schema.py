@@ -260,6 +260,11 @@ class EstimatorConfig(Table):
         le=1000,
         description="an innovation beyond so many standard deviations is passed over, if few are; 0: none is",
     )
+    joint_state: bool = Field(
+        False,
+        strict=True,
+        description="the state moves with the estimates, as in a joint Kalman filter: for short memories",
+    )
     torque_noise: Positive | None = Field(
         None, description="standard deviation of the torque per sample [N m], for the Kalman gain"
     )

@@ -172,13 +172,17 @@ class Paper:
         out, pass_over, believed = self._sift(eps, known)
         used = used and not pass_over
         if used:
+            before = self.theta.copy()
             self._update(believed, psi)
+            moved = self.theta - before
             self._follow_variance(eps, known)
         intervals, gains = np.arange(GAINS), self.s.gains(len(self.x)).T
         K = np.array([np.interp(h / self.s.interval_s, intervals, gain) for gain in gains])
         if not out or self.in_a_row >= 3:
             self.x = self.x + K * eps
             self.z = self.z - np.outer(psi, K)
+        if used and self.s.joint:
+            self.x = self.x + moved @ self.z
         if mean >= 0:
             self.x[mean], self.z[:, mean] = 0.0, 0.0
         self._hold(u, y)
@@ -319,12 +323,14 @@ def prediction(
         h = (t_us[j] - t_us[j - 1]) * 1e-6
         late, ahead = (min(delay, h, key=np.real), 0.0) if np.real(delay) > 0 else (0.0, delay)
         x = x + ahead * B @ np.where(kinds == TORQUE, before - u[j - 1], 0.0)
-        own = min(h - late, s.interval_s) if mean >= 0 and h > LOST * s.interval_s else h - late
-        for piece, torque in ((late, before), (h - late - own, u[j - 1]), (own, u[j - 1])):
-            if mean >= 0 and piece is own and h > LOST * s.interval_s:
-                x[mean] = 0.0
+        lost = mean >= 0 and h > LOST * s.interval_s
+        own = min(h - late, s.interval_s) if lost else h - late
+        for piece, torque in ((late, before), (h - late - own, u[j - 1])):
             x = held_over(A, B @ np.where(kinds == TORQUE, torque, held), x, piece)
-        over = 1.0 if mean < 0 else own if h > LOST * s.interval_s else h
+        if lost:
+            x[mean] = 0.0
+        x = held_over(A, B @ np.where(kinds == TORQUE, u[j - 1], held), x, own)
+        over = 1.0 if mean < 0 else own if lost else h
         yhat.append(C[0] @ x / over)
         x = x + K * (y[j] - yhat[-1])
         if mean >= 0:

@@ -73,7 +73,7 @@ def test_a_memory_too_short_for_the_predictor_is_a_mistake_in_one_line(tmp_path:
     assert result.exit_code == 2
     assert result.stdout == ""
     (line,) = result.stderr.splitlines()
-    assert line.startswith("axiswatch: demo.axis1: a memory of 0.2 s is less than half of 0.9 s")
+    assert line.startswith("axiswatch: demo.axis1: a memory of 0.2 s is less than 0.45 s, too short for")
 
 
 @pytest.mark.parametrize(("memory_s", "noted"), [(1.0, True), (3.0, False)])
