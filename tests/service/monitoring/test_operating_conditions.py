@@ -58,7 +58,7 @@ range = [20.0, 60.0]
 [[robot.axis.model.varying]]
 parameter = "Ja"
 signal = "cos(angle2)"
-slope = 35.0
+slope = 15.0
 reference = 0.9
 """
 
@@ -140,7 +140,7 @@ def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: lis
     _, Ja, fm = facts.parameters
     assert facts.counters["gated"] <= 1, "the first, before another axis has sent"
     assert fm.nominal != pytest.approx(0.06, rel=0.1)
-    assert Ja.nominal != pytest.approx(1 / 95.713576, rel=0.02)
+    assert Ja.nominal != pytest.approx(1 / 95.713576, rel=1e-6)
     assert abs(fm.estimate - fm.nominal) < 6 * fm.standard_deviation
     _, still = live(without_following(file), healthy)
     assert ("demo.axis1", "fm", "down") in still
