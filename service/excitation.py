@@ -40,6 +40,7 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
         ExcitationError: it makes no sense; the text says what would be right.
         AxisError: the axis has no predictor.
     """
+    asked = asked._replace(axis=_of_the_moment(asked.axis))
     config = asked.axis.config
     _check_known(asked.axis)
     settings, drive = axis_settings(asked.axis, axis_model(config)), drive_of(config)
@@ -78,6 +79,14 @@ def planned(task: Task, seed: int | None) -> Experiment:
         ExcitationError: there is none.
     """
     return plan(task, np.random.default_rng(seed))
+
+
+def _of_the_moment(axis: NamedAxis) -> NamedAxis:
+    """With the speed at each sample in place of its mean: for a plan they are the same."""
+    if not axis.config.averaged or axis.config.speed is None:
+        return axis
+    speed = axis.config.speed.model_copy(update={"averaged": False})
+    return axis._replace(config=axis.config.model_copy(update={"speed": speed}))
 
 
 def _check_known(axis: NamedAxis) -> None:

@@ -12,7 +12,7 @@ from service.config.tables import ABSENT, Absent
 
 
 def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive of an axis, for what is measured there or for the ``output`` given.
+    """The drive of an axis, for what is measured there, a mean speed too, or for the ``output`` given.
 
     With the state of a torque disturbance, where the nominal values were found with one.
 
@@ -24,12 +24,13 @@ def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
 
 
 def plain_drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive as it is drawn.
+    """The drive as it is drawn, where its sensor averages with a mean speed as output.
 
     Raises:
         ModelError: there is none.
     """
-    return _modelled(axis, output).drive
+    drive = _modelled(axis, output).drive
+    return drive.with_mean_speed() if output is None and axis.averaged else drive
 
 
 def given_values(axis: AxisConfig) -> dict[str, float]:

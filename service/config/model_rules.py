@@ -155,12 +155,11 @@ def _is_quiet(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig)
         return False
 
 
-def _measured(axis: AxisConfig) -> Output:
-    """What is measured; where that is not said rightly, the angle, so that the other rules still see a drive."""
-    try:
-        return axis.output
-    except Absent:
-        return "angle"
+def _measured(axis: AxisConfig) -> Output | None:
+    """The angle where it is not rightly said what is measured, so that the other rules still see a drive."""
+    with suppress(Absent):
+        return None if axis.output else "angle"
+    return "angle"
 
 
 def usable_drive(axis: AxisConfig, inputs: bool = True) -> Drive:

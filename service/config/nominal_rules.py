@@ -39,7 +39,11 @@ def readable(axis: AxisConfig) -> Iterator[Finding]:
 def same_axis(axis: AxisConfig) -> Iterator[Finding]:
     """The file was found with what is measured here, at this interval."""
     found = _found(axis)
-    if found.drive.output != axis.output:
+    if axis.averaged:
+        yield Finding(
+            FILE, f"found with the {found.drive.output}, but the drive of this axis averages its speed"
+        )
+    elif found.drive.output != axis.output:
         yield Finding(FILE, f"found with the {found.drive.output}, but this axis measures the {axis.output}")
     interval_s = found.predictor.interval_s
     if not math.isclose(interval_s, axis.sample_interval_s, rel_tol=_INTERVAL):
@@ -52,7 +56,7 @@ def same_axis(axis: AxisConfig) -> Iterator[Finding]:
 def same_drive(axis: AxisConfig) -> Iterator[Finding]:
     """The file was found with this drive, and has all its values."""
     found = _found(axis)
-    if found.drive.output != axis.output:
+    if found.drive.output != axis.output or axis.averaged:
         return
     usable_drive(axis)
     drive = plain_drive_of(axis)

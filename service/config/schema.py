@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from monitor_core.model import Output
 from service.config.sources import Source, sources_of
-from service.config.tables import ABSENT, Absent, Reading, Table
+from service.config.tables import ABSENT, Absent, Reading, Table, present
 from service.modeling import SUFFIX
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -119,6 +119,11 @@ class AngleConfig(SignalConfig):
 class SpeedConfig(SignalConfig):
     """[robot.axis.speed]: the motor speed."""
 
+    averaged: bool = Field(
+        False,
+        strict=True,
+        description="the drive sends the mean of the speed over each sample interval, not the speed at the sample",
+    )
     resolution: Positive | None = Field(None, description=_RESOLUTION)
 
 
@@ -339,6 +344,12 @@ class AxisConfig(Table):
             return e.forgetting
         memory = e.memory_s or max(DEFAULT_MEMORY_S, FEWEST_SAMPLES * self.sample_interval_s)
         return 1 - self.sample_interval_s / memory
+
+    @property
+    def averaged(self) -> bool:
+        """The speed is its mean over each interval, as the drive takes it."""
+        speed = self.speed if present(self, "speed") else None
+        return speed is not None and present(speed, "averaged") and speed.averaged
 
     @property
     def motion(self) -> AngleConfig | SpeedConfig:

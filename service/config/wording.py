@@ -31,6 +31,7 @@ _RULES = {
     "int_type": "must be a whole number",
     "int_parsing": "must be a whole number",
     "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
     "finite_number": "must be a finite number",
     "string_type": "must be a text in quotes",
     "string_too_short": "must not be empty",

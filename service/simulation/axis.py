@@ -49,7 +49,7 @@ class ControlledAxis:
         self.id, self.interval_s = axis.id, config.sample_interval_s
         predictor = predictor_of(config)
         self._delay_s = predictor.torque_delay_s
-        self._output = config.output
+        self._output, self._averaged = config.output, config.averaged
         self._rng = rng
         # With the angle among its states, whichever of angle and speed is sent.
         self._given = given_values(config)
@@ -65,7 +65,7 @@ class ControlledAxis:
         )
         self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
         self._noise = predictor.output_noise or 0.0
-        self._torque_before = 0.0
+        self._torque_before = self._angle_before = 0.0
         self._conditions = SimulatedConditions(axis) if conditions_of(axis) else None
         self._follows_every = max(1, round(FOLLOW_S / self.interval_s))
 
@@ -101,10 +101,16 @@ class ControlledAxis:
             values = AxisModel(self._model.drive, self._given, ()).nominal
             self._drive.set(dict(self._conditions.followed(signals, values)))
         torque = self._command(k)
-        motion = self._drive.angle if self._output == "angle" else self._drive.speed
-        reading = Reading(torque, motion + self._noise * self._rng.standard_normal(), signals)
+        reading = Reading(torque, self._moved() + self._noise * self._rng.standard_normal(), signals)
         self._move(torque + self._ripple * self._rng.standard_normal())
         return reading
+
+    def _moved(self) -> float:
+        """What the sensor shows: the angle, the speed, or its mean since the last sample."""
+        if self._output == "angle":
+            return self._drive.angle
+        way, self._angle_before = self._drive.angle - self._angle_before, self._drive.angle
+        return way / self.interval_s if self._averaged else self._drive.speed
 
     def _command(self, k: int) -> float:
         """PD control around a slow swing, and the test signal."""

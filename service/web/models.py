@@ -39,7 +39,7 @@ class Parameter(Body):
     nominal: Number = Field(
         description="commissioned value, in the parameter's unit; where it follows operating conditions, that of now"
     )
-    estimate: Number = Field(description="value now, in the parameter's unit")
+    estimate: Number = Field(description="value now, in the parameter's unit; null where it is invalid")
     standard_deviation: Number = Field(description="of the estimate, in the parameter's unit")
     p_diagonal: Number = Field(description="P_ii of the recursion: variance = lambda_0 P_ii / (1 + lambda)")
     cusum: Cusum
@@ -52,7 +52,7 @@ class Parameter(Body):
     status: Status = Field(
         description="waiting: no sample yet; settling: the predictor has just (re)started; "
         "seeding: the initial uncertainty is being found; tracking; weakly observed, not observed: the axis moves "
-        "too little, or too uniformly, to say much, or anything, of it; alarm: an alarm is active"
+        "too little, or too uniformly, to say much, or anything, of it; invalid: the model does not hold, there is no estimate; alarm: an alarm is active"
     )
     observation: Observation = Field(
         description="what the last samples say of it, beside those at commissioning; while it is not observed the "
@@ -73,7 +73,7 @@ class Model(Body):
 
     drive: str = Field(description="structure, e.g. three-mass")
     output: str = Field(
-        description="what is measured besides the torque: speed [rad/s] or angle [rad], motor side"
+        description="what is measured besides the torque: speed or mean speed [rad/s], or angle [rad], motor side"
     )
     nominal: list[Constant]
 

@@ -11,7 +11,7 @@ from service.web.health import reasons_not_ready
 from service.web.times import iso, maybe_iso
 from service.web.world import VERSION, sample_age_s
 
-OUTPUT_UNITS = {"speed": "rad/s", "angle": "rad"}
+OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 
 
 def axes(snapshot: Snapshot, now_us: int) -> models.Axes:

@@ -1,0 +1,145 @@
+"""A speed that the drive averages, from the configuration to the estimates."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from monitor_core.monitor import AxisMonitor
+from service.axes import axis_model, axis_settings
+from service.commands.main import app
+from service.config import ConfigErrors, NamedAxis, load
+from service.ingest.table_record import SampleBlock
+from service.monitoring.banks import Monitors
+from service.simulation.axis import ControlledAxis
+from tests.service.test_skew import written
+
+H, N, FAULT = 0.005, 6000, 4000
+WATCHED = 'monitor = ["kT", "1/Ja", "fm"]'
+NOISE = ("output_noise = 0.0001", "output_noise = 0.02")
+
+
+def configured(folder: Path, line: str = "averaged = true", *changes: tuple[str, str]) -> Path:
+    """The demo's first axis with its speed in place of its angle."""
+    folder.mkdir(exist_ok=True)
+    speed = ("[robot.axis.angle]", f"[robot.axis.speed]\n{line}")
+    return written(folder, speed, NOISE, *changes, monitor=WATCHED)
+
+
+def read(folder: Path, line: str = "averaged = true") -> NamedAxis:
+    return load(configured(folder, line), {}).axes[0]
+
+
+def run(axis: NamedAxis, u: np.ndarray, y: np.ndarray) -> AxisMonitor:
+    monitors = Monitors([axis])
+    monitors.run({axis.id: SampleBlock(np.arange(len(u)) * 5000, u, y)})
+    return monitors.by_id[axis.id]
+
+
+@pytest.fixture(scope="module")
+def course(seed: int, tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, np.ndarray]:
+    """Torque and mean speed of the simulated drive; kT falls by a fifth."""
+    robot = ControlledAxis(read(tmp_path_factory.mktemp("course")), np.random.default_rng(seed))
+    readings = []
+    for k in range(N):
+        if k == FAULT:
+            robot.break_down({"kT": 0.8})
+        readings.append(robot.sample(k)[:2])
+    u, y = (np.array(column) for column in zip(*readings, strict=True))
+    return u, y
+
+
+def test_the_model_has_the_mean_and_the_predictor_goes_with_it(tmp_path: Path) -> None:
+    plain, averaged = read(tmp_path / "a", "averaged = false"), read(tmp_path / "b")
+    assert [axis_model(a.config).drive.output for a in (plain, averaged)] == ["speed", "mean speed"]
+    model = axis_model(averaged.config)
+    settings = axis_settings(averaged, model)
+    assert len(settings.K) == len(model.drive.states) == 6
+    assert settings.K[-1] == 0
+    assert len(settings.K_after) > 0
+
+
+def test_estimates_are_right_and_the_fault_is_found(
+    course: tuple[np.ndarray, np.ndarray], tmp_path: Path
+) -> None:
+    u, y = course
+    after = run(read(tmp_path / "a"), u, y)
+    before = run(read(tmp_path / "b"), u[:FAULT], y[:FAULT])
+    assert not before.book.open
+    for p in before.facts().parameters:
+        assert abs(p.estimate - p.nominal) < 8 * p.standard_deviation, p.name
+    kT = after.facts().parameters[0]
+    assert kT.estimate == pytest.approx(0.8, abs=8 * kT.standard_deviation)
+    assert "kT" in {e.parameter for e in after.book.open}
+
+
+def test_taken_for_the_speed_of_the_moment_they_are_off(
+    course: tuple[np.ndarray, np.ndarray], tmp_path: Path
+) -> None:
+    u, y = (column[:FAULT] for column in course)
+    facts = run(read(tmp_path / "a", "averaged = false"), u, y).facts()
+    off = [abs(p.estimate - p.nominal) / p.standard_deviation for p in facts.parameters]
+    assert max(off) > 25  # of 40 records the least was 50
+
+
+def test_nothing_is_identified_from_it(course: tuple[np.ndarray, np.ndarray], tmp_path: Path) -> None:
+    file = configured(tmp_path / "a")
+    rows = [
+        f"{k * H:.3f},{a},{b}" for k, (a, b) in enumerate(zip(*(c.tolist() for c in course), strict=True))
+    ]
+    (tmp_path / "a.csv").write_text("t,u,phi\n" + "\n".join(rows))
+    result = CliRunner().invoke(app, ["identify", str(tmp_path / "a.csv"), "--config", str(file)])
+    assert result.exit_code == 2
+    assert "averages the speed over each interval" in " ".join(result.stderr.split())
+
+
+def test_a_motion_is_planned_with_the_speed_of_the_moment(tmp_path: Path) -> None:
+    plans = []
+    for name, line in (("a", "averaged = true"), ("b", "averaged = false")):
+        args = [
+            "excite",
+            "--config",
+            str(configured(tmp_path / name, line)),
+            "--torque-limit",
+            "3",
+            "--seed",
+            "1",
+        ]
+        result = CliRunner().invoke(app, [*args, "--seconds", "2", "-o", str(tmp_path / f"{name}.csv")])
+        assert result.exit_code == 0, result.output
+        plans.append((tmp_path / f"{name}.csv").read_text())
+    assert plans[0] == plans[1]
+
+
+@pytest.mark.parametrize(
+    ("line", "key", "words"),
+    [
+        ("averaged = 1", "speed.averaged", "must be true or false"),
+        ("wraps_at = 3", "speed.wraps_at", "unknown key"),
+    ],
+)
+def test_mistakes(line: str, key: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigErrors) as caught:
+        load(configured(tmp_path / "a", line), {})
+    assert [p.key for p in caught.value.problems] == [f"robot[1].axis[1].{key}"]
+    assert words in str(caught.value.problems[0])
+
+
+def test_only_a_speed_is_averaged(tmp_path: Path) -> None:
+    file = written(tmp_path, ("[robot.axis.angle]", "[robot.axis.angle]\naveraged = true"), monitor=WATCHED)
+    with pytest.raises(ConfigErrors, match="unknown key"):
+        load(file, {})
+
+
+def test_a_resolution_of_counts_in_an_interval(tmp_path: Path) -> None:
+    """A drive that counts increments: one more or less is a step of its mean speed."""
+    step = 2 * math.pi / 4096 / H
+    file = configured(
+        tmp_path / "a", f"averaged = true\nresolution = {step!r}", ("output_noise = 0.02\n", "")
+    )
+    axis = load(file, {}).axes[0]
+    assert axis_settings(axis, axis_model(axis.config)).lam0 > step**2 / 12
