@@ -171,6 +171,14 @@ def counter(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("time", missing), "missing: counter_message and counter_signal go together")
 
 
+def clock(axis: AxisConfig) -> Iterator[Finding]:
+    """A clock is fitted only where no counter tells the time."""
+    if axis.time.clock == "cyclic" and axis.time.counter_signal is not None:
+        yield Finding(
+            ("time", "clock"), "the counter gives the times: remove this, or", ("time", "counter_signal")
+        )
+
+
 def further_signals(axis: AxisConfig) -> Iterator[Finding]:
     """Further signals have names of their own, and each says where it is."""
     yield from _same_names("signal", axis.signal)
@@ -195,6 +203,7 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     pairing_tolerance,
     maximum_gap,
     counter,
+    clock,
     further_signals,
     *NOMINAL_RULES,
     *MODEL_RULES,

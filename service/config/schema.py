@@ -165,6 +165,11 @@ class TimeConfig(Table):
     counter_signal: Text | None = Field(
         None, description="sample counter; with it sample times are whole intervals, free of receipt jitter"
     )
+    clock: Literal["receipt", "cyclic"] = Field(
+        "receipt",
+        description='without a counter: "receipt", the times of receipt, or "cyclic", the controller sends every'
+        " sample_interval_s by its own clock, which is fitted to them",
+    )
 
 
 class VaryingConfig(Table):

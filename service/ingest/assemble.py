@@ -13,9 +13,9 @@ REASONS = ("not_finite", "repeated", "out_of_order", "untimed", "unpaired", "lat
 """Why values did not become a sample; ``Assembler.dropped`` counts them, and as "missing" whole samples.
 
 not_finite: NaN or infinite.  repeated: the same quantity again within half an interval.  out_of_order: not
-after the last sample.  untimed: the sample counter contradicts the time of receipt.  unpaired: the partner
-never came.  late: came after its partner had been given up or paired otherwise.  missing: samples that never
-came, from the interval between two samples.
+after the last sample.  untimed: the sample counter, or the fitted clock, contradicts the time of receipt.
+unpaired: the partner never came.  late: came after its partner had been given up or paired otherwise.
+missing: samples that never came, from the interval between two samples.
 """
 
 Kind = Literal["torque", "motion"]
@@ -70,12 +70,15 @@ class Assembler:
         interval_s: sample interval [s].
         tolerance_s: pairing tolerance [s], below half an interval.
         maximum_gap_s: a step back in time by more than this is taken for a clock that was set back [s].
+        patience: a value waits for its partner for so many intervals.
 
     Raises:
         IngestError: the tolerance is not below half an interval.
     """
 
-    def __init__(self, interval_s: float, tolerance_s: float, maximum_gap_s: float) -> None:
+    def __init__(
+        self, interval_s: float, tolerance_s: float, maximum_gap_s: float, patience: float = 1.0
+    ) -> None:
         if not 0 < tolerance_s < interval_s / 2:
             raise IngestError(
                 f"pairing_tolerance_s = {tolerance_s:g} must be below half of sample_interval_s = "
@@ -84,6 +87,7 @@ class Assembler:
         self._interval_us = interval_s * 1e6
         self._tolerance_us = tolerance_s * 1e6
         self._gap_us = maximum_gap_s * 1e6
+        self._patience_us = patience * self._interval_us
         self._lanes: dict[Kind, _Lane] = {"torque": _Lane(), "motion": _Lane()}
         self._newest_us: int | None = None  # of all values received
         self._floor_us: int | None = None  # later of the two values of the last sample, as received
@@ -113,7 +117,7 @@ class Assembler:
         mine = _Value(t_us, value, sample_us)
         if partner is None:
             lane.waiting.append(mine)
-            self._give_up(t_us - self._interval_us)
+            self._give_up(t_us - self._patience_us)
             return None
         other.waiting.remove(partner)
         lane.paired_us, other.paired_us = t_us, partner.t_us

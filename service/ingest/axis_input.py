@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from service.config.conditions import needed
 from service.config.schema import AngleConfig, NamedAxis, SignalConfig
 from service.ingest.assemble import Assembler
 from service.ingest.clock import SampleClock
+from service.ingest.cyclic import CyclicClock
 from service.ingest.dbc import DbcError, find_counter
 from service.ingest.decode import Decoder, FrameKey
 from service.ingest.errors import IngestError
 from service.ingest.frames import Sample
 from service.ingest.held import HeldSignal
+from service.ingest.stamps import StampMeter, Stamps
 
 
 class Quantity(NamedTuple):
@@ -45,6 +47,22 @@ def wanted_signals(axis: NamedAxis) -> Iterator[tuple[str, str]]:
             yield further.message, further.signal
 
 
+class _Values(NamedTuple):
+    """What a frame has of an axis, and when it was received."""
+
+    t_us: int
+    torque: float | None
+    motion: float | None
+
+    @property
+    def number(self) -> int:
+        return (self.torque is not None) + (self.motion is not None)
+
+
+_HELD = 4.0
+"""Intervals that a value waits for its partner, where that may be held until its cycle is known."""
+
+
 class AxisInput:
     """Samples of one axis from the decoded messages of its bus.
 
@@ -63,9 +81,16 @@ class AxisInput:
         self.counter: Quantity | None = None
         self._counter_offset = 0.0
         self._clock: SampleClock | None = None
+        self._cyclic: tuple[CyclicClock[_Values], CyclicClock[_Values]] | None = None  # of torque, of motion
+        self._meter = StampMeter(config.sample_interval_s)
+        self._received_us = 0
+        cyclic = config.time.clock == "cyclic"
         try:
             self.assembler = Assembler(
-                config.sample_interval_s, config.pairing_tolerance_s, config.maximum_gap_s
+                config.sample_interval_s,
+                config.pairing_tolerance_s,
+                config.maximum_gap_s,
+                _HELD if cyclic else 1.0,
             )
         except IngestError as error:
             raise IngestError(f"axis {axis.id}: {error}") from None
@@ -73,6 +98,8 @@ class AxisInput:
             key = decoder.key(config.time.counter_message)
             self.counter = Quantity("counter", key, config.time.counter_message, config.time.counter_signal)
             self._check_counter(decoder)
+        elif cyclic:
+            self._cyclic = CyclicClock(config.sample_interval_s), CyclicClock(config.sample_interval_s)
 
     @property
     def keys(self) -> set[FrameKey]:
@@ -82,25 +109,73 @@ class AxisInput:
     @property
     def reanchored(self) -> int:
         """How often the sample clock was set to the time of receipt again."""
+        if self._cyclic:
+            return max(clock.reanchored for clock in self._cyclic)
         return self._clock.reanchored if self._clock else 0
 
-    def take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sample | None:
-        """Take the signals of a frame received at that time [us]; returns the sample that they complete."""
-        sample = self._take(key, t_us, signals)
-        if sample is None or not self.further:
-            return sample
-        return sample._replace(signals=tuple(held.at(t_us) for held in self.further))
+    @property
+    def stamps(self) -> Stamps:
+        """How far its time stamps scatter."""
+        if self._cyclic:
+            return self._meter.stamps("cyclic", self._cyclic[1].interval_s)
+        if self._clock:
+            return self._meter.stamps("counter", self._clock.interval_s)
+        return self._meter.stamps("receipt")
 
-    def _take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sample | None:
+    def take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sequence[Sample]:
+        """Take the signals of a frame received at that time [us]; returns the samples that are complete now."""
+        self._received_us = t_us
+        return self._with_further(self._take(key, t_us, signals))
+
+    def flush(self) -> Sequence[Sample]:
+        """No more frames will come: the samples in what was held; values without a partner are counted."""
+        samples = list[Sample]()
+        for clock in self._cyclic or ():
+            samples += self._timed(clock.flush())
+        self.assembler.flush()
+        return self._with_further(samples)
+
+    def _with_further(self, samples: Sequence[Sample]) -> Sequence[Sample]:
+        if not samples or not self.further:
+            return samples
+        further = tuple(held.at(self._received_us) for held in self.further)
+        return [sample._replace(signals=further) for sample in samples]
+
+    def _take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sequence[Sample]:
         torque = self.torque.value(signals) if self.torque.key == key else None
         motion = self.motion.value(signals) if self.motion.key == key else None
-        values = (torque is not None) + (motion is not None)
-        if not values:
-            return None
+        if torque is None and motion is None:
+            return ()
+        if motion is not None:
+            self._meter.received(t_us)
+        values = _Values(t_us, torque, motion)
+        if self._cyclic:
+            return self._timed(self._cyclic[motion is not None].read(t_us, values))
         sample_us = self._count(key, t_us, signals)
         if isinstance(sample_us, str):
-            self.assembler.drop(sample_us, values)
-            return None
+            self.assembler.drop(sample_us, values.number)
+            return ()
+        if sample_us is not None:
+            self._meter.timed(t_us, sample_us)
+        sample = self._assemble(values, t_us, sample_us)
+        return () if sample is None else (sample,)
+
+    def _timed(self, read: Iterable[tuple[_Values, int | str]]) -> list[Sample]:
+        """The samples that values complete whose times are known now."""
+        samples = list[Sample]()
+        for values, time_us in read:
+            if isinstance(time_us, str):
+                self.assembler.drop(time_us, values.number)
+                continue
+            if values.motion is not None:
+                self._meter.timed(values.t_us, time_us)
+            sample = self._assemble(values, time_us)
+            if sample is not None:
+                samples.append(sample)
+        return samples
+
+    def _assemble(self, values: _Values, t_us: int, sample_us: int | None = None) -> Sample | None:
+        _, torque, motion = values
         if torque is not None and motion is not None:
             return self.assembler.add_pair(t_us, torque, motion, sample_us)
         if torque is not None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
+from service.ingest.line import Drift, Line
+
 Rejected = Literal["repeated", "out_of_order", "untimed"]
 
-SLEW = 150e-6
-"""How fast sample times follow the receipt: two crystals rarely differ by more than 100 ppm."""
-
-WINDOW_US = 10_000_000
-"""The least delay of receipt within so long tells the drift: single frames may be late."""
+_LONG_ENOUGH_US = 10e6
 
 
 class SampleClock:
@@ -30,19 +28,24 @@ class SampleClock:
     """
 
     def __init__(self, interval_s: float, bits: int) -> None:
-        self._interval_us = interval_s * 1e6
         self._modulus = 1 << bits
-        self._tolerance_us = max(0.5e6, 10 * self._interval_us)
-        self._patience_us = max(1e6, 10 * self._interval_us)
-        self._anchor_us: int | None = None
+        self._line = Line(interval_s)
+        self._drift: Drift | None = None
         self._n = 0  # of the last frame, also of an untimed one
         self._given_n = 0  # of the last time that was given
         self._raw = 0
         self._received_us = 0
-        self._untimed_since_us: int | None = None
-        self._drift = _Drift()
-        self.reanchored = 0
-        """How often counter and receipt diverged for good, and the line was started anew"""
+
+    @property
+    def reanchored(self) -> int:
+        """How often counter and receipt diverged for good, and the line was started anew."""
+        return self._line.restarts
+
+    @property
+    def interval_s(self) -> float | None:
+        """What a count stands for by the times of receipt [s]; None: not known yet."""
+        passed_us = self._line.since_anchor(self._received_us)
+        return passed_us / self._n * 1e-6 if self._n > 0 and passed_us > _LONG_ENOUGH_US else None
 
     def read(self, received_us: int, raw: int) -> int | Rejected:
         """The time [us] of the sample with this count, or why there is none.
@@ -51,35 +54,32 @@ class SampleClock:
             received_us: when the frame with the count was received [us].
             raw: the count as it is on the bus.
         """
-        if self._anchor_us is None:
+        drift = self._drift
+        if drift is None:
             return self._anchor(received_us, raw)
         n = self._n + self._step(received_us, raw)
-        # One product, rounded once: no error adds up however long the run.
-        line_us = self._anchor_us + round(n * self._interval_us)
+        line_us = self._line.nominal(n)
         delay_us = received_us - line_us
-        if abs(delay_us - self._drift.shift_us) > self._tolerance_us:
+        if abs(delay_us - drift.shift_us) > self._line.tolerance_us:
             return self._untimed(received_us, raw, n)
         counts = n - self._given_n
         if counts <= 0:
             return "out_of_order" if counts else "repeated"
-        self._untimed_since_us = None
+        self._line.on()
         self._given_n = n
         self._keep(received_us, raw, n)
-        return line_us + self._drift.follow(counts * self._interval_us, delay_us)
+        place_us = n * self._line.interval_us
+        drift.see(place_us, delay_us)
+        return line_us + drift.follow(place_us, counts * self._line.interval_us)
 
     def _step(self, received_us: int, raw: int) -> int:
         """Counts since the last frame: of all that fit the wrapped counter, the likeliest by receipt."""
-        expected = round((received_us - self._received_us) / self._interval_us)
+        expected = round((received_us - self._received_us) / self._line.interval_us)
         half = self._modulus // 2
         return expected - half + (raw - self._raw - expected + half) % self._modulus
 
     def _untimed(self, received_us: int, raw: int, n: int) -> int | Rejected:
-        since_us = self._untimed_since_us
-        if since_us is None or received_us < since_us:
-            since_us = received_us
-        self._untimed_since_us = since_us
-        if received_us - since_us >= self._patience_us:
-            self.reanchored += 1
+        if self._line.off(received_us):
             return self._anchor(received_us, raw)
         self._keep(received_us, raw, n)
         return "untimed"
@@ -88,34 +88,7 @@ class SampleClock:
         self._received_us, self._raw, self._n = received_us, raw, n
 
     def _anchor(self, received_us: int, raw: int) -> int:
-        self._anchor_us, self._given_n = received_us, 0
-        self._untimed_since_us, self._drift = None, _Drift()
+        self._line.begin(received_us)
+        self._given_n, self._drift = 0, Drift()
         self._keep(received_us, raw, 0)
         return received_us
-
-
-class _Drift:
-    """Follows the smallest delay of each window, so slowly that an interval hardly changes."""
-
-    def __init__(self) -> None:
-        self.shift_us = 0
-        self._wanted_us = 0
-        self._least_us: int | None = None
-        self._passed_us = 0.0  # since the window began
-        self._may_move_us = 0.0
-
-    def follow(self, passed_us: float, delay_us: int) -> int:
-        """The shift [us] of the line after so much more time, at a frame with that delay."""
-        self._least_us = delay_us if self._least_us is None else min(self._least_us, delay_us)
-        self._passed_us += passed_us
-        if self._passed_us >= WINDOW_US:
-            self._wanted_us, self._least_us, self._passed_us = self._least_us, None, 0.0
-        self._move(passed_us)
-        return self.shift_us
-
-    def _move(self, passed_us: float) -> None:
-        error_us = self._wanted_us - self.shift_us
-        self._may_move_us += SLEW * passed_us
-        step_us = min(abs(error_us), int(self._may_move_us))
-        self._may_move_us %= 1  # only what is less than a microsecond is kept for the next time
-        self.shift_us += step_us if error_us > 0 else -step_us

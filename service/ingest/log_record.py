@@ -9,6 +9,7 @@ from service.config.schema import Config
 from service.ingest.can_log import CanLog
 from service.ingest.frames import Frame
 from service.ingest.pipeline import Ingest
+from service.ingest.stamps import Stamps
 from service.ingest.table_record import SampleBlock, Step, block_of
 
 
@@ -42,6 +43,18 @@ class LogRecord:
             for axis_id in ingest.axis_ids
         }
 
+    @property
+    def axis_events(self) -> Mapping[str, Mapping[str, int]]:
+        """How often the time line of an axis began anew, by cause."""
+        ingests = self._ingests.values()
+        return {axis_id: ingest.axis_events(axis_id) for ingest in ingests for axis_id in ingest.axis_ids}
+
+    @property
+    def axis_stamps(self) -> Mapping[str, Stamps]:
+        """How far the time stamps of each axis scatter."""
+        ingests = self._ingests.values()
+        return {axis_id: ingest.axis_stamps(axis_id) for ingest in ingests for axis_id in ingest.axis_ids}
+
     def frames(self) -> Iterator[tuple[dict[str, list[Frame]], float]]:
         """The frames by name of their bus, and how much of the log has been read, 0 to 1.
 
@@ -73,8 +86,10 @@ class LogRecord:
                 for axis_id, found in self._ingests[bus].feed(frames).items():
                     samples[axis_id] = block_of(found)
             yield Step(samples, done)
-        for ingest in self._ingests.values():
-            ingest.flush()
+        flushed = [ingest.flush() for ingest in self._ingests.values()]
+        last = {axis_id: block_of(found) for of_bus in flushed for axis_id, found in of_bus.items()}
+        if last:
+            yield Step(last, 1.0)
 
     def _channels(self, seen: set[str]) -> Mapping[str, str]:
         """Bus by channel in the log; "" stands for all others.

@@ -11,6 +11,7 @@ from service.ingest.decode import Decoder, FrameKey
 from service.ingest.errors import IngestError
 from service.ingest.frames import Frame, Sample
 from service.ingest.held import HeldSignal
+from service.ingest.stamps import Stamps
 
 FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
 """Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Ingest.dropped``."""
@@ -77,9 +78,13 @@ class Ingest:
         return dict(self._axis(axis_id).assembler.dropped)
 
     def axis_events(self, axis_id: str) -> Mapping[str, int]:
-        """What happened to the time of an axis: clock_reanchored (counter), clock_set_back (receipt)."""
+        """What happened to the time of an axis: clock_reanchored (counter, fitted clock), clock_set_back (receipt)."""
         axis = self._axis(axis_id)
         return {"clock_reanchored": axis.reanchored, "clock_set_back": axis.assembler.clock_set_back}
+
+    def axis_stamps(self, axis_id: str) -> Stamps:
+        """How far the time stamps of an axis scatter."""
+        return self._axis(axis_id).stamps
 
     def feed(self, frames: Iterable[Frame]) -> dict[str, list[Sample]]:
         """The samples that these frames complete, by axis, in the order of their times."""
@@ -92,27 +97,30 @@ class Ingest:
             for held in self._held.get(key, ()):  # first: they may belong to the sample that is completed now
                 held.take(frame.t_us, signals)
             for axis in self._inputs[key]:
-                sample = axis.take(key, frame.t_us, signals)
-                if sample is not None:
-                    samples.setdefault(axis.id, []).append(sample)
+                found = axis.take(key, frame.t_us, signals)
+                if found:
+                    samples.setdefault(axis.id, []).extend(found)
         return samples
 
     def feed_values(self, frames: Iterable[Frame]) -> Iterator[Value]:
-        """The values in these frames, without pairing, to look at a bus.  Counts frames as ``feed`` does."""
+        """The values in these frames, to look at a bus.  Counts, pairs and times as ``feed`` does."""
         for frame in frames:
             signals = self._signals(frame)
             if signals is None:
                 continue
-            for axis_id, quantity in self._quantities[FrameKey(frame.can_id, frame.extended)]:
+            key = FrameKey(frame.can_id, frame.extended)
+            for axis in self._inputs[key]:
+                axis.take(key, frame.t_us, signals)
+            for axis_id, quantity in self._quantities[key]:
                 si = quantity.value(signals)
                 if si is not None:
                     name, physical = quantity.signal, signals[quantity.signal]
                     yield Value(frame.t_us, axis_id, quantity.name, quantity.message, name, physical, si)
 
-    def flush(self) -> None:
-        """The end of the frames: values that still wait for their partner are counted as unpaired."""
-        for axis in self.axes:
-            axis.assembler.flush()
+    def flush(self) -> dict[str, list[Sample]]:
+        """The end of the frames: samples whose times were not known yet; values without a partner are counted."""
+        flushed = {axis.id: list(axis.flush()) for axis in self.axes}
+        return {axis_id: samples for axis_id, samples in flushed.items() if samples}
 
     def _axis(self, axis_id: str) -> AxisInput:
         return next(axis for axis in self.axes if axis.id == axis_id)

@@ -10,6 +10,7 @@ from service.config.schema import Config
 from service.ingest.can_log import LOG_SUFFIXES
 from service.ingest.errors import RecordError
 from service.ingest.log_record import LogRecord
+from service.ingest.stamps import Stamps
 from service.ingest.table_record import SampleBlock, Step, TableRecord
 from service.ingest.tables import TABLE_SUFFIXES
 
@@ -37,6 +38,14 @@ class Record(Protocol):
     @property
     def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
         """Frames that gave nothing so far, by bus and reason."""
+
+    @property
+    def axis_events(self) -> Mapping[str, Mapping[str, int]]:
+        """How often the time line of an axis began anew, by cause."""
+
+    @property
+    def axis_stamps(self) -> Mapping[str, Stamps]:
+        """How far the time stamps of each axis scatter, where the record has any."""
 
 
 def read_record(path: Path, config: Config) -> Record:

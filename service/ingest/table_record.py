@@ -17,6 +17,7 @@ from service.ingest.errors import RecordError
 from service.ingest.frames import Sample
 from service.ingest.held import HeldColumns
 from service.ingest.rows import Floats, Rows
+from service.ingest.stamps import Stamps
 from service.ingest.tables import check_columns, open_table
 
 Times = NDArray[np.int64]
@@ -82,6 +83,16 @@ class TableRecord:
     def axis_dropped(self) -> Mapping[str, Mapping[str, int]]:
         """Rows that became no sample, by axis and reason."""
         return {axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()}
+
+    @property
+    def axis_events(self) -> Mapping[str, Mapping[str, int]]:
+        """Of the time line of an axis: a table has one."""
+        return {}
+
+    @property
+    def axis_stamps(self) -> Mapping[str, Stamps]:
+        """Of time stamps: a table has times."""
+        return {}
 
     def steps(self) -> Iterator[Step]:
         """The samples in order.

@@ -24,8 +24,7 @@ class Core:
 
     def take(self, bus: str, frames: Iterable[Frame]) -> None:
         """Frames of a bus, in the order of their receipt; their samples wait for ``run``."""
-        for axis_id, found in self.ingests[bus].feed(frames).items():
-            self._samples.setdefault(axis_id, []).extend(found)
+        self._keep(self.ingests[bus].feed(frames))
 
     def run(self) -> list[Change]:
         """One call of the kernel for each bank, over all samples that wait."""
@@ -35,6 +34,10 @@ class Core:
         return self.monitors.run({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
 
     def flush(self) -> None:
-        """The end of the frames: values without a partner are counted."""
+        """The end of the frames: values without a partner are counted; the last samples wait for ``run``."""
         for ingest in self.ingests.values():
-            ingest.flush()
+            self._keep(ingest.flush())
+
+    def _keep(self, samples: Mapping[str, list[Sample]]) -> None:
+        for axis_id, found in samples.items():
+            self._samples.setdefault(axis_id, []).extend(found)

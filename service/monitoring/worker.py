@@ -129,6 +129,7 @@ class Worker:
             while self._block():
                 pass
             self._core.flush()
+            self._alarms.record(self._core.run())
         self._saver.save()
         self.snapshot = self._snapshot()
 

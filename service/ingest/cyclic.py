@@ -1,0 +1,157 @@
+"""The time of a sample from a controller that sends in cycles of its own clock, and does not number them."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Generic, NamedTuple, TypeVar
+
+from service.ingest.clock import Rejected
+from service.ingest.line import Drift, Line
+
+WINDOW = 128
+"""Cycles, of which the early frames tell where the line is: at 1000 ppm it moves an eighth of a cycle meanwhile."""
+
+PART = 0.1
+"""Of the frames are earlier than the line: the very earliest may be late ones that were given the next cycle."""
+
+KEEP = 32
+"""Windows through which the line goes."""
+
+EARLY = 0.25
+"""Part of a cycle by which a frame may be before the line; all other frames are late, by up to the rest at once."""
+
+V = TypeVar("V")
+
+
+class _Held(NamedTuple, Generic[V]):
+    received_us: int
+    cycle: int  # the last one that it can be of
+    value: V
+
+
+class CyclicClock(Generic[V]):
+    """Fits the controller's clock, phase and rate, to the times of receipt, and gives each frame its cycle.
+
+    A frame is received after it was sent, so of all cycles it is of the last that had begun, unless it was late by
+    more than a cycle.  That is not known where cycles seem to be missing: frames were lost, or this machine was held
+    up and frames that waited come in a burst.  Such a frame is held until one comes at its usual distance; then those
+    that came together are of successive cycles, back from the last one, and before them cycles are missing.
+
+    Frames that are no later than the last cycle are rejected, repeated or out of order; those further back than half
+    a second (or ten cycles), and those that waited for longer, as untimed.  After a second of nothing but untimed
+    frames the line starts anew: the clock of this machine was set back.  After a pause of half a second it is kept,
+    but for its phase; that counts as a new start, too: the clock may have been set forward.
+
+    All of it depends on times of receipt alone, so a replay gives the same times.
+
+    Args:
+        interval_s: the controller's cycle [s]; a difference of up to about 1000 ppm is found and followed.
+    """
+
+    def __init__(self, interval_s: float) -> None:
+        self._line = Line(interval_s)
+        self._most = math.ceil(self._line.tolerance_us / self._line.interval_us)
+        self._drift: Drift | None = None
+        self._n = 0  # of the last frame that was given a time
+        self._received_us = 0  # of the last frame, but for untimed ones
+        self._held: deque[_Held[V]] = deque()
+        self._paused = False
+        self._pauses = 0
+
+    @property
+    def reanchored(self) -> int:
+        """How often the line, or its phase, was started anew."""
+        return self._line.restarts + self._pauses
+
+    @property
+    def interval_s(self) -> float | None:
+        """The cycle as fitted [s]; None: not known yet."""
+        drift = self._drift
+        return self._line.interval_us * (1 + drift.rate) * 1e-6 if drift and drift.settled else None
+
+    def read(self, received_us: int, value: V) -> list[tuple[V, int | Rejected]]:
+        """The values whose times [us] are known now, in order, or why they have none.
+
+        Args:
+            received_us: when a frame was received [us].
+            value: what was in it; it is among those that are returned, now or later.
+        """
+        if self._drift is None:
+            return [(value, self._anchor(received_us))]
+        cycle = self._cycle(self._drift, received_us)
+        newest = self._held[-1].cycle if self._held else self._n
+        if cycle <= newest - self._most:
+            return self._untimed(received_us, value)
+        ready = self._caught_up(self._drift, received_us, cycle)
+        if self._held or cycle > self._n + 1:
+            return ready + self._hold(received_us, cycle, value)
+        self._received_us = received_us
+        if cycle <= self._n:
+            return [*ready, (value, "repeated" if cycle == self._n else "out_of_order")]
+        return [*ready, (value, self._give(self._drift, received_us, cycle))]
+
+    def flush(self) -> list[tuple[V, int | Rejected]]:
+        """No more frames will come: those that are held."""
+        return [] if self._drift is None else self._release(self._drift)
+
+    def _cycle(self, drift: Drift, received_us: int) -> int:
+        """The last cycle that a frame received then can be of."""
+        place_us = self._line.since_anchor(received_us)
+        return math.floor((place_us - drift.expected(place_us)) / self._line.interval_us + EARLY)
+
+    def _caught_up(self, drift: Drift, received_us: int, cycle: int) -> list[tuple[V, int | Rejected]]:
+        """The held frames, if this one is of a later cycle and did not wait with them."""
+        waited = received_us - self._received_us < self._line.interval_us / 2
+        if not self._held or waited or cycle <= self._held[-1].cycle:
+            return []
+        return self._release(drift)
+
+    def _hold(self, received_us: int, cycle: int, value: V) -> list[tuple[V, int | Rejected]]:
+        self._paused |= received_us - self._received_us > self._line.tolerance_us
+        self._received_us = received_us
+        self._held.append(_Held(received_us, cycle, value))
+        self._line.on()
+        if len(self._held) <= self._most:
+            return []
+        return [(self._held.popleft().value, "untimed")]
+
+    def _release(self, drift: Drift) -> list[tuple[V, int | Rejected]]:
+        """Those that came together are of successive cycles, the last one of its own."""
+        timed = list[tuple[_Held[V], int]]()
+        after = math.inf
+        while self._held:
+            held = self._held.pop()
+            after = min(held.cycle, after - 1)
+            timed.append((held, int(after)))
+        if self._paused:
+            self._pauses, self._paused = self._pauses + 1, False
+            drift.begin_again(timed[0][1] * self._line.interval_us)
+            for held, n in timed:
+                drift.see(n * self._line.interval_us, held.received_us - self._line.nominal(n))
+        return [(held.value, self._give_held(drift, held, n)) for held, n in reversed(timed)]
+
+    def _give_held(self, drift: Drift, held: _Held[V], n: int) -> int | Rejected:
+        return "repeated" if n <= self._n else self._give(drift, held.received_us, n)
+
+    def _give(self, drift: Drift, received_us: int, n: int) -> int:
+        passed_us, place_us = (n - self._n) * self._line.interval_us, n * self._line.interval_us
+        line_us = self._line.nominal(n)
+        self._n = n
+        self._line.on()
+        drift.see(place_us, received_us - line_us)
+        return line_us + drift.follow(place_us, passed_us)
+
+    def _untimed(self, received_us: int, value: V) -> list[tuple[V, int | Rejected]]:
+        if not self._line.off(received_us):
+            return [(value, "untimed")]
+        return [*self.flush(), (value, self._anchor(received_us))]
+
+    def _anchor(self, received_us: int) -> int:
+        self._line.begin(received_us)
+        rate = self._drift.rate if self._drift else 0.0
+        interval_us = self._line.interval_us
+        self._drift = Drift(WINDOW * interval_us, KEEP, PART, interval_us / 4, rate, quick=True)
+        self._drift.see(0.0, 0.0)
+        self._n, self._received_us = 0, received_us
+        return received_us

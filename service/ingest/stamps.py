@@ -1,0 +1,114 @@
+"""How far the time stamps of an axis scatter, and what that says about its configuration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+Clock = Literal["receipt", "cyclic", "counter"]
+
+MEMORY = 1000
+"""Samples over which the scatter is taken."""
+
+_ENOUGH = 200
+_SCATTER = 0.05  # of an interval: 0.25 ms at 5 ms, which costs 2 % spread in fm
+_WRONG = {"receipt": 0.01, "cyclic": 300e-6, "counter": 300e-6}
+"""Part of an interval that is no matter of crystals, nor of what is not known better."""
+
+
+class Stamps(NamedTuple):
+    """The time stamps of an axis.
+
+    ``scatter_s`` is the standard deviation [s] of time of receipt minus time of the sample; where the times of receipt
+    are those of the samples, that of the intervals over sqrt(2), as for stamps that scatter each by itself.
+    ``interval_s`` is the interval of the controller by the clock of this machine.  None: not known yet.
+    """
+
+    clock: Clock
+    scatter_s: float | None
+    interval_s: float | None
+
+
+class StampMeter:
+    """Watches the stamps of one axis.
+
+    Args:
+        interval_s: nominal sample interval [s].
+    """
+
+    def __init__(self, interval_s: float) -> None:
+        self._interval_us = interval_s * 1e6
+        self._median_us = self._interval_us
+        self._last_us: int | None = None
+        self._intervals, self._delays = _Spread(), _Spread()
+
+    def received(self, t_us: int) -> None:
+        """A frame was received then."""
+        last_us, self._last_us = self._last_us, t_us
+        if last_us is None:
+            return
+        passed_us = t_us - last_us
+        if 0.5 < passed_us / self._interval_us < 1.5:  # else lost frames, or a clock that was set
+            self._intervals.add(passed_us)
+        if passed_us > 0:
+            step_us = self._interval_us * max(0.5 / (self._intervals.count + 1), 1e-5)
+            self._median_us += math.copysign(step_us, passed_us - self._median_us)
+
+    def timed(self, received_us: int, time_us: int) -> None:
+        """A sample of that time was received then."""
+        self._delays.add(received_us - time_us)
+
+    def stamps(self, clock: Clock, fitted_s: float | None = None) -> Stamps:
+        """What is known now.
+
+        Args:
+            clock: that gives the times of the samples.
+            fitted_s: the interval [s] by that clock.
+        """
+        spread = self._intervals if clock == "receipt" else self._delays
+        share = 0.5 if clock == "receipt" else 1.0
+        scatter_s = math.sqrt(share * spread.variance) * 1e-6 if spread.count > 1 else None
+        median_s = self._median_us * 1e-6 if self._intervals.count >= _ENOUGH else None
+        return Stamps(clock, scatter_s, self._better(fitted_s, median_s))
+
+    def _better(self, fitted_s: float | None, median_s: float | None) -> float | None:
+        """The interval: that of the clock, unless it is far off, as no clock can be fitted then."""
+        if fitted_s is None or median_s is None:
+            return fitted_s or median_s
+        off = abs(median_s * 1e6 / self._interval_us - 1) > _WRONG["receipt"]
+        return median_s if off else fitted_s
+
+
+class _Spread:
+    """Running mean and variance."""
+
+    def __init__(self) -> None:
+        self.count, self._mean, self.variance = 0, 0.0, 0.0
+
+    def add(self, value: float) -> None:
+        self.count += 1
+        part = 1 / min(self.count, MEMORY)
+        off = value - self._mean
+        self._mean += part * off
+        self.variance = (1 - part) * (self.variance + part * off * off)
+
+
+def remarks(axis_id: str, interval_s: float, stamps: Stamps) -> Iterator[str]:
+    """What the stamps of an axis with that nominal interval [s] say about its configuration, in words."""
+    scatter_s, found_s = stamps.scatter_s, stamps.interval_s
+    if stamps.clock == "receipt" and scatter_s is not None and scatter_s > _SCATTER * interval_s:
+        yield (
+            f"{axis_id}: stamps scatter by {ms(scatter_s)}: if the controller samples on its own clock, set "
+            'clock = "cyclic" in [robot.axis.time], or counter_message and counter_signal if it sends a counter'
+        )
+    if found_s is not None and abs(found_s / interval_s - 1) > _WRONG[stamps.clock]:
+        yield (
+            f"{axis_id}: a sample comes every {1e3 * found_s:.5g} ms, not every {1e3 * interval_s:g} ms: correct "
+            "sample_interval_s"
+        )
+
+
+def ms(seconds: float | None) -> str:
+    """A time in words."""
+    return "not known" if seconds is None else f"{1e3 * seconds:.2g} ms"
