@@ -30,6 +30,9 @@ class Stamps(NamedTuple):
     interval_s: float | None
 
 
+NOT_KNOWN = Stamps("receipt", None, None)
+
+
 class StampMeter:
     """Watches the stamps of one axis.
 

@@ -7,6 +7,7 @@ from monitor_core.episodes import Episode
 from monitor_core.facts import AxisFacts, Status
 from monitor_core.monitor import AxisMonitor
 from service.config import NamedAxis
+from service.ingest.stamps import Stamps
 from service.monitoring.history import HistoryKeeper
 from service.monitoring.snapshot import AxisSnapshot
 
@@ -25,7 +26,8 @@ class AxisView:
         open_episodes: tuple[Episode, ...],
         dropped: Mapping[str, int],
         clock: Mapping[str, int],
-        gated_by: str = "",
+        gated_by: str,
+        stamps: Stamps,
     ) -> AxisSnapshot:
         """The axis now.  ``open_episodes`` are those of the journal, and the only ones shown."""
         facts = self.monitor.facts()
@@ -46,6 +48,7 @@ class AxisView:
             clock=clock,
             history=self.history.history,
             gated_by=gated_by,
+            stamps=stamps,
         )
 
 

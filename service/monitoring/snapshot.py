@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from monitor_core.episodes import Episode
 from monitor_core.facts import AxisFacts
+from service.ingest.stamps import NOT_KNOWN, Stamps
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +63,8 @@ class AxisSnapshot:
     history: History
     gated_by: str = ""
     """Which operating condition forbids to learn from the last sample, e.g. mode = 2; empty: none does"""
+    stamps: Stamps = NOT_KNOWN
+    """How far its time stamps scatter"""
 
 
 @dataclass(frozen=True, slots=True)

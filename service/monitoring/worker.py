@@ -149,7 +149,8 @@ class Worker:
         open_alarms = self._alarms.open(axis_id)
         dropped = {**ingest.axis_dropped(axis_id), **self._core.monitors.dropped(axis_id)}
         gated_by = self._core.monitors.waits_for(axis_id)
-        return view.snapshot(open_alarms, dropped, ingest.axis_events(axis_id), gated_by)
+        events, stamps = ingest.axis_events(axis_id), ingest.axis_stamps(axis_id)
+        return view.snapshot(open_alarms, dropped, events, gated_by, stamps)
 
     def _all_messages(self) -> tuple[str, ...]:
         now = (self._alarms.problem, self._saver.problem, self._recording.problem)

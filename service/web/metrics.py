@@ -141,6 +141,13 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
         ("axis", "cause"),
         _by_reason((a.id, a.clock) for a in axes),
     )
+    yield _gauge(
+        "stamp_scatter_seconds",
+        "Standard deviation of time of receipt minus time of the sample, in seconds; where the times of receipt are "
+        "those of the samples, of the intervals, over the root of two.",
+        ("axis",),
+        (((a.id,), a.stamps.scatter_s) for a in axes if a.stamps.scatter_s is not None),
+    )
     # +Inf before the first sample: the rule that finds a silent axis also finds one that was never heard.
     ages = [(a.id, sample_age_s(a, now_us)) for a in axes]
     yield _gauge(

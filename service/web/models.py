@@ -78,6 +78,21 @@ class Model(Body):
     nominal: list[Constant]
 
 
+class Stamps(Body):
+    """How far the time stamps of an axis scatter."""
+
+    clock: Literal["receipt", "cyclic", "counter"] = Field(
+        description="that gives the times of the samples: receipt, the controller's cycle as fitted, or its counter"
+    )
+    scatter_s: Number = Field(
+        description="standard deviation of time of receipt minus time of the sample [s]; for receipt, of the "
+        "intervals, over the root of two; null: not known yet"
+    )
+    interval_s: Number = Field(
+        description="sample interval of the controller by the clock here [s]; null: not known yet"
+    )
+
+
 class Axis(Body):
     """An axis now."""
 
@@ -104,6 +119,7 @@ class Axis(Body):
     clock: dict[str, int] = Field(
         description="how often the time line of the samples began anew, number by cause"
     )
+    stamps: Stamps
     model: Model
 
 

@@ -37,6 +37,7 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         counters=dict(a.facts.counters),
         dropped=dict(a.dropped),
         clock=dict(a.clock),
+        stamps=models.Stamps(**a.stamps._asdict()),
         model=_model(a),
     )
 

@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 
 from monitor_core.episodes import Episode
 from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
+from service.ingest.stamps import NOT_KNOWN, Stamps
 from service.monitoring.snapshot import (
     AxisSnapshot,
     BusSnapshot,
@@ -128,6 +129,7 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         dropped=dropped,
         clock={"clock_reanchored": 3},
         history=history(100),
+        stamps=Stamps("cyclic", 0.00041, 0.0050002),
     )
 
 
@@ -138,7 +140,7 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     )
     facts = AxisFacts(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0))
     axis = replace(monitored_axis(name), bus="can1", facts=facts, open_episodes=(), history=History())
-    return replace(axis, dropped=dict.fromkeys(axis.dropped, 0))
+    return replace(axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN)
 
 
 def whole_snapshot() -> Snapshot:

@@ -51,6 +51,8 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert first["confounded"] == ["1/Ja is not observed"]
     assert first["dropped"] == {"no_partner": 5, "late": 0}
     assert first["clock"] == {"clock_reanchored": 3}
+    assert first["stamps"] == {"clock": "cyclic", "scatter_s": 0.00041, "interval_s": 0.0050002}
+    assert second["stamps"] == {"clock": "receipt", "scatter_s": None, "interval_s": None}
     assert first["innovation_unit"] == "rad"
     assert second["last_sample"] is None
     assert second["last_sample_age_s"] is None
