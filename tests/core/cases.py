@@ -88,7 +88,7 @@ CASES = (
         zero=("delay",),
         drive=delayed,
     ),
-    Case("mean-speed", "mean speed", ("kT", "1/Ja", "r"), FRICTION, drive=averaged, delay_s=0.002),
+    Case("mean-speed", "mean speed", ("kT", "1/Ja", "r"), FRICTION, drive=averaged, delay_s=0.0045),
     Case("mean-speed-output-error", "mean speed", PAPER, REFERENCE_VALUES, torque_noise=0.0, drive=averaged),
     Case("speed-joint", "speed", ("kT", "fc", "ka"), torque_noise=0.0, joint=True),
     Case("angle-joint", "angle", ("Jm", "fc", "kg"), delay_s=0.001, joint=True),
