@@ -1,0 +1,113 @@
+"""Healthy reference axes side by side: how the estimates scatter, what is reported, and what is possible at all."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from monitor_core.bank import Bank
+from monitor_core.excitation import multisine
+from monitor_core.kalman import filter_gain, slowest_time_constant
+from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.library import REFERENCE_VALUES
+from monitor_core.model import AxisModel, Output
+from monitor_core.reference import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS, reference_model
+from monitor_core.settings import Settings
+from monitor_core.simulation import simulate_linear
+
+STEP = 1e-30
+SETTLED = 12
+"""Memories until P and theta have forgotten their start."""
+
+
+class Honesty(NamedTuple):
+    """Of each parameter (p,), relative to its size: rms deviation, the reported one, the least possible one."""
+
+    scatter: Floats
+    reported: Floats
+    least: Floats
+
+
+def settings_for(output: Output, torque_noise: float, time_constants: float, *, joint: bool) -> Settings:
+    """A memory of so many slowest time constants of the predictor; without torque noise it is the output error."""
+    model = reference_model(output)
+    K: tuple[float, ...] = ()
+    lam0 = NOISE[output] ** 2
+    if torque_noise:
+        gain, lam0 = filter_gain(model, INTERVAL_S, torque_noise, NOISE[output])
+        K = tuple(float(k) for k in gain)
+    tau = slowest_time_constant(model, np.array(K or np.zeros(len(model.drive.states))), INTERVAL_S)
+    lam = 1 - INTERVAL_S / (time_constants * tau)
+    return Settings(INTERVAL_S, lam=lam, lam0=lam0, K=K, settle_s=5 * tau, alpha2=1e9, joint=joint)
+
+
+def honesty(
+    output: Output, torque_noise: float, settings: Settings, seed: int, axes: int, memories: int
+) -> Honesty:
+    """Axes with fresh noise and torque each, over so many memories behind the start."""
+    model, rng, n = reference_model(output), np.random.default_rng(seed), round(settings.memory)
+    # The seeding run alone takes ten memories.
+    first = round(settings.settle_s / INTERVAL_S) + (10 + SETTLED) * n
+    N = first + memories * n
+    u = np.stack([multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(axes)], axis=1)
+    acting = u + torque_noise * rng.standard_normal(u.shape)
+    y = simulate_linear(model.drive, REFERENCE_VALUES, acting, INTERVAL_S)[0]
+    y += NOISE[output] * rng.standard_normal(u.shape)
+    late = slice(first, None, max(1, n // 8))
+    bank = Bank([model] * axes, [settings] * axes)
+    t = np.repeat(np.arange(N, dtype=np.int64)[:, np.newaxis] * round(INTERVAL_S * 1e6), axes, axis=1)
+    _, trace = bank.run_traced(t, u, y)
+    deviation = trace.theta[late] - model.theta0[:, np.newaxis]
+    reported = settings.lam0 * trace.P[late] / (1 + settings.lam)
+    psi = sensitivities(model, settings, u, y)
+    least = settings.lam0 * window_variance(psi, settings.lam, np.arange(N)[late])
+    rms = (
+        np.sqrt(np.mean(squares, axis=(0, 2))) / model.scale for squares in (deviation**2, reported, least)
+    )
+    return Honesty(*rms)
+
+
+def sensitivities(model: AxisModel, settings: Settings, u: Floats, y: Floats) -> Floats:
+    """d yhat / d theta (N, p, W) of the predictor at the true parameters, exactly: by the complex step."""
+    K = settings.gain(len(model.drive.states))[:, np.newaxis]
+    psi = np.empty((len(u), len(model.theta0), u.shape[1]))
+    for i, value in enumerate(model.theta0):
+        theta = model.theta0 + 1j * STEP * value * np.eye(len(model.theta0))[i]
+        values = model.values(theta)
+        A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
+        Ad, Bd = held(model, A, B)
+        x: NDArray[np.complex128] = np.zeros((len(A), u.shape[1]), dtype=complex)
+        for k in range(len(u)):
+            yhat = C @ x
+            psi[k, i] = yhat[0].imag / (STEP * value)
+            x = Ad @ (x + K * (y[k] - yhat)) + Bd * u[k]
+    return psi
+
+
+def held(model: AxisModel, A: NDArray[Any], B: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Ad (n, n) and Bd (n, 1) for the torque, of complex matrices; balanced, or digits are lost."""
+    n, d = len(A), model.balance()
+    torque = [kind == TORQUE for kind in model.drive.inputs]
+    F = np.zeros((n + 1, n + 1), dtype=complex)
+    F[:n, :n], F[:n, n] = A / d[:, np.newaxis] * d, B[:, torque][:, 0] / d
+    E = expm(F * INTERVAL_S)
+    return d[:, np.newaxis] * E[:n, :n] / d, (d * E[:n, n])[:, np.newaxis]
+
+
+def window_variance(psi: Floats, lam: float, times: NDArray[np.int64]) -> Floats:
+    """diag R^-1 R2 R^-1 (times, p, W), of least squares with the weights lambda^(t - k), psi (N, p, W).
+
+        R = sum lambda^(t-k) psi psi',    R2 = sum lambda^(2(t-k)) psi psi'
+
+    Nothing that is without bias and weighs so scatters less: the Cramer-Rao bound is lambda_0 times this.
+    """
+    wanted, out = set(times.tolist()), []
+    R = R2 = np.zeros((psi.shape[2], psi.shape[1], psi.shape[1]))
+    for k, row in enumerate(psi):
+        outer = np.einsum("iw,jw->wij", row, row)
+        R, R2 = lam * R + outer, lam**2 * R2 + outer
+        if k in wanted:
+            inverse = np.linalg.inv(R)
+            out.append(np.diagonal(inverse @ R2 @ inverse, axis1=1, axis2=2).T)
+    return np.array(out)

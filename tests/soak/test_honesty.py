@@ -1,0 +1,44 @@
+"""Scatter of the estimates beside what is reported and what is possible, of so many axes that per cents count."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monitor_core.model import Output
+from tests.core.honesty import Honesty, honesty, settings_for
+
+pytestmark = pytest.mark.soak
+
+AXES, MEMORIES, RUNS = 64, 20, 16
+"""As many as 10 000 independent estimates: the ratio of deviations is known to 0.7 %."""
+CASES: list[tuple[Output, float]] = [("speed", 0.0), ("speed", 0.05), ("speed", 0.3), ("angle", 0.05)]
+"""Output, torque noise [N m]; the first is the output error."""
+
+
+def over_runs(output: Output, torque_noise: float, time_constants: float, joint: bool, seed: int) -> Honesty:
+    settings = settings_for(output, torque_noise, time_constants, joint=joint)
+    runs = [honesty(output, torque_noise, settings, seed + k, AXES, MEMORIES) for k in range(RUNS)]
+    found = Honesty(*(np.sqrt(np.mean(np.square(column), axis=0)) for column in zip(*runs, strict=True)))
+    print(
+        f"\n{output}, torque noise {torque_noise}, {time_constants} time constants, joint state {joint}:"
+        f" scatter over reported {found.scatter / found.reported}, over least {found.scatter / found.least}"
+    )
+    return found
+
+
+@pytest.mark.parametrize(("output", "torque_noise"), CASES)
+@pytest.mark.parametrize(("time_constants", "within"), [(1.8, 0.2), (9.0, 0.1)])
+def test_the_state_moves_with_the_estimates(
+    output: Output, torque_noise: float, time_constants: float, within: float, seed: int
+) -> None:
+    found = over_runs(output, torque_noise, time_constants, True, seed)
+    assert (abs(found.scatter / found.reported - 1) < within).all()
+    assert (abs(found.scatter / found.least - 1) < 0.2).all()
+
+
+@pytest.mark.parametrize(("output", "torque_noise"), CASES)
+def test_the_papers_recursion_with_an_ample_memory(output: Output, torque_noise: float, seed: int) -> None:
+    found = over_runs(output, torque_noise, 9.0, False, seed)
+    assert (abs(found.scatter / found.reported - 1) < 0.1).all()
+    assert (abs(found.scatter / found.least - 1) < 0.2).all()
