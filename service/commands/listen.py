@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from service.commands.stopping import stop_on_signals
 from service.config import Config
 from service.ingest.can_source import CanReader
 from service.ingest.pipeline import Ingest
+from service.ingest.stamps import Stamps, remarks
 
 _TAKE_S = 0.1
 
@@ -64,7 +66,9 @@ def _show(
     with Live(console=console, auto_refresh=False, transient=False) as live:
         while not _over(stop, end):
             _take(latest, sources)
-            live.update(table(latest, _now_us(), _buses(config, sources)), refresh=True)
+            stamps = _stamps(sources)
+            words = [*_buses(config, sources), *_remarks(config, stamps)]
+            live.update(table(latest, _now_us(), words, stamps), refresh=True)
 
 
 def _print(config: Config, sources: _Sources, stop: threading.Event, end: float | None) -> None:
@@ -74,7 +78,9 @@ def _print(config: Config, sources: _Sources, stop: threading.Event, end: float 
         _take(latest, sources)
         if time.monotonic() >= due:
             due += 1
-            print(*lines(latest, _now_us(), _buses(config, sources)), sep="\n", flush=True)
+            stamps = _stamps(sources)
+            words = [*_buses(config, sources), *_remarks(config, stamps)]
+            print(*lines(latest, _now_us(), words, stamps), sep="\n", flush=True)
 
 
 def _take(latest: Latest, sources: _Sources) -> None:
@@ -92,6 +98,20 @@ def _buses(config: Config, sources: _Sources) -> list[str]:
         lost = "".join(f", {n} {reason}" for reason, n in dropped.items())
         words.append(f"{bus.name}: {stats.state}, {stats.frames} frames{lost}")
     return words
+
+
+def _stamps(sources: _Sources) -> dict[str, Stamps]:
+    return {axis_id: ingest.axis_stamps(axis_id) for _, ingest in sources for axis_id in ingest.axis_ids}
+
+
+def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
+    """What the time stamps say about the configuration."""
+    return [
+        words
+        for axis in config.axes
+        if axis.id in stamps
+        for words in remarks(axis.id, axis.config.sample_interval_s, stamps[axis.id])
+    ]
 
 
 def _over(stop: threading.Event, end: float | None) -> bool:

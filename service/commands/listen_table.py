@@ -1,6 +1,6 @@
 """The newest value of each quantity, as a table and as lines."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rich.console import Group, RenderableType
@@ -9,6 +9,7 @@ from rich.table import Table
 
 from service.config import Config, needed
 from service.ingest.pipeline import Value
+from service.ingest.stamps import Stamps, in_words
 
 _UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
 _OLD_S = 1.0
@@ -63,16 +64,28 @@ class Latest:
 _COLUMNS = ("axis", "quantity", "value", "signal", "as sent", "rate", "age")
 
 
-def table(latest: Latest, now_us: int, buses: Sequence[str]) -> RenderableType:
+Stamped = Mapping[str, Stamps]
+
+
+def table(latest: Latest, now_us: int, buses: Sequence[str], stamped: Stamped) -> RenderableType:
     """For a terminal."""
     found = Table(*_COLUMNS)
     for row in latest.rows(now_us):
         found.add_row(*map(escape, row), style=None if row[-1] == "now" else "yellow")
+    for row in _stamp_rows(stamped):
+        found.add_row(*map(escape, row))
     return Group(found, *map(escape, buses))
 
 
-def lines(latest: Latest, now_us: int, buses: Sequence[str]) -> Iterator[str]:
+def lines(latest: Latest, now_us: int, buses: Sequence[str], stamped: Stamped) -> Iterator[str]:
     """For a file or a pipe: columns set apart by tabulators."""
     yield from buses
-    for row in latest.rows(now_us):
+    for row in (*latest.rows(now_us), *_stamp_rows(stamped)):
         yield "\t".join(row)
+
+
+def _stamp_rows(stamped: Stamped) -> Iterator[tuple[str, ...]]:
+    """How far the time stamps of each axis scatter, by which clock, and the interval by it."""
+    for axis_id, stamps in stamped.items():
+        scatter, interval = in_words(stamps)
+        yield (axis_id, "stamps", f"scatter {scatter}", stamps.clock, interval, "", "")

@@ -11,7 +11,7 @@ Clock = Literal["receipt", "cyclic", "counter"]
 MEMORY = 1000
 """Samples over which the scatter is taken."""
 
-_ENOUGH = 200
+_ENOUGH = 100
 _SCATTER = 0.05  # of an interval: 0.25 ms at 5 ms, which costs 2 % spread in fm
 _WRONG = {"receipt": 0.01, "cyclic": 300e-6, "counter": 300e-6}
 """Part of an interval that is no matter of crystals, nor of what is not known better."""
@@ -71,7 +71,7 @@ class StampMeter:
         """
         spread = self._intervals if clock == "receipt" else self._delays
         share = 0.5 if clock == "receipt" else 1.0
-        scatter_s = math.sqrt(share * spread.variance) * 1e-6 if spread.count > 1 else None
+        scatter_s = math.sqrt(share * spread.variance) * 1e-6 if spread.count >= _ENOUGH else None
         median_s = self._median_us * 1e-6 if self._intervals.count >= _ENOUGH else None
         return Stamps(clock, scatter_s, self._better(fitted_s, median_s))
 
@@ -102,7 +102,7 @@ def remarks(axis_id: str, interval_s: float, stamps: Stamps) -> Iterator[str]:
     scatter_s, found_s = stamps.scatter_s, stamps.interval_s
     if stamps.clock == "receipt" and scatter_s is not None and scatter_s > _SCATTER * interval_s:
         yield (
-            f"{axis_id}: stamps scatter by {ms(scatter_s)}: if the controller samples on its own clock, set "
+            f"{axis_id}: stamps scatter by {_ms(scatter_s)}: if the controller samples on its own clock, set "
             'clock = "cyclic" in [robot.axis.time], or counter_message and counter_signal if it sends a counter'
         )
     if found_s is not None and abs(found_s / interval_s - 1) > _WRONG[stamps.clock]:
@@ -112,6 +112,11 @@ def remarks(axis_id: str, interval_s: float, stamps: Stamps) -> Iterator[str]:
         )
 
 
-def ms(seconds: float | None) -> str:
-    """A time in words."""
-    return "not known" if seconds is None else f"{1e3 * seconds:.2g} ms"
+def in_words(stamps: Stamps) -> tuple[str, str]:
+    """The scatter and the interval."""
+    found_s = stamps.interval_s
+    return _ms(stamps.scatter_s), "" if found_s is None else f"every {1e3 * found_s:.5g} ms"
+
+
+def _ms(seconds: float | None) -> str:
+    return "nothing yet" if seconds is None else f"{1e3 * seconds:.2g} ms"
