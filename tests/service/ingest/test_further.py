@@ -156,18 +156,10 @@ def written(folder: Path, rows: Sequence[str], names: str = "t,torque_one,angle_
 
 
 def test_a_column_is_held_over_empty_cells(tmp_path: Path) -> None:
-    rows = [
-        "0,1,2,",
-        "0.005,1,2,100",
-        "0.01,1,2,",
-        "0.012,,,60",
-        "0.015,1,2,",
-        ",1,2,7",
-        "0.02,1,2,80",
-        "10.021,1,2,",
-    ]
+    rows = ["0,1,2,", "0.005,1,2,100", "0.01,1,2,", "0.012,,,60", "0.015,1,2,", ",1,2,7", "1e300,1,2,9"]
+    rows += ["0.02,1,2,", "0.025,1,2,80", "10.026,1,2,"]
     found = signals_of(written(tmp_path, rows), make_config(tmp_path, table_axis()))
-    np.testing.assert_array_equal(found[:, 0], [math.nan, 40.0, 40.0, 20.0, 30.0, math.nan])
+    np.testing.assert_array_equal(found[:, 0], [math.nan, 40.0, 40.0, 20.0, 20.0, 30.0, math.nan])
 
 
 @settings(max_examples=30)
