@@ -217,6 +217,7 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "lost_us": round(s.lost_s * 1e6),
         "outlier": s.outlier,
         "joint": s.joint,
+        "tested": not s.untold,
         "span": s.span,
     }
     vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}

@@ -23,6 +23,14 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
     return tuple(_words([names[i] for i in np.flatnonzero(v > TAKES_PART * v.max()).tolist()]) for v in moves)
 
 
+def untold(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """Why nothing is tested, where the nominal values are not good enough for that."""
+    return tuple(
+        f"{one} and {other} cannot be told apart by the record of their nominal values: nothing is tested"
+        for one, other in pairs
+    )
+
+
 def _words(names: Sequence[str]) -> str:
     if len(names) == 1:
         return f"{names[0]} is not observed"

@@ -14,6 +14,7 @@ class Status(StrEnum):
     TRACKING = "tracking"
     WEAK = "weakly observed"  # tracking, though the last samples say less than those at commissioning
     UNSEEN = "not observed"  # the last samples say next to nothing of it
+    INVALID = "invalid"  # the model does not hold: the estimate is at a bound, or errors are far larger than they were
     ALARM = "alarm"  # an alarm episode is open
 
 
@@ -35,6 +36,7 @@ class ParameterFacts:
     nominal: float
     """theta_0, which may follow measured conditions"""
     estimate: float
+    """NaN where it is invalid"""
     standard_deviation: float
     """sqrt(lambda_0 P_ii / (1 + lambda))"""
     p_diagonal: float

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.bank import Bank, standard_deviation
-from monitor_core.directions import confounded
+from monitor_core.directions import confounded, untold
 from monitor_core.episodes import Calm, Crossing, Episode, EpisodeBook
 from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
 from monitor_core.kernel.block import Trace
@@ -22,6 +22,8 @@ from monitor_core.settings import Settings
 
 _T = TypeVar("_T", bound=np.generic)
 _PRIME = 2**127 - 1
+INVALID = 100.0
+"""Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
 _OBSERVATION = tuple(Observation)
 _TRACKING = {
     Observation.OBSERVED: Status.TRACKING,
@@ -130,7 +132,9 @@ class AxisMonitor:
             unit=parameter.unit,
             meaning=parameter.meaning,
             nominal=float(self.model.theta0[i] + st.shift[i, a]),
-            estimate=float((st.theta_seen if unseen else st.theta)[i, a]),
+            estimate=math.nan
+            if self._is_invalid(i)
+            else float((st.theta_seen if unseen else st.theta)[i, a]),
             standard_deviation=standard_deviation(self.settings, P_ii),
             p_diagonal=P_ii,
             g_up=float(st.g[0, i, a]),
@@ -143,9 +147,16 @@ class AxisMonitor:
 
     def _confounded(self) -> tuple[str, ...]:
         st, a = self.bank.state, self.axis
+        doubts = untold(self.settings.untold)
         if not st.starved[a]:
-            return ()
-        return confounded(st.P[:, :, a], st.P_nom[:, a], self.model.scale, self.model.monitored)
+            return doubts
+        return doubts + confounded(st.P[:, :, a], st.P_nom[:, a], self.model.scale, self.model.monitored)
+
+    def _is_invalid(self, i: int) -> bool:
+        """Its bounds hold it, or the model no longer explains what is measured."""
+        st, a, (lower, upper) = self.bank.state, self.axis, self.model.limits
+        inside = bool(lower[i] < st.theta[i, a] < upper[i])
+        return not inside or bool(st.lam0_running[a] > INVALID * self.settings.lam0)
 
     def _status(self, i: int) -> Status:
         st, a = self.bank.state, self.axis
@@ -157,6 +168,8 @@ class AxisMonitor:
             return Status.SETTLING
         if st.seed_left[a] > 0:
             return Status.SEEDING
+        if self._is_invalid(i):
+            return Status.INVALID
         return _TRACKING[_OBSERVATION[st.observed[i, a]]]
 
     def to_arrays(self) -> Arrays:

@@ -53,6 +53,9 @@ class Settings:
     joint: bool = False
     """The state moves with theta, as in the extended Kalman filter of both together; then memories far below the
     slowest time constant of the predictor are possible.  False: the paper's."""
+    untold: tuple[tuple[str, str], ...] = ()
+    """Pairs of parameters that the record of the nominal values cannot tell apart.  With such nominal values, nothing
+    is tested: they would alarm as soon as the axis moves otherwise."""
     run_on: bool = False
     """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
 

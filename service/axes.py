@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from monitor_core.directions import untold
 from monitor_core.drive import DISTURBANCE_TIME
 from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
 from monitor_core.model import AxisModel
@@ -14,6 +15,7 @@ from service.config import (
     NamedAxis,
     Predictor,
     bounds_of,
+    nominal_file_of,
     predictor_of,
     scales_of,
     watched_drive,
@@ -75,6 +77,7 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         starved=config.estimator.least_excitation,
         outlier=config.estimator.outlier_limit,
         joint=config.estimator.joint_state,
+        untold=_untold(config),
     )
 
 
@@ -125,6 +128,18 @@ def _slowest(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:
 def memory_s(config: AxisConfig) -> float:
     """Memory of the estimates [s]."""
     return config.sample_interval_s / (1 - config.forgetting)
+
+
+def _untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
+    found = nominal_file_of(config)
+    return found.untold(config.model.monitor) if found else ()
+
+
+def doubtful_nominals(config: Config) -> Iterator[str]:
+    """A note on each axis that is not tested, as its nominal values do not allow it."""
+    for axis in config.axes:
+        for words in untold(_untold(axis.config)):
+            yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
 
 
 def short_memories(config: Config) -> Iterator[str]:

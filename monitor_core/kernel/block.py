@@ -216,7 +216,7 @@ def run(
                 find_P0(lanes, con.seed, st.seed_left, st.P_nom, st.P, does)
                 look(lanes, con.floor, con.starved, con.span, con.lam, st.P_nom, tracks, st.since, st.starved,
                      st.observed, con.h, st.P, N, L, Y)
-                admit_to_tests(lanes, st.observed, st.theta, tracks, st.theta_seen, tests)
+                admit_to_tests(lanes, con.tested, st.observed, st.theta, tracks, st.theta_seen, tests)
                 running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, does)
                 correct(lanes, K, X, eps, psi, moves)
                 if joint:

@@ -164,6 +164,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 12],
         c[b + 13],
         c[b + 14],
+        c[b + 15],
     )
 
 

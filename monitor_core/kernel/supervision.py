@@ -208,10 +208,20 @@ def _judged(ratio: float, before: int) -> int:
 
 @kernel
 def admit_to_tests(
-    lanes: Any, observed: Ints, theta: Floats, on: Ints, theta_seen: Floats, tests: Ints
+    lanes: Any,
+    tested: Floats,
+    observed: Ints,
+    theta: Floats,
+    on: Ints,
+    theta_seen: Floats,
+    tests: Ints,
 ) -> None:
-    """The CUSUM of a parameter that is not observed waits, and its last observed value is kept."""
+    """The CUSUM of a parameter that is not observed waits, and its last observed value is kept.
+
+    Where an axis is not to be ``tested`` (W,) all wait.
+    """
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
-            tests[i, a] = 1 if on[a] and observed[i, a] != UNSEEN else 0
-            theta_seen[i, a] = theta[i, a] if tests[i, a] else theta_seen[i, a]
+            seen = on[a] and observed[i, a] != UNSEEN
+            theta_seen[i, a] = theta[i, a] if seen else theta_seen[i, a]
+            tests[i, a] = 1 if seen and tested[a] > 0.0 else 0

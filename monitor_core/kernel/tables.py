@@ -90,9 +90,10 @@ class Constants(NamedTuple):
     lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
     joint: Floats  # (W,) 1: the state moves with theta
+    tested: Floats  # (W,) 0: no test runs
     span: Floats  # (W,) updates between two looks at P
 
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 16
+    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 17

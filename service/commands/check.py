@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.axes import short_memories
+from service.axes import doubtful_nominals, short_memories
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
@@ -19,7 +19,7 @@ def check(config: ConfigPath) -> None:
     """Check a configuration with its DBC files; name every problem by file and line."""
     read = configuration(config)
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
-        notes = (*unsaid(read), *short_memories(read), *remarks_on_encoders(read))
+        notes = (*unsaid(read), *short_memories(read), *doubtful_nominals(read), *remarks_on_encoders(read))
     console = Console()
     console.print(_buses(read))
     console.print(_axes(read))

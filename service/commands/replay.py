@@ -5,11 +5,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import MISTAKE, explained
 from service.commands.progress import progress_bar
-from service.commands.replay_report import Report, as_json, tables
+from service.commands.replay_report import Report, as_json, doubts, stamp_remarks, tables
 from service.config import Config
 
 Records = Annotated[
@@ -37,6 +38,8 @@ def replay(config: ConfigPath, records: Records, json: Json = None) -> None:
     console = Console()
     for table in tables(report):
         console.print(table)
+    for words in (*doubts(report), *stamp_remarks(report)):
+        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
     if json is not None:
         try:
             json.write_text(as_json(report), encoding="utf-8")

@@ -14,6 +14,7 @@ from monitor_core.facts import AxisFacts, ParameterFacts
 from service.alarm_words import alarm_words
 from service.config import Config
 from service.ingest.records import Record
+from service.ingest.stamps import Stamps, remarks
 from service.monitoring.banks import Change, Monitors
 from service.web.times import iso, maybe_iso
 
@@ -28,6 +29,8 @@ class Report:
         self._alarms: dict[tuple[str, str, str, int], Change] = {}
         self.dropped: dict[str, dict[str, int]] = {axis.id: {} for axis in config.axes}
         self.frames_dropped: dict[str, dict[str, int]] = {}
+        self.clock: dict[str, dict[str, int]] = {axis.id: {} for axis in config.axes}
+        self.stamps: dict[str, Stamps] = {}
 
     def add(self, changes: Iterable[Change]) -> None:
         """Alarms that were raised, updated or ended."""
@@ -36,11 +39,15 @@ class Report:
             self._alarms[change.axis_id, e.parameter, e.direction, e.raised_us] = change
 
     def add_dropped(self, record: Record) -> None:
-        """What the record lost."""
+        """What the record lost, and how the times of its samples were."""
         for axis_id, counts in record.axis_dropped.items():
             _count(self.dropped.setdefault(axis_id, {}), counts.items())
         for bus, counts in record.bus_dropped.items():
             _count(self.frames_dropped.setdefault(bus, {}), counts.items())
+
+        for axis_id, events in record.axis_events.items():
+            _count(self.clock[axis_id], events.items())
+        self.stamps.update(record.axis_stamps)
 
     def dropped_of(self, axis_id: str) -> dict[str, int]:
         """What never reached the monitor of an axis, by reason."""
@@ -73,6 +80,20 @@ def tables(report: Report) -> Iterator[Table]:
     yield _alarm_table(report)
 
 
+def doubts(report: Report) -> Iterator[str]:
+    """What cannot be told of an axis, in words."""
+    for axis in report.config.axes:
+        for words in report.monitors.by_id[axis.id].facts().confounded:
+            yield f"{axis.id}: {words}"
+
+
+def stamp_remarks(report: Report) -> Iterator[str]:
+    """What the time stamps say about the configuration, in words."""
+    for axis in report.config.axes:
+        if axis.id in report.stamps:
+            yield from remarks(axis.id, axis.config.sample_interval_s, report.stamps[axis.id])
+
+
 def _samples(facts: AxisFacts) -> str:
     """How many there were, and of how many operating conditions forbade the use."""
     gated = facts.counters["gated"]
@@ -80,9 +101,11 @@ def _samples(facts: AxisFacts) -> str:
 
 
 def _cells(p: ParameterFacts) -> tuple[str, ...]:
+    unit, nominal = "" if p.unit == "1" else p.unit, f"{p.nominal:.4g}"
+    if math.isnan(p.estimate):
+        return p.name, unit, nominal, "invalid", ""
     estimate = f"{p.estimate:.4g} ± {p.standard_deviation:.1g}"
-    unit = "" if p.unit == "1" else p.unit
-    return p.name, unit, f"{p.nominal:.4g}", estimate, _percent(p.estimate - p.nominal, p.nominal)
+    return p.name, unit, nominal, estimate, _percent(p.estimate - p.nominal, p.nominal)
 
 
 def _alarm_table(report: Report) -> Table:
@@ -124,6 +147,8 @@ def _axis(report: Report, axis_id: str) -> Json:
         "gated_by": report.monitors.waits_for(axis_id) or None,
         "counters": dict(facts.counters),
         "dropped": report.dropped_of(axis_id),
+        "clock": report.clock[axis_id],
+        "stamps": report.stamps[axis_id]._asdict() if axis_id in report.stamps else None,
         "parameters": [_parameter(p) for p in facts.parameters],
         "alarms": [_alarm(e, facts) for e in report.alarms(axis_id)],
     }

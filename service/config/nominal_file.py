@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from monitor_core.drive import Drive, Output
+from monitor_core.drive import Drive, Output, split_name
 
+TOGETHER, DOUBTFUL = 0.95, 0.2
+"""Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is
+doubtful: the change that the paper looks for is then within one."""
 FORMAT = 1
 """Of the file; a later one may mean something else."""
 
@@ -84,6 +88,19 @@ class VaryingTable(_Table):
     range: tuple[Real, Real]
 
 
+class CorrelationTable(_Table):
+    """[correlation] of the estimates."""
+
+    names: tuple[str, ...] = ()
+    matrix: tuple[tuple[Real, ...], ...] = ()
+
+    @model_validator(mode="after")
+    def _square(self) -> CorrelationTable:
+        if {len(row) for row in self.matrix} - {len(self.names)} or len(self.matrix) != len(self.names):
+            raise ValueError(f"matrix is not {len(self.names)} by {len(self.names)}, as names are")
+        return self
+
+
 class NominalFile(_Table):
     """The whole file."""
 
@@ -96,6 +113,30 @@ class NominalFile(_Table):
     noise: NoiseTable
     values: dict[str, Real] = Field(min_length=1)
     varying: tuple[VaryingTable, ...] = ()
+    standard_deviations: dict[str, NotNegative] = {}
+    correlation: CorrelationTable = CorrelationTable()
+
+    def untold(self, monitored: Sequence[str]) -> tuple[tuple[str, str], ...]:
+        """Monitored parameters that the record hardly told from another one, with that one.
+
+        Such a nominal value fits the motion of its record only, and with another motion it is far off.
+        """
+        monitored = [split_name(name)[0] for name in monitored]
+        names, found = self.correlation.names, list[tuple[str, str]]()
+        for name, row in zip(names, self.correlation.matrix, strict=True):
+            if split_name(name)[0] not in monitored or self._sure(name):
+                continue
+            others = [(abs(r), other) for r, other in zip(row, names, strict=True) if other != name]
+            strongest, other = max(others, default=(0.0, ""))
+            if strongest > TOGETHER and (other, name) not in found:
+                found.append((name, other))
+        return tuple(found)
+
+    def _sure(self, name: str) -> bool:
+        base, inverse = split_name(name)
+        value = abs(self.values.get(base, 0.0))
+        size = 1 / value if inverse and value else value
+        return self.standard_deviations.get(name, 0.0) <= DOUBTFUL * size
 
 
 def read_nominal(path: Path) -> NominalFile:

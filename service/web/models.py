@@ -52,7 +52,8 @@ class Parameter(Body):
     status: Status = Field(
         description="waiting: no sample yet; settling: the predictor has just (re)started; "
         "seeding: the initial uncertainty is being found; tracking; weakly observed, not observed: the axis moves "
-        "too little, or too uniformly, to say much, or anything, of it; invalid: the model does not hold, there is no estimate; alarm: an alarm is active"
+        "too little, or too uniformly, to say much, or anything, of it; "
+        "invalid: the model does not hold, there is no estimate; alarm: an alarm is active"
     )
     observation: Observation = Field(
         description="what the last samples say of it, beside those at commissioning; while it is not observed the "

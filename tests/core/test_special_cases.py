@@ -195,3 +195,43 @@ def test_lost_samples_raise_no_alarm(lost: int, seed: int) -> None:
 
 def test_without_waiting_lost_samples_would_be_a_fault(seed: int) -> None:
     assert lossy(seed, 9, 0.0)[1] != []
+
+
+def test_what_its_bounds_hold_is_invalid(seed: int) -> None:
+    """A torque constant half as large again, and bounds that allow a tenth: no number, and the others have theirs."""
+    model = replace(reference_model("speed"), bounds={"kT": (0.9, 1.1)})
+    settings = Settings(0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, floor=0.05, starved=0.05)
+    monitor = AxisMonitor.alone(model, settings)
+    monitor.run(*experiment(seed, {"kT": 1.5}, samples=2000))
+    kT, *others = monitor.facts().parameters
+    assert np.isnan(kT.estimate)
+    assert kT.status in (Status.INVALID, Status.ALARM)
+    assert monitor.facts().counters["projected"] > 100
+    assert all(np.isfinite(p.estimate) for p in others)
+
+
+def test_errors_far_beyond_the_model_are_invalid(seed: int) -> None:
+    """Noise of twenty times what is expected, for ten memories of lambda_0."""
+    settings = Settings(0.005, lam=0.98, lam0=1.0, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0, joint=True)
+    monitor = AxisMonitor.alone(reference_model("speed"), settings)
+    t, u, y = experiment(seed, samples=4000)
+    monitor.run(t[:2000], u[:2000], y[:2000])
+    assert {p.status for p in monitor.facts().parameters} <= {Status.TRACKING, Status.ALARM}
+    noise = 20 * np.random.default_rng(seed).standard_normal(2000)
+    monitor.run(t[2000:], u[2000:], y[2000:] + noise)
+    assert {p.status for p in monitor.facts().parameters} <= {Status.INVALID, Status.ALARM}
+    assert all(np.isnan(p.estimate) for p in monitor.facts().parameters)
+
+
+def test_nominal_values_that_a_record_could_not_tell_apart_are_not_tested(seed: int) -> None:
+    settings = Settings(0.005, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0)
+    told = AxisMonitor.alone(reference_model("speed"), settings)
+    untold = AxisMonitor.alone(reference_model("speed"), replace(settings, untold=(("fm", "fc"),)))
+    rec = experiment(seed, {"kT": 1.3}, samples=3000)
+    assert told.run(*rec)
+    assert untold.run(*rec) == []
+    assert not untold.bank.state.g.any()
+    np.testing.assert_array_equal(untold.bank.state.theta, told.bank.state.theta)
+    assert untold.facts().confounded == (
+        "fm and fc cannot be told apart by the record of their nominal values: nothing is tested",
+    )

@@ -36,6 +36,8 @@ def nominal_text(axis: AxisConfig, changes: Mapping[str, Mapping[str, Any]] = {}
         },
         "noise": {"torque": axis.estimator.torque_noise, "output": axis.estimator.output_noise},
         "values": dict(axis_model(axis).nominal),
+        "standard_deviations": {},
+        "correlation": {},
     }
     return "\n".join(_table(name, {**table, **changes.get(name, {})}) for name, table in tables.items())
 

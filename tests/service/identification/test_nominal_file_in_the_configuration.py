@@ -13,7 +13,7 @@ import typer
 from typer.testing import CliRunner
 
 from monitor_core.kalman import filter_gain
-from service.axes import axis_model, axis_settings
+from service.axes import axis_model, axis_settings, doubtful_nominals
 from service.commands.check import check
 from service.config import AxisConfig, Config, ConfigErrors, Problem, drive_of, load
 from tests.service.identification.nominal_texts import nominal_text
@@ -283,3 +283,36 @@ components.encoder = {{ type = "angle-sensor", at = "shaft" }}
 def written(robot: Path, text: str) -> Path:
     robot.write_text(text, encoding="utf-8")
     return robot
+
+
+def _doubtful(sd: float, r: float) -> dict[str, dict[str, Any]]:
+    fm, names = AXIS.model.nominal["fm"], ["Ja", "fm", "fc"]
+    deviations = {"Ja": 1e-6, "fm": sd * fm, "fc": 0.1}
+    matrix = [[1.0, 0.1, 0.2], [0.1, 1.0, r], [0.2, r, 1.0]]
+    return {"standard_deviations": deviations, "correlation": {"names": names, "matrix": matrix}}
+
+
+@pytest.mark.parametrize(
+    ("sd", "r", "tested"), [(0.3, -0.98, False), (0.3, 0.98, False), (0.1, -0.98, True), (0.3, -0.9, True)]
+)
+def test_nominal_values_that_cannot_be_told_apart(robot: Path, sd: float, r: float, tested: bool) -> None:
+    """They fit the motion of their record only: with another, they would alarm."""
+    file_with(robot, _doubtful(sd, r))
+    axis = load(robot, {}).axes[0]
+    settings = axis_settings(axis, axis_model(axis.config))
+    assert settings.untold == (() if tested else (("fm", "fc"),))
+    notes = list(doubtful_nominals(load(robot, {})))
+    assert notes == (
+        []
+        if tested
+        else [
+            "demo.axis1: fm and fc cannot be told apart by the record of their nominal values: nothing is tested."
+            " Identify it with a record that moves it more variously"
+        ]
+    )
+
+
+def test_a_correlation_that_is_no_square(robot: Path) -> None:
+    file_with(robot, {"correlation": {"names": ["fm", "fc"], "matrix": [[1.0, 0.5]]}})
+    (problem,) = problems(robot)
+    assert "matrix is not 2 by 2" in str(problem)
