@@ -252,3 +252,16 @@ def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> No
     for floats, ints in columns[1:]:
         np.testing.assert_array_equal(floats, columns[0][0])
         np.testing.assert_array_equal(ints, columns[0][1])
+
+
+def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:
+    """Whichever its place is in the bank that it shares."""
+    frames, config = with_state(healthy[:6000], {"from": 4.0, "to": 6.0, "mode": 1}), load(file, {})
+    (one,) = config.robot
+    turned = config.model_copy(update={"robot": (one.model_copy(update={"axis": one.axis[::-1]}),)})
+    cores = [live(each, frames)[0] for each in (config, turned)]
+    for axis_id, gated in (("demo.axis1", 400), ("demo.axis2", 0)):
+        first, second = (core.monitors.by_id[axis_id] for core in cores)
+        assert first.facts().counters["gated"] == pytest.approx(gated, abs=FEW * bool(gated))
+        for floats in zip(first.bank.column(first.axis), second.bank.column(second.axis), strict=True):
+            np.testing.assert_array_equal(*floats)
