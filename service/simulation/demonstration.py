@@ -7,7 +7,15 @@ import numpy as np
 
 from monitor_core.model import AxisModel
 from monitor_core.modeling.flat import ModelError, Origin
-from service.config import AxisConfig, drive_of, given_values
+from service.config import (
+    AxisConfig,
+    bounds_of,
+    drive_of,
+    given_values,
+    scales_of,
+    watched_drive,
+    watched_values,
+)
 from service.modeling import SUFFIX, Modelled, model_called
 from service.simulation.axis import lines_of_motion
 from service.simulation.motion import motion_of
@@ -52,9 +60,12 @@ def watching(axis: AxisConfig, monitor: Sequence[str]) -> AxisConfig:
         KeyError, ValueError: one of them cannot be.
     """
     model = axis.model.model_copy(update={"monitor": tuple(monitor)})
-    AxisModel(drive_of(axis), given_values(axis), model.monitor, model.scales)
     estimator = axis.estimator.model_copy(update={"initial_p": {}})
-    return axis.model_copy(update={"model": model, "estimator": estimator})
+    changed = axis.model_copy(update={"model": model, "estimator": estimator})
+    AxisModel(
+        watched_drive(changed), watched_values(changed), model.monitor, scales_of(changed), bounds_of(changed)
+    )
+    return changed
 
 
 def usual_fault(axis: AxisConfig) -> str:

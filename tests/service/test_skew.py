@@ -14,6 +14,7 @@ from service.alarm_words import alarm_words
 from service.axes import axis_model
 from service.commands.main import app
 from service.config import Config, ConfigErrors, load
+from service.simulation.demonstration import watching
 from service.simulation.robot import Fault, SimulatedRobot
 from tests.end_to_end.processes import demo_config
 
@@ -99,6 +100,13 @@ def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
     given = axis_model(load(written(tmp_path, own), {}).axes[0].config)
     assert given.scale[3] == 0.001
     np.testing.assert_array_equal(given.limits[:, 3], [-0.002, 0.003])
+
+
+def test_the_demo_can_watch_it(tmp_path: Path) -> None:
+    axis = watching(load(written(tmp_path), {}).axes[0].config, ("fm", "delay"))
+    assert axis_model(axis).monitored == ("fm", "delay")
+    with pytest.raises(KeyError):
+        watching(axis, ("fm", "delays"))
 
 
 INTERVAL = "sample_interval_s = 0.005"
