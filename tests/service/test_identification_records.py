@@ -224,6 +224,19 @@ def test_a_can_log_becomes_the_samples_of_replay(tmp_path: Path, suffix: str) ->
     assert speed[5:].tolist() == [2.0 * ((k - 5) // 10 * 10 + 5) + 1 for k in range(5, 200)]
 
 
+def test_the_motion_of_another_axis_is_a_signal(tmp_path: Path, seed: int) -> None:
+    """In a log from its message, in a table from its column."""
+    signal = [{"name": "other", "axis": "two", "factor": 2.0, "offset": 1.0}]
+    config = make_config(tmp_path, axis1(signal=signal, time={"column": "t"}), axis2())
+    found = load(str(log_of(tmp_path / "a.log")), config, "r.one").record.signals["other"]
+    assert found[5:].tolist() == [2.0 * ((k - 5) // 10 * 10 + 5) + 1 for k in range(5, 200)]
+    columns = {**table(seed, 50), "torque_two": np.zeros(50), "speed_two": np.arange(50.0)}
+    rows = "\n".join(",".join(repr(float(v)) for v in row) for row in zip(*columns.values(), strict=True))
+    (tmp_path / "a.csv").write_text(",".join(columns) + "\n" + rows + "\n", encoding="utf-8")
+    found = load(str(tmp_path / "a.csv"), config, "r.one").record.signals["other"]
+    assert found.tolist() == [2.0 * k + 1 for k in range(50)]
+
+
 def test_a_signal_that_never_comes(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1(signal=[{"name": "x", "message": "Other", "signal": "Something"}]))
     found = load(str(log_of(tmp_path / "a.log")), config, "r.one")

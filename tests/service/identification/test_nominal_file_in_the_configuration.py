@@ -13,9 +13,10 @@ import typer
 from typer.testing import CliRunner
 
 from monitor_core.kalman import filter_gain
+from monitor_core.operating import Follow, Term
 from service.axes import axis_model, axis_settings, doubtful_nominals
 from service.commands.check import check
-from service.config import AxisConfig, Config, ConfigErrors, Problem, drive_of, load
+from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
 from tests.service.identification.nominal_texts import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
@@ -248,6 +249,36 @@ def test_a_value_that_follows_a_signal_needs_the_signal(robot: Path) -> None:
     (problem,) = problems(robot)
     assert problem.key.endswith("model.nominal_file")
     assert "fm follows temperature: no signal temperature: the configuration names none" in problem.message
+
+
+TEMPERATURE = '[[robot.axis.signal]]\nname = "temperature"\nmessage = "Axis2State"\nsignal = "Torque"\n'
+
+
+def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path) -> None:
+    path = file_with(robot)
+    path.write_text(path.read_text(encoding="utf-8") + FOLLOWS, encoding="utf-8")
+    changed(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
+    (found,) = conditions_of(load(robot, {}).axes[0]).follows
+    assert found == Follow("fm", Term("", "temperature"), -0.0012, 32.5, 20.0, 45.0)
+    table = '[[robot.axis.model.varying]]\nparameter = "kT"\nsignal = "temperature"\nslope = 0.1\nreference = 30.0\n'
+    changed(robot, (ESTIMATOR, f"{table}{ESTIMATOR}"))
+    assert [one.name for one in conditions_of(load(robot, {}).axes[0]).follows] == ["fm", "kT"]
+    changed(robot, ('parameter = "kT"', 'parameter = "fm"'))
+    (problem,) = problems(robot)
+    assert "fm follows temperature already by robot[1].axis[1].model.nominal_file in line" in problem.message
+
+
+def test_what_is_not_monitored_cannot_follow(robot: Path) -> None:
+    path = file_with(robot)
+    text = path.read_text(encoding="utf-8") + FOLLOWS.replace('"fm"', '"fc"')
+    path.write_text(text, encoding="utf-8")
+    changed(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
+    (problem,) = problems(robot)
+    assert problem.key.endswith("model.nominal_file")
+    assert (
+        "fc follows temperature, but only a monitored parameter can follow: add it to monitor"
+        in problem.message
+    )
 
 
 def test_a_slope_that_is_none_is_named(robot: Path) -> None:
