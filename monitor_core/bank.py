@@ -218,6 +218,7 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "outlier": s.outlier,
         "joint": s.joint,
         "tested": not s.untold,
+        "widen": s.widen,
         "span": s.span,
     }
     vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}

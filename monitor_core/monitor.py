@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,16 @@ _TRACKING = {
     Observation.WEAK: Status.WEAK,
     Observation.UNSEEN: Status.UNSEEN,
 }
+_OF_NO_STATE: dict[str, Any] = {
+    "alpha1": 0.0,
+    "alpha2": 1.0,
+    "P0": (),
+    "run_on": False,
+    "outlier": 0.0,
+    "widen": 0.0,
+    "untold": (),
+}
+"""Settings that may change from one run to the next, and a saved state goes on."""
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -65,9 +75,7 @@ class AxisMonitor:
 
         A user's drive may change and keep its name, so its structure is part of it.
         """
-        s = replace(
-            self.settings, alpha1=0.0, alpha2=1.0, P0=(), run_on=False, max_gap_s=self.settings.interval_s
-        )
+        s = replace(self.settings, max_gap_s=self.settings.interval_s, **_OF_NO_STATE)
         m = self.model
         nominal = sorted(m.nominal.items())
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"

@@ -53,6 +53,9 @@ class Settings:
     joint: bool = False
     """The state moves with theta, as in the extended Kalman filter of both together; then memories far below the
     slowest time constant of the predictor are possible.  False: the paper's."""
+    widen: float = 0.0
+    """After an alarm P_ii is at least so many times P(0)_ii, so that the changed parameter converges the faster (the
+    paper's remark on P(0) in change detection).  0: P stays."""
     untold: tuple[tuple[str, str], ...] = ()
     """Pairs of parameters that the record of the nominal values cannot tell apart.  With such nominal values, nothing
     is tested: they would alarm as soon as the axis moves otherwise."""
@@ -76,6 +79,7 @@ class Settings:
             "floor": (self.floor, 0 <= self.floor <= 0.5),
             "starved": (self.starved, 0 <= self.starved <= 0.5),
             "outlier": (self.outlier, self.outlier == 0 or 3 <= self.outlier < math.inf),
+            "widen": (self.widen, 0 <= self.widen <= 1e6),
             "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),
         }
         for name, (value, good) in ranges.items():

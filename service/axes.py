@@ -77,6 +77,7 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         starved=config.estimator.least_excitation,
         outlier=config.estimator.outlier_limit,
         joint=config.estimator.joint_state,
+        widen=config.detector.widening,
         untold=_untold(config),
     )
 

@@ -226,7 +226,8 @@ def run(
                 _tally(lanes, does, hit, st.counts)
                 deviate(lanes, con.theta0, st.shift, con.alpha1, con.lam0, st.theta, st.P, d, nu)
                 if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):
-                    alarm(lanes, con.h, t, st.g, st.onset, d, st.P, tests, a0, reset, filled, what, value)
+                    alarm(lanes, con.h, t, st.g, st.onset, d, con.widen, st.P_nom, st.P, tests, a0, reset, filled, what,
+                          value)
                 calm_down(lanes, con.calm, t, st.calm, d, st.P, tests, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
             hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,

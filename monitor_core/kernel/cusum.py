@@ -73,6 +73,8 @@ def alarm(
     g: Floats,
     onset: Ints,
     d: Floats,
+    widen: Floats,
+    P_nom: Floats,
     P: Floats,
     on: Ints,
     a0: int,
@@ -81,13 +83,18 @@ def alarm(
     what: Ints,
     value: Floats,
 ) -> None:
-    """Note every g > h (eq. 23).  g then starts again from 0 if ``reset``: the paper's rule; its Figure 6 runs on."""
+    """Note every g > h (eq. 23).  g then starts again from 0 if ``reset``: the paper's rule; its Figure 6 runs on.
+
+    P_ii is then at least ``widen`` (W,) times P(0)_ii: theta_i has changed, and converges the faster.  A larger
+    diagonal leaves P positive definite.
+    """
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
             for way in range(2):
                 if not (on[i, a] and g[way, i, a] > h[i, a]):
                     continue
                 _note(filled, what, value, way, a0 + a, i, t[a], onset[way, i, a], d[i, a], P[i, i, a])
+                P[i, i, a] = max(P[i, i, a], widen[a] * P_nom[i, a])
                 if reset:
                     g[way, i, a] = 0.0
                     onset[way, i, a] = t[a]

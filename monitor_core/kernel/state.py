@@ -165,6 +165,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 13],
         c[b + 14],
         c[b + 15],
+        c[b + 16],
     )
 
 

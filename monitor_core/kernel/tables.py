@@ -91,9 +91,10 @@ class Constants(NamedTuple):
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
     joint: Floats  # (W,) 1: the state moves with theta
     tested: Floats  # (W,) 0: no test runs
+    widen: Floats  # (W,) least P_ii / P(0)_ii after an alarm; 0: P stays
     span: Floats  # (W,) updates between two looks at P
 
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 17
+    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 18

@@ -297,6 +297,12 @@ class DetectorConfig(Table):
 
     alpha_1: Real = Field(3.0, ge=0, description="drift nu = alpha_1 standard deviations")
     alpha_2: Positive = Field(20.0, description="threshold h = alpha_2 times the size of the parameter")
+    widening: Real = Field(
+        0.0,
+        ge=0,
+        le=1e6,
+        description="after an alarm P_ii is at least so many times P(0)_ii: the estimate converges faster; 0: it stays",
+    )
 
 
 class AxisConfig(Table):

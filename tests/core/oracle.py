@@ -299,6 +299,7 @@ class Paper:
                     self.onset[way, i] = self.t
                 if self.g[way, i] > self.s.alpha2 * self.model.scale[i]:
                     self.log.alarms.append((way, i, self.t, int(self.onset[way, i])))
+                    self.P[i, i] = max(self.P[i, i], self.s.widen * self.P_nom[i])
                     if not self.s.run_on:
                         self.g[way, i], self.onset[way, i] = 0.0, self.t
 

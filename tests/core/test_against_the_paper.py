@@ -81,11 +81,13 @@ def test_kernel_equals_the_transcription(
 
 
 @pytest.mark.usefixtures("shape")
-def test_alarms_and_their_onsets(seed: int) -> None:
+@pytest.mark.parametrize("widen", [0.0, 5.0])
+def test_alarms_and_their_onsets(widen: float, seed: int) -> None:
     case = BY_NAME["paper"]
     rec = record(seed, case, SAMPLES, true={**case.values, "kT": 1.1, "fm": 0.03})
-    settings = case.settings(alpha1=0.5, alpha2=2.0)
-    log = Paper(case.model, settings).run(*rec)
+    settings = case.settings(alpha1=0.5, alpha2=2.0, widen=widen)
+    paper = Paper(case.model, settings)
+    log = paper.run(*rec)
     bank = Bank([case.model], [settings])
     events = bank.run(*as_columns(rec))
     found = [
@@ -95,6 +97,7 @@ def test_alarms_and_their_onsets(seed: int) -> None:
     ]
     assert len({alarm[:2] for alarm in found}) >= 2
     assert sorted(found) == sorted(log.alarms)
+    assert np.abs(bank.state.P[:, :, 0] / paper.P - 1).max() < TOLERANCE
 
 
 def test_run_on_keeps_g(seed: int) -> None:
