@@ -67,7 +67,7 @@ def slope_table(found: Found) -> str:
     titles = ("", "follows", "between", "is then between", "unit", "slope", "sd", "")
     legend = (
         '<p class="legend">The values of parameters above hold where signals have their references:'
-        f" {escaped(_references(found))}. The daemon does not follow signals yet, it takes these values.</p>"
+        f" {escaped(_references(found))}. The daemon follows the signals, of parameters that it monitors.</p>"
     )
     return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
 
