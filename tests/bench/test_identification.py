@@ -13,7 +13,6 @@ from __future__ import annotations
 import json
 import math
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -31,9 +30,9 @@ from monitor_core.identification.problem import Predictor
 from monitor_core.kernel.tables import Floats
 from monitor_core.library import three_mass
 from tests.bench import peers
+from tests.bench.environments import environment
 from tests.bench.measure import Say, in_turns
 from tests.core.identification.systems import INTERVAL_S, bench_record
-from tests.end_to_end.processes import ROOT
 
 pytestmark = pytest.mark.bench
 
@@ -43,7 +42,6 @@ OURS = "axiswatch, output error"
 FILTER = "scipy, differences, lfilter"
 AIM_S = 0.1
 ROUNDS = 9
-PEERS = ROOT / ".cache" / "peers"
 PACKAGES = ("jax-sysid==1.1.0", "sippy-unipi==1.0.1", "nfoursid==1.0.2", "control==0.10.2")
 PATIENCE_S = 900.0
 
@@ -178,7 +176,7 @@ def worst(theta: Sequence[float] | Floats) -> str:
 
 def peer(name: str, record: Path) -> dict[str, Any] | str:
     """One run of a tool in the environment of the peers, or why there is none."""
-    python = environment()
+    python = environment("peers", PACKAGES)
     if isinstance(python, str):
         return python
     done = subprocess.run(
@@ -192,17 +190,3 @@ def peer(name: str, record: Path) -> dict[str, Any] | str:
         return (done.stderr.strip().splitlines() or ["failed"])[-1][:60]
     found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return found
-
-
-def environment() -> Path | str:
-    """The interpreter of the peers, installed if need be; or why there is none."""
-    python, ready = PEERS / "bin" / "python", PEERS / ".ready"
-    wanted = "\n".join(PACKAGES)
-    if ready.exists() and ready.read_text(encoding="utf-8") == wanted:
-        return python
-    make = [sys.executable, "-m", "venv", str(PEERS)]
-    pip = [str(python), "-m", "pip", "install", "--quiet", *PACKAGES]
-    if any(subprocess.run(step, capture_output=True, check=False).returncode for step in (make, pip)):
-        return "could not be installed"
-    ready.write_text(wanted, encoding="utf-8")
-    return python

@@ -1,0 +1,208 @@
+"""The recursion beside joint extended Kalman filters of others, on the same records: cost, scatter and delay.
+
+A parameter of each record changes by 10 % in its middle.  Scatter is the rms deviation before that, relative; delay
+the samples until the mean estimate of the records has moved by 63 % of the change.  One buys the other: with the
+memory, scatter falls like one over its root.  So what counts is scatter times the root of the delay, here as the
+scatter at a delay of 200 samples.  The peers' random walk is the one whose delays are nearest to those of lambda:
+Q = (1 - lambda) diag(P) of the recursion's own steady P.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from monitor_core.bank import Bank
+from monitor_core.discretize import zero_order_hold
+from monitor_core.excitation import multisine
+from monitor_core.kalman import filter_gain
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel
+from monitor_core.reference import BAND_HZ, TORQUE_RMS, faulty
+from monitor_core.settings import Settings
+from monitor_core.simulation import simulate_linear
+from tests.bench import recursive_peers
+from tests.bench.environments import environment
+from tests.bench.measure import Say, in_turns
+
+pytestmark = pytest.mark.bench
+
+PACKAGES = ("filterpy==2.0.0", "dynamax==1.0.3", "numba==0.60.0")
+H = 0.005
+SAMPLES, FAULT_AT, FROM = 5000, 2500, 1250
+RECORDS = 4
+"""For each parameter; the scatter of all is taken together."""
+PATIENCE_S = 900.0
+NAMES = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "kT")
+"""In the order of the peers."""
+STIFF = {"Jm": 0.004, "Jg": 0.01, "Ja": 0.006, "kg": 50.0, "ka": 30.0, "dg": 0.08, "da": 0.04, "fm": 0.02}
+MOTOR_SIDE = {"r": 1.0, "fc": 0.0, "tau0": 0.0, "kT": 1.0}
+
+
+LIKE_LAMBDA, COMMON = "like lambda", "the same for all"
+
+
+LAM, TRIAL = 0.995, 2e-4
+
+
+def motor_side(values: Mapping[str, float]) -> dict[str, float]:
+    """The same axis with the gear taken out."""
+    arm = ("Jg", "Ja", "kg", "ka", "dg", "da")
+    return {**{n: v * (values["r"] ** 2 if n in arm else 1) for n, v in values.items()}, "r": 1.0}
+
+
+class Task(NamedTuple):
+    """An axis, what is watched of it, its torque as the sum of a multisine and white torque, and its noises."""
+
+    values: Mapping[str, float]
+    watched: tuple[str, ...]
+    band_hz: tuple[float, float]
+    rms: float
+    white: float
+    torque_noise: float
+    output_noise: float
+    size: float  # of the faults, in the logarithm
+
+
+TASKS = {
+    "the paper's axis, three parameters": Task(
+        motor_side(REFERENCE_VALUES), ("kT", "Ja", "fm"), BAND_HZ, TORQUE_RMS, 0.0, 0.3, 1.0, math.log(1.2)
+    ),
+    "a stiff axis, eight parameters": Task(
+        {**STIFF, **MOTOR_SIDE}, tuple(STIFF), (0.5, 40.0), 1.0, 0.3, 0.01, 0.103, math.log(0.9)
+    ),
+}
+
+
+class Records(NamedTuple):
+    """Torque and speed (W, N); records go round the faults."""
+
+    u: Floats
+    y: Floats
+
+
+def records(task: Task, seed: int) -> Records:
+    rng, drive, W = np.random.default_rng(seed), three_mass("speed"), RECORDS * len(task.watched)
+    u = np.array([multisine(rng, SAMPLES, H, task.band_hz, task.rms) for _ in range(W)]).T
+    u += task.white * rng.standard_normal(u.shape)
+    acting = u + task.torque_noise * rng.standard_normal(u.shape)
+    y, x = simulate_linear(drive, task.values, acting[:FAULT_AT], H)
+    after = []
+    for w in range(W):
+        values = faulty(task.values, {task.watched[w % len(task.watched)]: math.exp(task.size)})
+        after.append(simulate_linear(drive, values, acting[FAULT_AT:, [w]], H, x[:, [w]])[0])
+    y = np.concatenate([y, np.concatenate(after, axis=1)])
+    return Records(u.T.copy(), (y + task.output_noise * rng.standard_normal(y.shape)).T.copy())
+
+
+class Ours:
+    """The recursion on the records, axes side by side or one alone."""
+
+    def __init__(self, task: Task, of: Records, *, joint: bool) -> None:
+        self.model = AxisModel(three_mass("speed"), task.values, task.watched)
+        K, lam0 = filter_gain(self.model, H, task.torque_noise, task.output_noise)
+        start = tuple((0.01 * self.model.scale) ** 2 / lam0)
+        self.settings = Settings(H, lam0=lam0, K=tuple(K), P0=start, settle_s=0.2, alpha2=1e9, joint=joint)
+        self.of = of
+
+    def run(self, axes: int) -> tuple[Floats, Floats]:
+        """log(theta / theta0) (axes, N, p), and the mean steady variance of the logarithms (p,) before the faults."""
+        u, y = (field[:axes].T for field in self.of)
+        t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis] * round(H * 1e6), axes, axis=1)
+        bank = Bank([self.model] * axes, [self.settings] * axes)
+        _, trace = bank.run_traced(t, np.ascontiguousarray(u), np.ascontiguousarray(y))
+        theta = np.log(trace.theta / self.model.theta0[:, np.newaxis])
+        P = self.settings.lam0 * trace.P[FROM:FAULT_AT].mean(axis=(0, 2)) / self.model.scale**2
+        return np.moveaxis(theta, -1, 0), P
+
+    def alone(self) -> Callable[[], object]:
+        """A call that runs the first record."""
+        bank = Bank([self.model], [self.settings])
+        start, t = bank.column(0), round(H * 1e6) * np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis]
+        u, y = (field[0][:, np.newaxis] for field in self.of)
+
+        def run() -> object:
+            bank.restore(0, *start)
+            return bank.run(t, u, y)
+
+        return run
+
+
+class Outcome(NamedTuple):
+    """Of each watched parameter: relative rms deviation in per cent; samples to 63 % of the change."""
+
+    scatter: Floats
+    delay: Floats
+
+
+def outcome(theta: Floats, task: Task) -> Outcome:
+    p = len(task.watched)
+    scatter = 100 * np.sqrt(np.mean(theta[:, FROM:FAULT_AT] ** 2, axis=(0, 1)))
+    delays = []
+    for i in range(p):
+        over = theta[i::p, FAULT_AT:, i].mean(axis=0) / task.size > 1 - math.exp(-1)
+        delays.append(float(over.argmax()) if over.any() else math.inf)
+    return Outcome(scatter, np.array(delays))
+
+
+def theirs(
+    task: Task, of: Records, P: Floats, tool: str, walk: str, tmp_path: Path
+) -> tuple[Outcome, float] | str:
+    """A peer's filter with this random walk; or why there is none."""
+    python = environment("recursive-peers", PACKAGES)
+    if isinstance(python, str):
+        return python
+    p, model = len(task.watched), AxisModel(three_mass("speed"), task.values, task.watched)
+    A, B, _ = model.matrices()
+    enters = zero_order_hold(A, B[:, :1], H)[1]
+    Q, start = np.zeros((5 + p, 5 + p)), np.eye(5 + p) * 1e-4
+    Q[:5, :5] = task.torque_noise**2 * enters @ enters.T
+    Q[5:, 5:] = np.diag((1 - LAM) * P) if walk == LIKE_LAMBDA else np.eye(p) * TRIAL**2
+    theta0, watched = np.array([task.values[n] for n in NAMES]), [NAMES.index(n) for n in task.watched]
+    file, out = tmp_path / "records.npz", tmp_path / "found.npz"
+    np.savez(file, u=of.u, y=of.y, h=H, theta0=theta0, watched=watched, P0=start, Q=Q, R=task.output_noise**2)
+    done = subprocess.run(
+        [python, recursive_peers.__file__, file, tool, out],
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        return (done.stderr.strip().splitlines() or ["failed"])[-1][:80]
+    return outcome(np.load(out)["theta"], task), float(done.stdout.split()[-1])
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_joint_filters_of_others(name: str, seed: int, say: Say, tmp_path: Path) -> None:
+    task = TASKS[name]
+    of = records(task, seed)
+    ours = {f"axiswatch{', joint_state' if j else ''}": Ours(task, of, joint=j) for j in (False, True)}
+    times = in_turns({who: it.alone() for who, it in ours.items()}, 9)
+    rows: list[tuple[object, ...]] = []
+    for who, it in ours.items():
+        theta, P = it.run(len(of.u))
+        rows.append((who, times[who] / SAMPLES * 1e6, *words(outcome(theta, task))))
+    for tool in recursive_peers.TOOLS:
+        for walk in (LIKE_LAMBDA, COMMON):
+            found = theirs(task, of, P, tool, walk, tmp_path)
+            cells = (
+                (found, *[""] * len(task.watched)) if isinstance(found, str) else (found[1], *words(found[0]))
+            )
+            rows.append((f"EKF of {tool}, walk {walk}", *cells))
+    say(
+        f"{name}: scatter in per cent @ samples to 63 % of a change = scatter at a delay of 200 samples",
+        ("", "us", *task.watched),
+        rows,
+    )
+
+
+def words(found: Outcome) -> Sequence[str]:
+    return [
+        f"{s:.2f} @ {d:.0f} = {s * math.sqrt(d / 200):.2f}" if d < math.inf else f"{s:.2f} @ never"
+        for s, d in zip(found.scatter, found.delay, strict=True)
+    ]
