@@ -15,6 +15,8 @@ WINDOW = 128
 PART = 0.1
 """Of the frames are earlier than the line: the very earliest may be late ones that were given the next cycle."""
 
+_MOST = int(PART * WINDOW) + 1
+
 KEEP = 32
 """Windows through which the line goes."""
 
@@ -126,21 +128,26 @@ class CyclicClock(Generic[V]):
             timed.append((held, int(after)))
         if self._paused:
             self._pauses, self._paused = self._pauses + 1, False
-            drift.begin_again(timed[0][1] * self._line.interval_us)
-            for held, n in timed:
-                drift.see(n * self._line.interval_us, held.received_us - self._line.nominal(n))
+            place_us = timed[0][1] * self._line.interval_us
+            drift.begin_again(place_us)
+            drift.see(place_us, timed[0][0].received_us - self._line.nominal(timed[0][1]))
         return [(held.value, self._give_held(drift, held, n)) for held, n in reversed(timed)]
 
     def _give_held(self, drift: Drift, held: _Held[V], n: int) -> int | Rejected:
-        return "repeated" if n <= self._n else self._give(drift, held.received_us, n)
+        if n <= self._n:
+            return "repeated"
+        if n == held.cycle:
+            return self._give(drift, held.received_us, n)
+        return self._time(drift, n)  # when it waited, its receipt says nothing of the clock
 
     def _give(self, drift: Drift, received_us: int, n: int) -> int:
-        passed_us, place_us = (n - self._n) * self._line.interval_us, n * self._line.interval_us
-        line_us = self._line.nominal(n)
-        self._n = n
         self._line.on()
-        drift.see(place_us, received_us - line_us)
-        return line_us + drift.follow(place_us, passed_us)
+        drift.see(n * self._line.interval_us, received_us - self._line.nominal(n))
+        return self._time(drift, n)
+
+    def _time(self, drift: Drift, n: int) -> int:
+        passed_us, self._n = (n - self._n) * self._line.interval_us, n
+        return self._line.nominal(n) + drift.follow(n * self._line.interval_us, passed_us)
 
     def _untimed(self, received_us: int, value: V) -> list[tuple[V, int | Rejected]]:
         if not self._line.off(received_us):
@@ -151,7 +158,7 @@ class CyclicClock(Generic[V]):
         self._line.begin(received_us)
         rate = self._drift.rate if self._drift else 0.0
         interval_us = self._line.interval_us
-        self._drift = Drift(WINDOW * interval_us, KEEP, PART, interval_us / 4, rate, quick=True)
+        self._drift = Drift(WINDOW * interval_us, KEEP, _MOST, PART, interval_us / 4, rate, quick=True)
         self._drift.see(0.0, 0.0)
         self._n, self._received_us = 0, received_us
         return received_us

@@ -89,7 +89,8 @@ class Drift:
     Args:
         window_us: length of a window along the line [us].
         keep: through the delays of so many windows goes a straight line; 1: that of the last one, as it is.
-        part: of the frames of a window are passed over as too early, where frames may have the wrong number.
+        most, part: of the so many earliest frames of a window the one counts that as many were earlier than as are
+            this part of all; the very earliest may have the wrong number.
         step_us: where two windows running are further off than this [us] there was a step, and the fit begins again.
         rate: the part of an interval by which it is longer, where that is known from before.
         quick: at first the line goes to the early frames at once: the one it began with may have been late.
@@ -99,12 +100,14 @@ class Drift:
         self,
         window_us: float = WINDOW_US,
         keep: int = 1,
+        most: int = 1,
         part: float = 0.0,
         step_us: float = math.inf,
         rate: float = 0.0,
         quick: bool = False,
     ) -> None:
-        self._window_us, self._part, self._step_us, self._quick = window_us, part, step_us, quick
+        self._window_us, self._step_us, self._quick = window_us, step_us, quick
+        self._most, self._part = most, part
         self._windows: deque[tuple[float, float]] = deque(maxlen=keep)  # place on the line, delay
         self._at_us, self._level_us, self.rate = 0.0, 0.0, rate
         self._known_rate = rate
@@ -118,18 +121,17 @@ class Drift:
     def expected(self, place_us: float) -> float:
         """The delay [us] of an early frame of that place on the line: by the windows before, at first by the frames."""
         fitted_us = self._fitted(place_us)
-        return fitted_us + self._least.over_us if self.begins and self._seen else fitted_us
+        return fitted_us + self._least.over_us if self.begins and self._early else fitted_us
 
     def see(self, place_us: float, delay_us: float) -> None:
         """A frame of that place on the line had that delay."""
         over_us = delay_us - self._fitted(place_us)
         self._seen += 1
         early = self._early
-        if len(early) > self._part * self._seen:
-            if over_us >= early[-1].over_us:
-                return
-            early.pop()
+        if len(early) == self._most and over_us >= early[-1].over_us:
+            return
         insort(early, _Early(over_us, place_us, delay_us))
+        del early[self._most :]
 
     def follow(self, place_us: float, passed_us: float) -> int:
         """The shift [us] of the line at that place, so much further than the last one."""
@@ -167,7 +169,7 @@ class Drift:
         return self._level_us + self.rate * (place_us - self._at_us)
 
     def _close_if_full(self) -> None:
-        if self._passed_us < self._window_us:
+        if self._passed_us < self._window_us or not self._early:
             return
         over_us, place_us, delay_us = self._least
         self._next_window()

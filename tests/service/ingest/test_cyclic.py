@@ -1,0 +1,247 @@
+"""The clock of a controller that sends in cycles, fitted to times of receipt."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from service.ingest.cyclic import CyclicClock
+from service.ingest.line import QUICK, SLEW
+
+START_US = 1_760_000_000_000_000
+CYCLE_US = 5000
+
+
+class Sent(NamedTuple):
+    """A frame: the cycle it was sent in, when that was, when it was received."""
+
+    cycle: int
+    sent_us: float
+    received_us: int
+
+
+class Told(NamedTuple):
+    """What the clock said of the frame of that cycle."""
+
+    cycle: int
+    time: int | str
+
+
+def sending(
+    cycles: Iterable[int],
+    late_us: Callable[[], float],
+    cycle_us: float = CYCLE_US,
+    start_us: float = START_US,
+) -> list[Sent]:
+    """Frames of these cycles, in order as a bus keeps them, however late."""
+    found, before_us = list[Sent](), 0
+    for cycle in cycles:
+        sent_us = start_us + cycle * cycle_us
+        before_us = max(before_us + 20, round(sent_us + late_us()))
+        found.append(Sent(cycle, sent_us, before_us))
+    return found
+
+
+def told(clock: CyclicClock[int], frames: Iterable[Sent], *, last: bool = True) -> list[Told]:
+    found = [Told(*one) for frame in frames for one in clock.read(frame.received_us, frame.cycle)]
+    return found + [Told(*one) for one in clock.flush()] if last else found
+
+
+def times(found: Iterable[Told]) -> dict[int, int]:
+    return {one.cycle: one.time for one in found if isinstance(one.time, int)}
+
+
+def rejected(found: Iterable[Told]) -> list[Told]:
+    return [one for one in found if isinstance(one.time, str)]
+
+
+def wrong(found: Sequence[Told], frames: Sequence[Sent], phase_us: float) -> list[int]:
+    """The cycles of frames with a time that is further off than half a cycle."""
+    sent = {frame.cycle: frame.sent_us for frame in frames}
+    return [c for c, t in times(found).items() if abs(t - sent[c] - phase_us) > CYCLE_US / 2]
+
+
+def on_time() -> float:
+    return 0.0
+
+
+def after(cycles: int, then: Iterable[int]) -> list[int]:
+    """So many cycles, then these after them."""
+    return [*range(cycles), *(cycles + n for n in then)]
+
+
+@given(
+    first_us=st.integers(0, 2000),
+    late_us=st.lists(st.integers(0, 2000), min_size=300, max_size=300),
+    lost=st.sets(st.integers(1, 299), max_size=30),
+)
+def test_frames_late_by_less_than_a_cycle_have_whole_cycles_between_them(
+    first_us: int, late_us: list[int], lost: set[int]
+) -> None:
+    late = iter([first_us, *late_us])
+    frames = sending((n for n in range(300) if n not in lost), lambda: next(late))
+    found = told(CyclicClock(0.005), frames)
+    assert [one.cycle for one in found] == [frame.cycle for frame in frames]
+    # At the very beginning the phase is that of one frame, which may have been late itself.
+    assert all(one.time == "repeated" and one.cycle < 30 for one in rejected(found))
+    given_us = [(c, t) for c, t in times(found).items() if c >= 30]
+    for (a, before_us), (b, time_us) in itertools.pairwise(given_us):
+        assert abs(time_us - before_us - (b - a) * CYCLE_US) <= QUICK * (b - a) * CYCLE_US + 2
+
+
+@pytest.mark.parametrize("ppm", [-100, 0, 100, -750, 750])
+def test_phase_and_rate_are_found_whatever_the_jitter(ppm: float, seed: int) -> None:
+    rng, cycle_us = random.Random(seed), CYCLE_US * (1 + ppm * 1e-6)
+    frames = sending(
+        (n for n in range(12_000) if rng.random() > 0.01), lambda: rng.expovariate(1 / 400), cycle_us
+    )
+    clock = CyclicClock[int](0.005)
+    found = told(clock, frames)
+    # A frame is late by three quarters of a cycle with e^-9.4; it then has the next one's time for lack of that.
+    assert len(wrong(found, frames, 40)) < 20
+    assert len(rejected(found)) < 20
+    assert clock.reanchored == 0
+    assert clock.interval_s == pytest.approx(cycle_us * 1e-6, rel=30e-6)  # 15 windows: 5 ppm
+    late = [(c, t) for c, t in times(found).items() if c > 4000]
+    off = [t2 - t1 - (b - a) * cycle_us for (a, t1), (b, t2) in itertools.pairwise(late)]
+    assert sum(abs(d) > 2 + 2 * SLEW * CYCLE_US for d in off) < 40
+
+
+def test_a_jitter_to_both_sides_by_a_fifth_of_a_cycle(seed: int) -> None:
+    rng = random.Random(seed)
+    frames = sending(range(8000), lambda: rng.gauss(0, 700))
+    found = told(CyclicClock(0.005), frames)
+    assert len(wrong(found, frames, -900)) < 40
+    assert len(rejected(found)) < 80
+
+
+def held_up(length: int, waited: int, spacing_us: int = 20) -> list[Sent]:
+    """Frames of which the host received so many in one burst."""
+    frames = sending(range(length), on_time)
+    end_us = frames[300 + waited].received_us
+    burst = [
+        f._replace(received_us=end_us + spacing_us * k) for k, f in enumerate(frames[301 : 301 + waited])
+    ]
+    # What would have come before the end of the burst waits, too, and is left out here.
+    after_us = burst[-1].received_us
+    return [*frames[:301], *burst, *(f for f in frames[301 + waited :] if f.received_us > after_us)]
+
+
+@pytest.mark.parametrize(("waited", "spacing_us"), [(2, 20), (10, 400), (80, 20), (80, 50)])
+def test_a_burst_after_the_host_was_held_up_is_taken_in_order(waited: int, spacing_us: int) -> None:
+    frames = held_up(600, waited, spacing_us)
+    found = told(CyclicClock(0.005), frames)
+    assert times(found) == {f.cycle: f.sent_us for f in frames}
+    assert not rejected(found)
+
+
+def test_of_a_burst_that_waited_longer_than_can_be_told_the_first_are_refused() -> None:
+    frames = held_up(1500, 600, 1)
+    clock = CyclicClock[int](0.005)
+    found = told(clock, frames)
+    assert {one.time for one in rejected(found)} == {"untimed"}
+    assert len(rejected(found)) == 500
+    assert all(abs(t - START_US - c * CYCLE_US) <= 700 for c, t in times(found).items())
+    assert clock.reanchored == 1
+
+
+def test_lost_frames_leave_whole_cycles_and_one_frame_is_waited_for() -> None:
+    clock = CyclicClock[int](0.005)
+    assert len(told(clock, sending(range(300), on_time), last=False)) == 300
+    assert told(clock, sending([303], on_time), last=False) == []
+    found = told(clock, sending([304, 305], on_time), last=False)
+    assert found == [Told(c, START_US + c * CYCLE_US) for c in (303, 304, 305)]
+
+
+def test_the_last_frame_after_a_gap_is_not_lost() -> None:
+    found = told(CyclicClock(0.005), sending(after(300, [4]), on_time))
+    assert found[-1] == Told(304, START_US + 304 * CYCLE_US)
+
+
+def test_a_repeated_frame_and_one_from_before_are_refused() -> None:
+    clock = CyclicClock[int](0.005)
+    told(clock, sending(range(300), on_time), last=False)
+    last_us = START_US + 299 * CYCLE_US
+    assert clock.read(last_us + 30, 7) == [(7, "repeated")]
+    assert clock.read(last_us - 60 * CYCLE_US, 8) == [(8, "out_of_order")]
+    assert clock.read(last_us + CYCLE_US, 9) == [(9, last_us + CYCLE_US)]
+
+
+@pytest.mark.parametrize("back_s", [1.6, 100.0])
+def test_a_clock_that_is_set_back_is_doubted_for_a_second(back_s: float) -> None:
+    clock = CyclicClock[int](0.005)
+    told(clock, sending(range(300), on_time), last=False)
+    frames = sending(range(300, 800), on_time, start_us=START_US - back_s * 1e6)
+    found = told(clock, frames)
+    assert [one.time for one in found[:200]] == ["untimed"] * 200
+    assert found[200:] == [Told(f.cycle, f.received_us) for f in frames[200:]]
+    assert clock.reanchored == 1
+
+
+def test_a_clock_that_is_set_back_a_little_is_waited_for() -> None:
+    clock = CyclicClock[int](0.005)
+    told(clock, sending(range(300), on_time), last=False)
+    found = told(clock, sending(range(300, 500), on_time, start_us=START_US - 300_000))
+    assert [one.time for one in found[:59]] == ["out_of_order"] * 59
+    assert found[59].time == "repeated"
+    assert found[60:] == [Told(c, START_US - 300_000 + c * CYCLE_US) for c in range(360, 500)]
+    assert clock.reanchored == 0
+
+
+@pytest.mark.parametrize("phase_us", [0, 1000, 2500, 4900])
+def test_after_a_pause_the_phase_is_found_again(phase_us: int, seed: int) -> None:
+    rng = random.Random(seed)
+    clock = CyclicClock[int](0.005)
+    told(clock, sending(range(3000), lambda: rng.expovariate(1 / 300)), last=False)
+    frames = sending(
+        range(10_000, 14_000), lambda: rng.expovariate(1 / 300), start_us=START_US + 3600e6 + phase_us
+    )
+    found = told(clock, frames)
+    assert clock.reanchored == 1
+    assert len(rejected(found)) < 10
+    given_us = times(found)
+    assert all(a < b for a, b in itertools.pairwise(given_us.values()))
+    ends = [given_us[c] - f.sent_us for f in frames[200:] if (c := f.cycle) in given_us]
+    assert sum(abs(off - 30) > 500 for off in ends) < 10
+
+
+def test_a_step_of_the_host_s_clock_within_a_cycle_is_followed() -> None:
+    rng = random.Random(1)
+    clock = CyclicClock[int](0.005)
+    told(clock, sending(range(6000), lambda: rng.uniform(0, 500)), last=False)
+    frames = sending(range(6000, 12_000), lambda: rng.uniform(0, 500), start_us=START_US + 2300)
+    found = told(clock, frames)
+    assert not rejected(found)
+    assert clock.interval_s == pytest.approx(0.005, rel=30e-6)
+    assert all(abs(times(found)[f.cycle] - f.sent_us) < 600 for f in frames[-1000:])
+
+
+@given(
+    chance=st.randoms(use_true_random=False),
+    jitter_us=st.integers(0, 20_000),
+    ppm=st.floats(-3000, 3000),
+    jumps_us=st.lists(st.integers(-5_000_000, 5_000_000), max_size=3),
+)
+def test_whatever_comes_every_frame_is_told_of_once_and_times_rise_between_restarts(
+    chance: random.Random, jitter_us: int, ppm: float, jumps_us: list[int]
+) -> None:
+    start_us, cycle, frames = float(START_US), 0, list[Sent]()
+    for jump_us in (0, *jumps_us):
+        start_us += jump_us
+        cycles = [cycle + n for n in range(chance.randint(1, 400)) if chance.random() > 0.1]
+        late = lambda: chance.uniform(0, jitter_us)  # noqa: E731
+        frames += sending(cycles, late, CYCLE_US * (1 + ppm * 1e-6), start_us)
+        cycle += 400
+    clock = CyclicClock[int](0.005)
+    found = told(clock, frames)
+    assert sorted(one.cycle for one in found) == [frame.cycle for frame in frames]
+    given_us = list(times(found).values())
+    assert sum(a >= b for a, b in itertools.pairwise(given_us)) <= clock.reanchored
+    assert {str(one.time) for one in rejected(found)} <= {"repeated", "out_of_order", "untimed"}
+    assert told(CyclicClock(0.005), frames) == found  # nothing but times of receipt counts
