@@ -15,6 +15,7 @@ from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, 
 from monitor_core.kernel.tables import Floats, constant_rows
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
+from monitor_core.stability import stable_limits
 
 FEWEST_LANES = 8
 """From so many axes on the bank runs in lanes.  Lanes are faster from four on, twice as fast at eight (``make bench``
@@ -59,6 +60,8 @@ class Bank:
         named = constant_views(self._constants, t)
         self.thresholds: Floats = named.h
         """h (p, W)"""
+        self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
+        """Bounds of theta (p, W), each: the models' own, drawn in to where the predictors are stable."""
         for a, (model, setting) in enumerate(zip(models, settings, strict=True)):
             fill(named, a, _constants(assembly, model, setting))
             self._start(a, model, setting)
@@ -223,6 +226,7 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
     }
     vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}
     vectors |= assembly.model_constants(model, s.speed_scale)
+    vectors["lower"], vectors["upper"] = stable_limits(model, s.gain(len(model.drive.states)), s.interval_s)
     return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
 
 

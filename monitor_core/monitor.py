@@ -162,8 +162,8 @@ class AxisMonitor:
 
     def _is_invalid(self, i: int) -> bool:
         """Its bounds hold it, or the model no longer explains what is measured."""
-        st, a, (lower, upper) = self.bank.state, self.axis, self.model.limits
-        inside = bool(lower[i] < st.theta[i, a] < upper[i])
+        st, a, (lower, upper) = self.bank.state, self.axis, self.bank.limits
+        inside = bool(lower[i, a] < st.theta[i, a] < upper[i, a])
         return not inside or bool(st.lam0_running[a] > INVALID * self.settings.lam0)
 
     def _status(self, i: int) -> Status:

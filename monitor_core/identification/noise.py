@@ -21,6 +21,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from monitor_core.identification.held import hold
+from monitor_core.identification.mean import averaged
 from monitor_core.identification.structure import Linear
 from monitor_core.kalman import held_disturbance, prediction_variance
 from monitor_core.kernel.tables import Floats
@@ -45,17 +46,25 @@ class Gain(NamedTuple):
 
 
 def gain(
-    of: Linear, torque: NDArray[np.bool_], at: Levels, free: Sequence[str], time_constant: int | None
+    of: Linear,
+    torque: NDArray[np.bool_],
+    at: Levels,
+    free: Sequence[str],
+    time_constant: int | None,
+    mean: int = -1,
 ) -> Gain:
     """K of the drive ``of`` in its coordinates, and derivatives: by its p parameters, then by the ``free`` levels.
 
-    ``torque`` (m,) says which inputs are the motor torque, ``time_constant`` which parameter is that of d.
+    ``torque`` (m,) says which inputs are the motor torque, ``time_constant`` which parameter is that of d, ``mean``
+    which state a mean speed is taken from, -1: none is measured.
 
     Raises:
         ValueError: there is no stable filter.
     """
     enters = _noise_inputs(of, torque, at)
     held = hold(enters, np.array([at.interval_s]))
+    if mean >= 0:
+        held = averaged(held, mean, np.array([at.interval_s]))
     n = len(of.A)
     Ad, G, dX = held.X[0, :, :n], held.X[0, :, n:], held.dX[0]
     s2, ds2 = _variances(at, torque, G.shape[1])

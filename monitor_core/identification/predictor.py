@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from monitor_core.drive import DISTURBANCE_TIME, Drive
 from monitor_core.identification.held import hold, hold_late
 from monitor_core.identification.layout import Layout, Point, whole_intervals
+from monitor_core.identification.mean import hold_mean
 from monitor_core.identification.noise import Gain, Levels, gain
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
@@ -62,8 +63,8 @@ class Predictor:
         )
 
     def _source_of(self, kind: int) -> int:
-        """What an input of the motion looks at; friction beside a measured angle at the predictor's speed."""
-        if kind == COULOMB and self.drive.output == "angle":
+        """What an input of the motion looks at; friction beside an angle or a mean speed at the predictor's speed."""
+        if kind == COULOMB and self.drive.output != "speed":
             return FROM_STATE
         return FROM_RECORD if self.problem.motion == "measured" else FROM_OUTPUT
 
@@ -87,7 +88,7 @@ class Predictor:
     def start(self) -> Floats:
         """The vector to start from: nominal values, all at rest."""
         xi = self.layout.start()
-        rest = self._linear(self.layout.point(xi), self._signal_mean).rest
+        rest = self._rest(self._linear(self.layout.point(xi), self._signal_mean))
         free = self.problem.initial == "free"
         own = [rest * s.first if free else np.full(self.own, s.first) for s in self.series]
         return np.concatenate([xi, *own])
@@ -119,11 +120,15 @@ class Predictor:
             Levels(point.torque, point.slow, T, self.interval_s, self.d[-1]),
             self.layout.levels,
             which,
+            self.drive.mean_state,
         )
         # The delay does not move K: it comes between the parameters and the levels.
         at = len(free) + len(self.layout.varying)
         dK = np.insert(found.dK, [at] * self.layout.free_delay, 0.0, axis=1)
-        return found._replace(dK=dK)
+        kept = (
+            np.arange(self.n) != self.drive.mean_state
+        )  # that is zero after the correction, whatever it was
+        return found._replace(K=found.K * kept, dK=dK * kept[:, None])
 
     def errors(self, xi: Floats) -> list[Errors]:
         """Prediction errors and gradients of all records; not good where theta makes no sense.
@@ -193,8 +198,15 @@ class Predictor:
             self.series[i].first if initial == "first" else float(own.sum())
         )  # a speed at rest: of none, 0
         Z0[:, : of.drest.shape[1]] = of.drest * output
-        Z0[:, shared:] = of.rest[:, None]
-        return of.rest * output, Z0
+        Z0[:, shared:] = self._rest(of)[:, None]
+        return self._rest(of) * output, Z0
+
+    def _rest(self, of: Linear) -> Floats:
+        """The state of rigid motion with output 1; that of a mean speed is here the mean itself."""
+        rest = of.rest.copy()
+        if self.drive.mean_state >= 0:
+            rest[self.drive.mean_state] = 1 / self.d[self.drive.mean_state]
+        return rest
 
     def _held(
         self, point: Point, s: Series, levels: Sequence[Linear], torque: NDArray[np.bool_]
@@ -213,9 +225,15 @@ class Predictor:
         self, point: Point, intervals_s: Floats, of: Linear, torque: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         late_s = max(point.delay_s - self._whole_s, 0.0)
-        if not (self.layout.free_delay or late_s):
+        late = late_s if self.layout.free_delay or late_s else None
+        if self.drive.mean_state >= 0:
+            X, dX = hold_mean(of, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
+        elif late is None:
             return hold(of, intervals_s)
-        X, dX = hold_late(of, torque, intervals_s, late_s)
+        else:
+            X, dX = hold_late(of, torque, intervals_s, late)
+        if late is None:
+            return X, dX
         return X, dX if self.layout.free_delay else dX[:, :-1]
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
@@ -224,7 +242,7 @@ class Predictor:
         friction = kinds == COULOMB
         scale[:, friction] /= self.problem.speed_scale
         dscale[:, friction] /= self.problem.speed_scale
-        if self.drive.output == "angle" and friction.any():
+        if self.drive.output != "speed" and friction.any():
             for j, of in enumerate(levels):
                 # The speed at the sensor is (C A x), of which x[speed_state] is all.
                 k = self.drive.speed_state
@@ -250,6 +268,6 @@ def _check(problem: Problem, records: Sequence[Record]) -> None:
     if not records:
         raise ValueError("no record to fit")
     for record in records:
-        if record.quantity != problem.drive.output:
+        if record.quantity != problem.drive.output.removeprefix("mean "):
             what = f"{record.name or 'record'} holds the {record.quantity}"
             raise ValueError(f"{what}, the drive's output is the {problem.drive.output}")
