@@ -7,12 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.drive import Drive
 from monitor_core.excitation.design import Command, Experiment, Task, plan
 from monitor_core.excitation.limits import Limits
 from monitor_core.excitation.multisine import Lines
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.plant import Controller, Plant
 from monitor_core.excitation.prediction import Estimation
+from monitor_core.kernel.tables import Floats
+from monitor_core.settings import Settings
 from service.axes import axis_model, axis_settings
 from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.words import did_you_mean
@@ -40,10 +43,10 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
         ExcitationError: it makes no sense; the text says what would be right.
         AxisError: the axis has no predictor.
     """
-    asked = asked._replace(axis=_of_the_moment(asked.axis))
     config = asked.axis.config
     _check_known(asked.axis)
-    settings, drive = axis_settings(asked.axis, axis_model(config)), drive_of(config)
+    model = axis_model(config)
+    settings, drive = axis_settings(asked.axis, model), drive_of(config, config.output)
     values, h = given_values(config), config.sample_interval_s
     if controller is not None and asked.command == "torque":
         raise ExcitationError(
@@ -57,7 +60,7 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
             values,
             h,
             settings.lam0,
-            np.array(settings.K) if settings.K else None,
+            _gain(settings, model.drive),
             config.model.scales,
         ),
         limits=limits,
@@ -81,12 +84,13 @@ def planned(task: Task, seed: int | None) -> Experiment:
     return plan(task, np.random.default_rng(seed))
 
 
-def _of_the_moment(axis: NamedAxis) -> NamedAxis:
-    """With the speed at each sample in place of its mean: for a plan they are the same."""
-    if not axis.config.averaged or axis.config.speed is None:
-        return axis
-    speed = axis.config.speed.model_copy(update={"averaged": False})
-    return axis._replace(config=axis.config.model_copy(update={"speed": speed}))
+def _gain(settings: Settings, drive: Drive) -> Floats | None:
+    """K without the state of a mean speed: a plan takes it for the speed at the sample."""
+    if not settings.K:
+        return None
+    return (
+        np.delete(np.array(settings.K), drive.mean_state) if drive.mean_state >= 0 else np.array(settings.K)
+    )
 
 
 def _check_known(axis: NamedAxis) -> None:

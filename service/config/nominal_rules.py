@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
-from monitor_core.drive import Drive
+from monitor_core.drive import Drive, Output
 from service.config.drives import plain_drive_of
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of
@@ -39,12 +39,10 @@ def readable(axis: AxisConfig) -> Iterator[Finding]:
 def same_axis(axis: AxisConfig) -> Iterator[Finding]:
     """The file was found with what is measured here, at this interval."""
     found = _found(axis)
-    if axis.averaged:
+    if found.drive.output != _measured(axis):
         yield Finding(
-            FILE, f"found with the {found.drive.output}, but the drive of this axis averages its speed"
+            FILE, f"found with the {found.drive.output}, but this axis measures the {_measured(axis)}"
         )
-    elif found.drive.output != axis.output:
-        yield Finding(FILE, f"found with the {found.drive.output}, but this axis measures the {axis.output}")
     interval_s = found.predictor.interval_s
     if not math.isclose(interval_s, axis.sample_interval_s, rel_tol=_INTERVAL):
         message = (
@@ -56,7 +54,7 @@ def same_axis(axis: AxisConfig) -> Iterator[Finding]:
 def same_drive(axis: AxisConfig) -> Iterator[Finding]:
     """The file was found with this drive, and has all its values."""
     found = _found(axis)
-    if found.drive.output != axis.output or axis.averaged:
+    if found.drive.output != _measured(axis):
         return
     usable_drive(axis)
     drive = plain_drive_of(axis)
@@ -124,6 +122,10 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
             " found from the first samples, or remove"
         )
         yield Finding(("estimator", "initial_p"), message, FILE)
+
+
+def _measured(axis: AxisConfig) -> Output:
+    return "mean speed" if axis.averaged else axis.output
 
 
 def _found(axis: AxisConfig) -> NominalFile:

@@ -92,7 +92,11 @@ def _drive(
     found = drive_response(
         drive, values, interval_s, f, names=names, covariance=covariance, delay_s=rest, name=name
     )
-    return replace(found, G=found.G * np.exp(-2j * np.pi * f * whole * interval_s))
+    turns = np.exp(-2j * np.pi * f * interval_s)
+    mean = (
+        (1 - turns) / interval_s if drive.mean_state >= 0 else 1.0
+    )  # of the angle: the way of each interval
+    return replace(found, G=found.G * mean * turns**whole)
 
 
 def band(records: Sequence[Record]) -> Floats:

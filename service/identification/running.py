@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,6 +40,8 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
     growth = grown(task, lambda done, most: told("rows of masses", done, most))
     try:
         estimate = _best(task, records, progress)
+        if task.axis.config.averaged:
+            estimate = _averaged(estimate, records, told)
         kept_aside = [one.record for one in task.validation]
         validation = traces_of(estimate.problem, kept_aside) if kept_aside else ()
     except (ValueError, np.linalg.LinAlgError) as error:
@@ -87,6 +90,21 @@ def _best(task: Task, records: Sequence[Record], progress: Progress | None) -> E
         return direct
     better = searched.converged or not direct.converged
     return searched if better and searched.cost < _LESS * direct.cost else direct
+
+
+def _averaged(estimate: Estimate, records: Sequence[Record], told: Progress) -> Estimate:
+    """The fit for a speed that the drive averages, from that for the speed at the samples, a few percent away.
+
+    Raises:
+        ValueError: there is none.
+    """
+    problem = replace(estimate.problem, drive=estimate.problem.drive.with_mean_speed())
+    return fit(
+        problem,
+        records,
+        most_iterations=MOST_ITERATIONS,
+        progress=lambda done, cost: _fitting(told, done, cost),
+    )
 
 
 def _nobody(_: str, __: int, ___: int) -> None:

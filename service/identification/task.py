@@ -97,11 +97,6 @@ def task_of(
         ModelError: the axis has no drive.
         RecordError, DbcError, IngestError: a record cannot be read.
     """
-    if axis.config.averaged:
-        raise IdentificationError(
-            f"{axis.id}: its drive averages the speed over each interval, which the fit does not know, and read as the"
-            " speed at the sample it would be off by several percent: identify with the angle, or with another speed"
-        )
     space, drive, *_ = model_of_axis(axis.config)
     nominal = nominal_of(axis, drive)
     varying = asked(wishes.varying, axis.config)

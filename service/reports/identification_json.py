@@ -24,7 +24,7 @@ def as_json(found: Found) -> str:
     content = {
         "axis": found.task.axis.id,
         "drive": found.task.drive.name,
-        "output": found.task.drive.output,
+        "output": found.estimate.problem.drive.output,
         "trustworthy": not found.trustworthy(),
         "why_not": found.trustworthy() or None,
         "parameters": [_parameter(row) for row in found.rows()],

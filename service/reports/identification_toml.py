@@ -47,7 +47,7 @@ def _head(found: Found) -> Iterator[str]:
 
 
 def _drive(found: Found) -> Iterator[str]:
-    drive, e = found.task.drive, found.estimate
+    drive, e = found.estimate.problem.drive, found.estimate
     yield "# What these are parameters of; the structure is a digest of A, B, C and the states."
     yield "[drive]"
     yield f"name = {_text(drive.name)}"

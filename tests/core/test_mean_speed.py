@@ -83,8 +83,8 @@ def test_the_gain_is_that_of_the_filter(drive: Drive) -> None:
     K, lam0 = filter_gain(model, H, 0.1, 1.0)
     assert lam0 == pytest.approx(C @ P @ C + 1, rel=1e-9)
     np.testing.assert_allclose(K[:-1], (P @ C / (C @ P @ C + 1))[:-1], rtol=1e-6)
-    assert K[-1] == 0
     later = gains_after(model, H, 0.1, 1.0)
+    assert {K[-1], *(gain[-1] for gain in later)} == {0}
     P2 = Ad @ P @ Ad.T + Q  # a sample was missing: the mean is that over the second interval
     np.testing.assert_allclose(later[1][:-1], (P2 @ C / (C @ P2 @ C + 1))[:-1], rtol=1e-6)
     kept = (np.eye(len(Ad)) - np.outer(K, C)) @ Ad

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -86,33 +87,44 @@ def test_taken_for_the_speed_of_the_moment_they_are_off(
     assert max(off) > 25  # of 40 records the least was 50
 
 
-def test_nothing_is_identified_from_it(course: tuple[np.ndarray, np.ndarray], tmp_path: Path) -> None:
-    file = configured(tmp_path / "a")
+def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarray], tmp_path: Path) -> None:
+    """The whole way: values 5 to 10 % off, a record, nominal.toml, the daemon with it quiet, the next motion."""
+    wrong = ("fm = 0.06 ", "fm = 0.066 ")
+    file = configured(tmp_path / "a", "averaged = true", wrong)
     rows = [
         f"{k * H:.3f},{a},{b}" for k, (a, b) in enumerate(zip(*(c.tolist() for c in course), strict=True))
     ]
-    (tmp_path / "a.csv").write_text("t,u,phi\n" + "\n".join(rows))
-    result = CliRunner().invoke(app, ["identify", str(tmp_path / "a.csv"), "--config", str(file)])
-    assert result.exit_code == 2
-    assert "averages the speed over each interval" in " ".join(result.stderr.split())
-
-
-def test_a_motion_is_planned_with_the_speed_of_the_moment(tmp_path: Path) -> None:
-    plans = []
-    for name, line in (("a", "averaged = true"), ("b", "averaged = false")):
-        args = [
-            "excite",
-            "--config",
-            str(configured(tmp_path / name, line)),
-            "--torque-limit",
-            "3",
-            "--seed",
-            "1",
-        ]
-        result = CliRunner().invoke(app, [*args, "--seconds", "2", "-o", str(tmp_path / f"{name}.csv")])
-        assert result.exit_code == 0, result.output
-        plans.append((tmp_path / f"{name}.csv").read_text())
-    assert plans[0] == plans[1]
+    (tmp_path / "a.csv").write_text("t,u,phi\n" + "\n".join(rows[:FAULT]))
+    found = tmp_path / "a" / "nominal.toml"
+    args = [
+        "identify",
+        str(tmp_path / "a.csv"),
+        "--config",
+        str(file),
+        "-o",
+        str(found),
+        "--free",
+        "Jm,Ja,fm",
+    ]
+    result = CliRunner().invoke(app, [*args, "--start", "values"])
+    assert result.exit_code == 0, result.output
+    values = tomllib.loads(found.read_text())["values"]
+    assert values["Jm"] == pytest.approx(0.005896, rel=0.02)
+    assert values["fm"] == pytest.approx(0.06, rel=0.05)
+    text = file.read_text()
+    start = text.index("[robot.axis.model.nominal]")
+    text = text[:start] + text[text.index("[robot.axis.estimator]") :]
+    text = text.replace(WATCHED, f'{WATCHED}\nnominal_file = "nominal.toml"')
+    file.write_text(text.replace("torque_noise = 0.05\n", "").replace("output_noise = 0.02\n", ""))
+    axis = load(file, {}).axes[0]
+    assert axis_model(axis.config).drive.output == "mean speed"
+    assert not run(axis, course[0][:FAULT], course[1][:FAULT]).book.open
+    plan = ["excite", "--config", str(file), "--torque-limit", "3", "--seed", "1", "--seconds", "2"]
+    result = CliRunner().invoke(app, [*plan, "-o", str(tmp_path / "plan.csv")])
+    assert result.exit_code == 0, result.output
+    file.write_text(text.replace("averaged = true", "averaged = false"))
+    with pytest.raises(ConfigErrors, match="found with the mean speed, but this axis measures the speed"):
+        load(file, {})
 
 
 @pytest.mark.parametrize(

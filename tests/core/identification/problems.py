@@ -26,7 +26,7 @@ def reference_record(seed: int, samples: int, output: Output = "speed", noise: f
 
 def case_record(seed: int, case: Case, samples: int, **how: float) -> Record:
     t_us, u, y = record(seed, case, samples, **how)  # type: ignore[arg-type]
-    return Record(np.asarray(t_us * 1e-6), u, y, case.output)
+    return Record(np.asarray(t_us * 1e-6), u, y, "angle" if case.output == "angle" else "speed")
 
 
 def reference_problem(**settings: object) -> Problem:

@@ -68,9 +68,9 @@ def test_after_a_gap_it_starts_afresh(after_us: int, angle: float) -> None:
     """Exactly where the kernel starts its predictor anew: later than a gap, or back in time."""
     turns = Turns(1.0, GAP_US)
     turns.take(np.array([0, H_US, 2 * H_US]), np.array([0.7, 0.8, 0.9]))  # 0.02 a millisecond
-    whole, sure = turns.take(np.array([2 * H_US + after_us]), np.array([0.05]))
+    whole, sure = turns.take((2 * H_US + after_us) + np.array([0, 1]), np.array([0.05, 0.95]))
     assert sure.all()
-    assert whole[0] == pytest.approx(angle)
+    assert whole == pytest.approx([angle, angle - 0.1])  # and from there it goes on
 
 
 def test_it_goes_on_from_where_the_predictor_was() -> None:
