@@ -8,8 +8,6 @@ from service.ingest.line import Drift, Line
 
 Rejected = Literal["repeated", "out_of_order", "untimed"]
 
-_LONG_ENOUGH_US = 10e6
-
 
 class SampleClock:
     """Unwraps a sample counter and turns it into time: a straight line that slowly follows the receipt.
@@ -43,9 +41,9 @@ class SampleClock:
 
     @property
     def interval_s(self) -> float | None:
-        """What a count stands for by the times of receipt [s]; None: not known yet."""
-        passed_us = self._line.since_anchor(self._received_us)
-        return passed_us / self._n * 1e-6 if self._n > 0 and passed_us > _LONG_ENOUGH_US else None
+        """What a count stands for by the times of receipt since the line began [s]; None: not known yet."""
+        rate = self._drift.mean_rate if self._drift else None
+        return None if rate is None else self._line.interval_us * (1 + rate) * 1e-6
 
     def read(self, received_us: int, raw: int) -> int | Rejected:
         """The time [us] of the sample with this count, or why there is none.

@@ -157,6 +157,11 @@ class Drift:
         return len(self._windows) > _TELLING
 
     @property
+    def mean_rate(self) -> float | None:
+        """As ``rate``, of all the time since the line began; None: that is not long enough."""
+        return self._level_us / self._at_us if self._at_us > 2 * self._window_us else None
+
+    @property
     def begins(self) -> bool:
         """Whether no window is full yet."""
         return not self._windows
