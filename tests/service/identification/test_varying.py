@@ -95,6 +95,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: 
     assert inertia["signal"] == "cos(angle2)"
     assert inertia["range"] == pytest.approx([np.cos(2), 1])
     read = read_nominal(here / "nominal.toml")
+    assert read.predictor.colour < 4, "with the friction held at its middle the errors would be coloured: 17"
     assert read.values["fm"] == pytest.approx(0.06, abs=5 * sd * 12.5 + 0.01 * 0.06)
     assert [v.model_dump() for v in read.varying] == [
         {**one, "range": pytest.approx(tuple(one["range"]), rel=1e-4), "slope": pytest.approx(one["slope"]),
