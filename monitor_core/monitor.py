@@ -156,7 +156,7 @@ class AxisMonitor:
     def _confounded(self) -> tuple[str, ...]:
         st, a = self.bank.state, self.axis
         doubts = untold(self.settings.untold)
-        if not st.starved[a]:
+        if not st.starved[a] or st.seed_left[a]:  # without P(0) there is nothing to compare P with
             return doubts
         return doubts + confounded(st.P[:, :, a], st.P_nom[:, a], self.model.scale, self.model.monitored)
 
