@@ -1,12 +1,13 @@
 """From models to the kernel's arrays: Tables for a structure, one column of Constants for each axis."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from monitor_core.drive import DELAY
-from monitor_core.kernel.tables import COULOMB, Constants, Floats, Ints, Tables
+from monitor_core.kernel.tables import COULOMB, Constants, Floats, Indices, Ints, Tables
+from monitor_core.kernel.vector import FOUR
 from monitor_core.model import AxisModel, Drive, Term, split_name
 
 _ROWS_OF = {"A": 0, "B": 1, "C": 2}
@@ -63,7 +64,6 @@ class Assembly:
         n, p = len(self.drive.states), len(self.monitored)
         filtered = self.drive.output != "speed" and COULOMB in self.drive.inputs
         A = [s for s in slots if s.group == 0]
-        ext_start, ext_src, ext_slot = self._extended_rows(n, p)
         inputs = self._input_products(n, p, filtered)
         outputs = self._output_products(n, p)
         factors = [factor for piece in self._varying for factor in piece.factors]
@@ -78,9 +78,7 @@ class Assembly:
             slots=len(slots),
             A_row=_ints(s.row for s in A),
             A_col=_ints(s.col for s in A),
-            ext_start=np.array(ext_start, dtype=np.uint64),
-            ext_src=np.array(ext_src, dtype=np.uint64),
-            ext_slot=np.array(ext_slot, dtype=np.uint64),
+            **self._derivatives_of_A(n, p),
             in_row=_ints(q[0] for q in inputs),
             in_slot=_ints(q[1] for q in inputs),
             in_col=_ints(q[2] for q in inputs),
@@ -95,20 +93,28 @@ class Assembly:
             factor_exp=_ints(e for _, e in factors),
         )
 
-    def _extended_rows(self, n: int, p: int) -> tuple[list[int], list[int], list[int]]:
-        """Rows of [A A_i; 0 A] over (z_1 .. z_p, x), each padded to a positive even number of products."""
-        start, src, slot = [0], list[int](), list[int]()
-        for j in range(p + 1):
-            for r in range(n):
-                row = [(j * n + s.col, k) for s, k in self._index.items() if (s.group, s.row) == (0, r)]
-                row += [
-                    (p * n + s.col, k) for s, k in self._index.items() if (s.group, s.par, s.row) == (3, j, r)
-                ]
-                row += [(0, len(self._index))] * (len(row) % 2 if row else 2)
-                src += [c for c, _ in row]
-                slot += [k for _, k in row]
-                start.append(len(src))
-        return start, src, slot
+    def _derivatives_of_A(self, n: int, p: int) -> dict[str, Any]:
+        """Where A has entries, and where the A_i have: by places (all A_i), and by rows of one A_i."""
+        blocks = -(-(p + 1) // FOUR) * FOUR
+        A = [s for s in self._index if s.group == 0]
+        slopes = {s: k for s, k in self._index.items() if s.group == 3}
+        places = sorted({(s.row, s.col) for s in slopes})
+        zero = len(self._index)
+        dense = [slopes.get(_Slot(3, i, r, c), zero) for r, c in places for i in range(blocks)]
+        parts = sorted({(s.row, s.par) for s in slopes})
+        entries = [[(s.col, k) for s, k in slopes.items() if (s.row, s.par) == part] for part in parts]
+        return {
+            "A_at": _indices(s.col * blocks for s in A),
+            "A_start": _starts(n, [s.row for s in A]),
+            "blocks": blocks,
+            "more_start": _starts(n, [r for r, _ in places]),
+            "more_col": _indices(c * blocks for _, c in places),
+            "more_slot": _indices(dense),
+            "part_start": _indices(np.cumsum([0] + [len(e) for e in entries])),
+            "part_place": _indices(r * blocks + i for r, i in parts),
+            "part_col": _indices(c * blocks for e in entries for c, _ in e),
+            "part_slot": _indices(k for e in entries for _, k in e),
+        }
 
     def _input_products(self, n: int, p: int, filtered: bool) -> list[tuple[int, int, int, int]]:
         """(element, slot, input, parameter or -1): B u for x, B_i u for z_i, and B u_i where u depends on theta."""
@@ -195,3 +201,12 @@ def _ordered(factors: dict[int, int]) -> tuple[tuple[int, int], ...]:
 
 def _ints(values: object) -> Ints:
     return np.array(list(values), dtype=np.int64)  # type: ignore[call-overload]
+
+
+def _starts(n: int, rows: Sequence[int]) -> Indices:
+    """Where each of n rows begins in a list that is sorted by rows, and the end."""
+    return _indices(np.searchsorted(rows, np.arange(n + 1)))
+
+
+def _indices(values: object) -> Indices:
+    return _ints(values).astype(np.uint64)

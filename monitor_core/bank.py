@@ -13,6 +13,7 @@ from monitor_core.kernel.cusum import CALM, Events
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import Floats, constant_rows
+from monitor_core.kernel.vector import EIGHT
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 from monitor_core.stability import stable_limits
@@ -151,8 +152,10 @@ class Bank:
     def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, Crossing | Calm]]:
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
         reset = not self.settings[0].run_on
+        lanes = _lanes(len(self.models))
         run(
-            _lanes(len(self.models)),
+            lanes,
+            True if isinstance(lanes, tuple) else None,
             self._tables,
             self._constants,
             self._floats,
@@ -200,7 +203,7 @@ def standard_deviation(s: Settings, P_ii: float) -> float:
 
 def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
     """One lane for few axes, which are then run one after the other; else as many as there is use for."""
-    return (0,) if axes < FEWEST_LANES else np.arange(min(axes, MOST_LANES))
+    return (0,) if axes < FEWEST_LANES else np.arange(-(-min(axes, MOST_LANES) // EIGHT) * EIGHT)
 
 
 def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:

@@ -5,7 +5,7 @@ part of its type, so the loops over axes vanish when Numba compiles that shape. 
 and the same loops become the inner, vectorised ones.  No function reassociates a sum, so both shapes give the
 same bits.
 
-Read in this order: tables (what a drive is here), state, laurent (A, B, C at theta), propagate (the interval), delay
-and mean (intervals in parts), recursion (theta and P), cusum, admission (what becomes of a sample), block (all of it,
-sample by sample).
+Read in this order: tables (what a drive is here), state, laurent (A, B, C at theta), propagate and series (the
+interval), delay and mean (intervals in parts), recursion (theta and P), cusum, admission (what becomes of a sample),
+block (all of it, sample by sample).
 """

@@ -1,7 +1,7 @@
 """A block of samples of a bank of axes through the recursion: the one entry into the kernel."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from monitor_core.kernel.admission import (
     rest,
 )
 from monitor_core.kernel.columns import columns, copy, floats, ints, marks, most, put_back, table, times
-from monitor_core.kernel.compile import entry, kernel
+from monitor_core.kernel.compile import aside, entry, kernel
 from monitor_core.kernel.conditions import close, follow
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.delay import delayed, switch
@@ -38,6 +38,7 @@ from monitor_core.kernel.recursion import (
     update_P,
     update_theta,
 )
+from monitor_core.kernel.series import SECTIONS
 from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
     OUTLIER,
@@ -51,6 +52,7 @@ from monitor_core.kernel.state import (
 )
 from monitor_core.kernel.supervision import admit_to_tests, excite, look
 from monitor_core.kernel.tables import Floats, Ints, Tables
+from monitor_core.kernel.vector import EIGHT
 
 
 class Samples(NamedTuple):
@@ -109,7 +111,7 @@ def _tally(lanes: Any, does: Ints, hit: Ints, counts: Ints) -> None:
         counts[PROJECTED, a] += hit[a]
 
 
-@kernel
+@aside
 def _record(
     lanes: Any,
     k: int,
@@ -140,6 +142,7 @@ def _record(
 @entry
 def run(
     lanes: Any,
+    one: Literal[True] | None,
     tables: Tables,
     C: Floats,
     F: Floats,
@@ -151,16 +154,32 @@ def run(
 ) -> None:
     """A block of samples through the bank of constants C and state F, I, as many axes at a time as there are lanes.
 
+    ``lanes``: an array of a multiple of eight, or (0,), then ``one`` is True.
+
     Lanes beyond the last axis repeat it, without samples; what they do is not kept.
     """
     T, tr, W, z = tables, trace, len(lanes), tables.p * tables.n
     filled, what, value = events.filled, events.what, events.value
+    # As names of their own: a field of a tuple is held, atomically, by each call that gets it.
+    A_row, A_start, more_start, more_slot, part_start = (
+        T.A_row,
+        T.A_start,
+        T.more_start,
+        T.more_slot,
+        T.part_start,
+    )
+    in_row, in_slot, in_col, in_par, kind = T.in_row, T.in_slot, T.in_col, T.in_par, T.kind
+    out_slot, out_src, out_par = T.out_slot, T.out_src, T.out_par
+    term_slot, factor_start, factor_par, factor_exp = T.term_slot, T.factor_start, T.factor_par, T.factor_exp
     for a0 in range(0, F.shape[1], W):
         C_, F_, I_ = columns(C, a0, W), columns(F, a0, W), columns(I, a0, W)
         con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, T.n, T.p, T.m)
         X, G, V = table(z + T.n, W), table(z + T.n, W), table(T.slots + 1, W)
         X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
-        now, after, src, slot = floats(X.size), floats(X.size), times(T.ext_src, W), times(T.ext_slot, W)
+        wide = 1 if W == 1 else EIGHT
+        work, more = floats(SECTIONS * T.n * T.blocks * wide), floats(max(T.more_slot.size, 4 * wide))
+        at_A, at_more, at_part = times(T.A_at, wide), times(T.more_col, wide), times(T.part_col, wide)
+        place, part_slot = times(T.part_place, wide), times(T.part_slot, W)
         psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
         u, y, h, h_first = floats(W), floats(W), floats(W), floats(W)
         h_before, over, lost = floats(W), floats(W), ints(W)
@@ -170,7 +189,10 @@ def run(
         t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
         moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
         moved, joint = table(T.p, W), con.joint.max() > 0.0
-        copy(con.V0, V, 0)
+        V0, coef, weight, theta, P = con.V0, con.coef, con.weight, st.theta, st.P
+        norm, total = floats(W), floats(W)
+        delay = theta[T.late] if T.late >= 0 else con.delay
+        copy(V0, V, 0)
         copy(st.z, X, 0)
         copy(st.x, X, z)
         # One line for each step of the recursion.
@@ -180,43 +202,45 @@ def run(
             moving = admit(lanes, t, u, y, con.gap_us, con.settle_us, con.interval, con.lost_us, st.t, st.settled,
                                 st.seed_left, st.counts, does, h)
             if samples.shift.shape[0]:
-                follow(lanes, k, a0, samples.shift, con.lower, con.upper, st.shift, st.theta, st.theta_seen, does)
+                follow(lanes, k, a0, samples.shift, con.lower, con.upper, st.shift, theta, st.theta_seen, does)
             if samples.gate.shape[0]:
                 close(lanes, k, a0, samples.gate, does)
             if moving:
                 for_interval(lanes, con.interval, con.lam, con.K, h, lam, K)
-                evaluate(lanes, T.term_slot, T.factor_start, T.factor_par, T.factor_exp, con.V0, con.coef, st.theta, V,
+                evaluate(lanes, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V,
                          tmp)
-                delay = st.theta[T.late] if T.late >= 0 else con.delay
-                if delayed(lanes, T.kind, delay, st.torque_before, st.u, h, h_first, u_first):
-                    drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, u_first, st.du, G)
-                    split(lanes, T.A_row, con.weight, V, h_first, steps, terms)
-                    propagate(lanes, T.ext_start, src, slot, V_, G_, h_first, steps, terms, X_, now, after, tmp)
+                if delayed(lanes, kind, delay, st.torque_before, st.u, h, h_first, u_first):
+                    drive(lanes, in_row, in_slot, in_col, in_par, V, u_first, st.du, G)
+                    split(lanes, A_row, weight, V, h_first, steps, terms, norm, total)
+                    propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
+                              part_start, place, at_part, part_slot, V_, G_, h_first, steps, terms, X_, work, more)
                 if T.late >= 0:
-                    switch(lanes, T.in_row, T.in_slot, T.in_col, T.kind, T.late, T.p, V, delay, u_first, st.u, h_first,
+                    switch(lanes, in_row, in_slot, in_col, kind, T.late, T.p, V, delay, u_first, st.u, h_first,
                             h, X)
-                drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, V, st.u, st.du, G)
+                drive(lanes, in_row, in_slot, in_col, in_par, V, st.u, st.du, G)
                 if T.mean >= 0 and own_interval(lanes, con.interval, h_first, h, h_before, over, lost):
-                    split(lanes, T.A_row, con.weight, V, h_before, steps, terms)
-                    propagate(lanes, T.ext_start, src, slot, V_, G_, h_before, steps, terms, X_, now, after, tmp)
+                    split(lanes, A_row, weight, V, h_before, steps, terms, norm, total)
+                    propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
+                              part_start, place, at_part, part_slot, V_, G_, h_before, steps, terms, X_, work, more)
                     begin_again(lanes, T.mean, T.n, lost, X)
-                split(lanes, T.A_row, con.weight, V, h, steps, terms)
-                propagate(lanes, T.ext_start, src, slot, V_, G_, h, steps, terms, X_, now, after, tmp)
-                predict(lanes, T.out_slot, T.out_src, T.out_par, V, X, yhat, psi)
+                split(lanes, A_row, weight, V, h, steps, terms, norm, total)
+                propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
+                              part_start, place, at_part, part_slot, V_, G_, h, steps, terms, X_, work, more)
+                predict(lanes, out_slot, out_src, out_par, V, X, yhat, psi)
                 if T.mean >= 0:
                     mean(lanes, over, yhat, psi)
-                gain(lanes, lam, st.P, psi, Ppsi, S)
+                gain(lanes, lam, P, psi, Ppsi, S)
                 excite(lanes, lam, con.lam, con.starved, S, st.plenty, does, st.starved, st.observed)
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
                 sift(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, does, moves, learns,
                      tracks, believed)
-                update_theta(lanes, con.lower, con.upper, st.theta, st.observed, believed, Ppsi, S, tracks, hit,
+                update_theta(lanes, con.lower, con.upper, theta, st.observed, believed, Ppsi, S, tracks, hit,
                              moved)
-                update_P(lanes, lam, st.P, Ppsi, S, learns, fit)
-                find_P0(lanes, con.seed, st.seed_left, st.P_nom, st.P, does)
+                update_P(lanes, lam, P, Ppsi, S, learns, fit)
+                find_P0(lanes, con.seed, st.seed_left, st.P_nom, P, does)
                 look(lanes, con.floor, con.starved, con.span, con.lam, st.P_nom, tracks, st.since, st.starved,
-                     st.observed, con.h, st.P, N, L, Y)
-                admit_to_tests(lanes, con.tested, st.observed, st.theta, tracks, st.theta_seen, tests)
+                     st.observed, con.h, P, N, L, Y)
+                admit_to_tests(lanes, con.tested, st.observed, theta, tracks, st.theta_seen, tests)
                 running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, does)
                 correct(lanes, K, X, eps, psi, moves)
                 if joint:
@@ -224,16 +248,16 @@ def run(
                 if T.mean >= 0:
                     begin_again(lanes, T.mean, T.n, moves, X)
                 _tally(lanes, does, hit, st.counts)
-                deviate(lanes, con.theta0, st.shift, con.alpha1, con.lam0, st.theta, st.P, d, nu)
+                deviate(lanes, con.theta0, st.shift, con.alpha1, con.lam0, theta, P, d, nu)
                 if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):
-                    alarm(lanes, con.h, t, st.g, st.onset, d, con.widen, st.P_nom, st.P, tests, a0, reset, filled, what,
+                    alarm(lanes, con.h, t, st.g, st.onset, d, con.widen, st.P_nom, P, tests, a0, reset, filled, what,
                           value)
-                calm_down(lanes, con.calm, t, st.calm, d, st.P, tests, a0, filled, what, value)
+                calm_down(lanes, con.calm, t, st.calm, d, P, tests, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
-            hold(lanes, T.kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,
+            hold(lanes, kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,
                  st.torque_before)
             if tr.eps.size:
-                _record(lanes, k, a0, learns, eps, psi, st.theta, st.P, st.g, tr.eps, tr.psi, tr.theta, tr.P, tr.g)
+                _record(lanes, k, a0, learns, eps, psi, theta, P, st.g, tr.eps, tr.psi, tr.theta, tr.P, tr.g)
         # fmt: on
         copy(X[:z], st.z, 0)
         copy(X[z:], st.x, 0)

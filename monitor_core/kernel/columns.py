@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.tables import Floats, Indices, Ints
 
 
@@ -36,7 +36,7 @@ def marks(rows: int, W: int) -> Ints:
     return np.zeros((rows, W), np.int64)
 
 
-@kernel
+@aside
 def times(indices: Indices, W: int) -> Indices:
     """Indices of flat arrays with W numbers a row."""
     out = np.empty_like(indices)
@@ -45,7 +45,7 @@ def times(indices: Indices, W: int) -> Indices:
     return out
 
 
-@kernel
+@aside
 def copy(source: Floats, target: Floats, row: int) -> None:
     """Into the rows of target from ``row`` on."""
     for r in range(source.shape[0]):
@@ -53,7 +53,7 @@ def copy(source: Floats, target: Floats, row: int) -> None:
             target[row + r, a] = source[r, a]
 
 
-@kernel
+@aside
 def columns(bank: Any, first: int, W: int) -> Any:
     """A contiguous copy of W columns from ``first`` on, the bank's last one repeated where it has no more."""
     out = np.empty((bank.shape[0], W), bank.dtype)
@@ -63,7 +63,7 @@ def columns(bank: Any, first: int, W: int) -> Any:
     return out
 
 
-@kernel
+@aside
 def put_back(lanes: Any, bank: Any, first: int) -> None:
     """The columns back where ``columns`` took them from."""
     for r in range(lanes.shape[0]):

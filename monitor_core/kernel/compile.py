@@ -22,7 +22,16 @@ def _compiled(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
 
 
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a piece of the kernel; it is called by other pieces only, never from Python."""
+    """Compile a piece of the kernel; it is called by other pieces only, never from Python.
+
+    It becomes part of its callers: each array that is passed would cost seven words on the stack and, as some caller
+    must hold it meanwhile, two atomic operations, and a sample passes hundreds.
+    """
+    return _compiled(function, no_cpython_wrapper=True, forceinline=True)
+
+
+def aside(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """As ``kernel``, for what is called seldom or is long beside its call: compiled once, not in every caller."""
     return _compiled(function, no_cpython_wrapper=True)
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.state import NEVER
 from monitor_core.kernel.tables import Floats, Ints
 
@@ -65,7 +65,7 @@ def accumulate(
     return crossed
 
 
-@kernel
+@aside
 def alarm(
     lanes: Any,
     h: Floats,
@@ -121,7 +121,7 @@ def calm_down(
                 _note(filled, what, value, CALM, a0 + a, i, t[a], t[a], d[i, a], P[i, i, a])
 
 
-@kernel
+@aside
 def _note(
     filled: Ints,
     what: Ints,

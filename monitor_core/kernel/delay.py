@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.tables import TORQUE, Floats, Ints
 
 
@@ -29,7 +29,7 @@ def delayed(
     return late
 
 
-@kernel
+@aside
 def switch(
     lanes: Any,
     row: Ints,

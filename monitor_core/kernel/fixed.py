@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from monitor_core.kernel.compile import entry, kernel
+from monitor_core.kernel.compile import aside, entry
 from monitor_core.kernel.side_by_side import carry, force, move, padded, padded_slopes, room, width
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, Floats, Ints
 
@@ -22,7 +22,7 @@ missing), the state of the speed at the sensor, or the predicted output."""
 _DIVERGED = 1e100
 
 
-@kernel
+@aside
 def _output(
     j: int, C: Floats, dC: Floats, varies: bool, x: Floats, b: int, Z: Floats, to: int, psi: Floats
 ) -> float:
@@ -42,7 +42,7 @@ def _output(
     return yhat
 
 
-@kernel
+@aside
 def _correct(K: Floats, dK: Floats, eps: float, k: int, psi: Floats, x: Floats, b: int, Z: Floats) -> None:
     for r in range(x.size):
         x[r] += K[r] * eps
@@ -50,7 +50,7 @@ def _correct(K: Floats, dK: Floats, eps: float, k: int, psi: Floats, x: Floats, 
             Z[b, r, i] += dK[r, i] * eps - K[r] * psi[k, i]
 
 
-@kernel
+@aside
 def _function(kind: int, a: float) -> tuple[float, float]:
     """An input of the motion and its derivative."""
     if kind == COULOMB:
@@ -61,7 +61,7 @@ def _function(kind: int, a: float) -> tuple[float, float]:
     return math.sin(a), math.cos(a)
 
 
-@kernel
+@aside
 def _of_motion(
     c: int,
     kind: int,
@@ -116,7 +116,7 @@ def simulate_known(u: Floats, X: Floats, dX: Floats, C: Floats, dC: Floats, psi:
         carry(0, Ad, n, Z.shape[1], k & 1, Z)
 
 
-@kernel
+@aside
 def _corrects(K: Floats, dK: Floats) -> bool:
     """K or a derivative of it is not zero."""
     for r in range(K.size):
@@ -128,7 +128,7 @@ def _corrects(K: Floats, dK: Floats) -> bool:
     return False
 
 
-@kernel
+@aside
 def _varies(slopes: Floats) -> bool:
     """Something of (L, n, q) is not zero."""
     for j in range(slopes.shape[0]):
@@ -139,7 +139,7 @@ def _varies(slopes: Floats) -> bool:
     return False
 
 
-@kernel
+@aside
 def _moves(kind: Ints, source: Ints, measured: Ints, dscale: Floats) -> bool:
     """An input has derivatives: of the motion that is predicted, or that is measured but scaled by a parameter."""
     whole = True

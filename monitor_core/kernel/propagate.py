@@ -11,12 +11,15 @@ the balanced series has the very same digits; it only sharpens r.  Intervals wit
 """
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.series import advance_one
+from monitor_core.kernel.series_of_eight import advance_eight
 from monitor_core.kernel.tables import Floats, Indices, Ints
+from monitor_core.kernel.vector import EIGHT
 
 _TAIL = 1e-13
 _RATES = np.array([0.0] + [(_TAIL * math.factorial(k)) ** (1 / k) for k in range(1, 18)])
@@ -27,20 +30,38 @@ MOST_STEPS = 1000
 
 
 @kernel
-def split(lanes: Any, A_row: Ints, weight: Floats, V: Floats, h: Floats, steps: Ints, terms: Ints) -> None:
-    """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s."""
+def split(
+    lanes: Any,
+    A_row: Ints,
+    weight: Floats,
+    V: Floats,
+    h: Floats,
+    steps: Ints,
+    terms: Ints,
+    norm: Floats,
+    total: Floats,
+) -> None:
+    """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.
+
+    ``norm`` and ``total`` (W,) are scratch.  ``terms`` holds those of the last interval: mostly they are the same.
+    """
     for a in range(len(lanes)):
-        norm = 0.0
-        total = 0.0
-        for e in range(A_row.size):
-            if e > 0 and A_row[e] != A_row[e - 1]:
-                norm = max(norm, total)
-                total = 0.0
-            total += abs(V[e, a]) * weight[e, a]
-        r = max(norm, total) * h[a]
+        norm[a] = 0.0
+        total[a] = 0.0
+    for e in range(A_row.size):
+        if e > 0 and A_row[e] != A_row[e - 1]:
+            for a in range(len(lanes)):
+                norm[a] = max(norm[a], total[a])
+                total[a] = 0.0
+        for a in range(len(lanes)):
+            total[a] += abs(V[e, a]) * weight[e, a]
+    for a in range(len(lanes)):
+        r = max(norm[a], total[a]) * h[a]
         steps[a] = math.ceil(r) if r < MOST_STEPS else MOST_STEPS
         r /= max(1, steps[a])
-        k = 1
+        k = max(1, terms[a] - 1)
+        while k > 1 and _RATES[k - 1] >= r:
+            k -= 1
         while k < _RATES.size - 1 and _RATES[k] < r:
             k += 1
         terms[a] = k + 1
@@ -75,55 +96,38 @@ def drive(
 @kernel
 def propagate(
     lanes: Any,
-    start: Indices,
-    src: Indices,
-    slot: Indices,
+    one: Literal[True] | None,
+    n: int,
+    p: int,
+    blocks: int,
+    A_start: Indices,
+    at_A: Indices,
+    more_start: Indices,
+    at_more: Indices,
+    more_slot: Indices,
+    part_start: Indices,
+    place: Indices,
+    at_part: Indices,
+    part_slot: Indices,
     V: Floats,
     G: Floats,
     h: Floats,
     steps: Ints,
     terms: Ints,
     X: Floats,
-    t: Floats,
-    t_next: Floats,
-    scale: Floats,
+    work: Floats,
+    more: Floats,
 ) -> None:
-    """Move X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.
+    """Move X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.  V, G, X are flat here.
 
-    The innermost loops of the kernel: V, G, X are flat here, ``src`` and ``slot`` already multiplied by W, and every
-    index is unsigned, which is what lets the compiler leave out all that is not arithmetic.  Products come in pairs:
-    half the traffic of the sums, in the same order.  Lanes that need fewer substeps or terms than others get terms
-    that are exactly zero, so a lane's result does not depend on its neighbours.
-    ``t``, ``t_next`` (as X) and ``scale`` (W,) are scratch.
+    ``one`` as in ``run``: the compiler leaves out the other branch only where it sees None.
     """
-    W, one, two = np.uint64(len(lanes)), np.uint64(1), np.uint64(2)
-    most_steps = 0
-    most_terms = 0
-    for a in range(len(lanes)):
-        most_steps = max(most_steps, steps[a])
-        most_terms = max(most_terms, terms[a])
-    for step in range(most_steps):
-        for e in range(X.size):
-            t[e] = X[e]
-        for k in range(1, most_terms + 1):
-            for a in range(len(lanes)):
-                scale[a] = h[a] / (steps[a] * k) if step < steps[a] and k <= terms[a] else 0.0
-            q = start[0]
-            for r in range(np.uint64(start.size) - one):
-                o = r * W
-                s0, c0, s1, c1 = slot[q], src[q], slot[q + one], src[q + one]
-                for a in range(W):
-                    t_next[o + a] = V[s0 + a] * t[c0 + a] + V[s1 + a] * t[c1 + a]
-                q += two
-                while q < start[r + one]:
-                    s0, c0, s1, c1 = slot[q], src[q], slot[q + one], src[q + one]
-                    for a in range(W):
-                        t_next[o + a] = (t_next[o + a] + V[s0 + a] * t[c0 + a]) + V[s1 + a] * t[c1 + a]
-                    q += two
-                if k == 1:
-                    for a in range(W):
-                        t_next[o + a] += G[o + a]
-                for a in range(W):
-                    t_next[o + a] *= scale[a]
-                    X[o + a] += t_next[o + a]
-            t, t_next = t_next, t
+    # fmt: off
+    if one is not None:
+        advance_one(n, p, blocks, A_start, at_A, more_start, at_more, more_slot,
+                    V, G, h[0], steps[0], terms[0], X, work, more)
+    else:
+        for a in range(0, len(lanes), EIGHT):
+            advance_eight(a, len(lanes), n, p, blocks, A_start, at_A, part_start, place, at_part, part_slot,
+                          V, G, h, steps, terms, X, work, more)
+    # fmt: on

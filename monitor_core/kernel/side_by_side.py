@@ -6,23 +6,23 @@ rows of zeros that make up the number.  No slices either: numba counts reference
 
 import numpy as np
 
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import aside
 from monitor_core.kernel.tables import Floats
 
 
-@kernel
+@aside
 def room(size: int) -> int:
     """Rows for so many, some of them zero: the first six go in one pass, the rest by threes (force, carry)."""
     return max(6, (size + 2) // 3 * 3)
 
 
-@kernel
+@aside
 def width(p: int) -> int:
     """Columns for so many: without a remainder behind the vectors of a loop, which takes as long as all of them."""
     return (p + 7) // 8 * 8
 
 
-@kernel
+@aside
 def padded(X: Floats) -> Floats:
     """X (G, n, n + m) with room for more columns."""
     out = np.zeros((X.shape[0], X.shape[1], room(X.shape[2])))
@@ -33,7 +33,7 @@ def padded(X: Floats) -> Floats:
     return out
 
 
-@kernel
+@aside
 def padded_slopes(dX: Floats, n: int, p: int) -> Floats:
     """dX (G, n + m, n q) as (G, n + m, n p) with room for more rows; zero for what has no derivative."""
     G, rows, q = dX.shape[0], dX.shape[1], dX.shape[2] // n
@@ -46,7 +46,7 @@ def padded_slopes(dX: Floats, n: int, p: int) -> Floats:
     return out
 
 
-@kernel
+@aside
 def force(g: int, dX: Floats, w: Floats, a: int, flat: Floats) -> None:
     """Rows 0 .. n of Z_a become dX w; ``flat`` (2, rows p) is Z, all its elements side by side."""
     w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
@@ -59,7 +59,7 @@ def force(g: int, dX: Floats, w: Floats, a: int, flat: Floats) -> None:
             flat[a, e] = flat[a, e] + dX[g, c, e] * w0 + dX[g, c + 1, e] * w1 + dX[g, c + 2, e] * w2
 
 
-@kernel
+@aside
 def carry(g: int, X: Floats, n: int, rows: int, b: int, Z: Floats) -> None:
     """Rows 0 .. n of the other Z += X Z_b, of whose rows the first ``rows`` count."""
     a, p = 1 - b, Z.shape[2]
@@ -74,7 +74,7 @@ def carry(g: int, X: Floats, n: int, rows: int, b: int, Z: Floats) -> None:
                 Z[a, r, i] = Z[a, r, i] + x0 * Z[b, c, i] + x1 * Z[b, c + 1, i] + x2 * Z[b, c + 2, i]
 
 
-@kernel
+@aside
 def move(g: int, X: Floats, w: Floats, x: Floats) -> None:
     """X (x, u) into x."""
     for r in range(x.size):

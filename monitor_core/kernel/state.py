@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import aside
 from monitor_core.kernel.tables import GAINS, Constants, Floats, Ints, Tables
 
 NEVER = np.iinfo(np.int64).min
@@ -169,6 +169,6 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     )
 
 
-kernel_state_views = kernel(state_views)
-kernel_constant_views = kernel(constant_views)
+kernel_state_views = aside(state_views)
+kernel_constant_views = aside(constant_views)
 """The same for the kernel: compiled to be called from Python, too, they would cost it a second."""

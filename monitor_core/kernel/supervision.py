@@ -19,7 +19,7 @@ import math
 from typing import Any
 
 from monitor_core.kernel.admission import IDLE, SEED
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.state import OBSERVED, UNSEEN, WEAK
 from monitor_core.kernel.tables import Floats, Ints
 
@@ -119,7 +119,7 @@ def look(
                     _lose(a, k, L, P_nom, scale, observed)
 
 
-@kernel
+@aside
 def factor(alpha: float, c: float, N: Floats, L: Floats) -> bool:
     """Cholesky factor L of alpha I + c N, lower triangle; whether there is one."""
     p = N.shape[0]
@@ -137,7 +137,7 @@ def factor(alpha: float, c: float, N: Floats, L: Floats) -> bool:
     return True
 
 
-@kernel
+@aside
 def _subtract(c: float, N: Floats, L: Floats, Y: Floats) -> None:
     """N <- N - c Y'Y with L Y = N, one triangle and its mirror image."""
     p = N.shape[0]
@@ -156,7 +156,7 @@ def _subtract(c: float, N: Floats, L: Floats, Y: Floats) -> None:
             N[j, i] = N[i, j]
 
 
-@kernel
+@aside
 def _diagonalise(N: Floats, U: Floats) -> None:
     """Jacobi's method, N = U diag U'; N becomes the diagonal."""
     p = N.shape[0]
@@ -169,7 +169,7 @@ def _diagonalise(N: Floats, U: Floats) -> None:
                 _rotate(N, U, i, j)
 
 
-@kernel
+@aside
 def _lose(a: int, k: int, U: Floats, P_nom: Floats, scale: Floats, observed: Ints) -> None:
     """Who takes part in direction k is not observed: who moves there, beside its size, nearly as far as the first."""
     most = 0.0

@@ -45,9 +45,16 @@ class Tables(NamedTuple):
     slots: int  # length of V; V[slots] is an extra 0
     A_row: Ints  # (entries of A,) row of each of the first slots, in order
     A_col: Ints
-    ext_start: Indices  # ((p + 1) n + 1,) the extended matrix [A A_i; 0 A] by rows, each of an even number of products
-    ext_src: Indices  # which element of (z_1 .. z_p, x)
-    ext_slot: Indices  # times which slot
+    A_at: Indices  # (entries of A,) A_col * blocks
+    A_start: Indices  # (n + 1,) end of the entries of A before each row, and at last of all
+    blocks: int  # z_1 .. z_p, zeros, x: p + 1 made up to a multiple of four
+    more_start: Indices  # (n + 1,) range of each row's places where any A_i has an entry
+    more_col: Indices  # column * blocks of each of these places
+    more_slot: Indices  # (places * blocks,) slots of A_1 .. A_p there, else the 0
+    part_start: Indices  # (parts + 1,) range of the entries of a row of an A_i
+    part_place: Indices  # (parts,) row * blocks + i
+    part_col: Indices  # columns * blocks
+    part_slot: Indices  # and slots of these entries
     in_row: Ints  # inputs: element of (z_1 .. z_p, x) that gets
     in_slot: Ints  # slot times
     in_col: Ints  # input; first B and the B_i on u

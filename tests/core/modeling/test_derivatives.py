@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from monitor_core.assembly import Assembly
 from monitor_core.drive import Output
 from monitor_core.kernel.laurent import evaluate
+from monitor_core.kernel.tables import Tables
 from monitor_core.model import AxisModel, split_name
 from monitor_core.modeling.drawing import Drawing, from_tables
 from monitor_core.modeling.elimination import eliminate
@@ -84,12 +85,11 @@ def of_kernel(model: AxisModel, theta: Array) -> dict[str, list[Array]]:
     V = evaluated(model, theta)
     n, p, m = T.n, T.p, T.m
     dA, dB, dC = ([np.zeros(shape) for _ in range(p)] for shape in ((n, n), (n, m), (1, n)))
-    starts = T.ext_start.astype(int)
-    for row in range(p * n):
-        for k in range(starts[row], starts[row + 1]):
-            source, slot = int(T.ext_src[k]), int(T.ext_slot[k])
-            if source >= p * n:
-                dA[row // n][row % n, source - p * n] += V[slot]
+    for part, place in enumerate(T.part_place):
+        row, par = divmod(int(place), T.blocks)
+        for k in range(int(T.part_start[part]), int(T.part_start[part + 1])):
+            dA[par][row, int(T.part_col[k]) // T.blocks] += V[int(T.part_slot[k])]
+    assert places_of_all(T, V, n, p) == pytest.approx(np.array(dA))
     for row, slot, col, par in zip(T.in_row, T.in_slot, T.in_col, T.in_par, strict=True):
         if row < p * n and par < 0:
             dB[row // n][row % n, col] += V[slot]
@@ -97,6 +97,17 @@ def of_kernel(model: AxisModel, theta: Array) -> dict[str, list[Array]]:
         if source >= p * n and par >= 0:
             dC[par][0, source - p * n] += V[slot]
     return {"A": dA, "B": dB, "C": dC}
+
+
+def places_of_all(T: Tables, V: Array, n: int, p: int) -> Array:
+    """The same dA (p, n, n) as one axis takes them: by places where any parameter has an entry."""
+    dA = np.zeros((T.blocks, n, n))
+    slots = T.more_slot.reshape(-1, T.blocks).astype(int)
+    for row in range(n):
+        for q in range(int(T.more_start[row]), int(T.more_start[row + 1])):
+            dA[:, row, int(T.more_col[q]) // T.blocks] += V[slots[q]]
+    assert not dA[p:].any()
+    return dA[:p]
 
 
 def evaluated(model: AxisModel, theta: Array) -> Array:

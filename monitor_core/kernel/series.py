@@ -1,0 +1,115 @@
+"""X(h) of propagate.py as a polynomial, by Horner's scheme, with the vectors z_1 .. z_p, x side by side.
+
+    X(h) = X + h w_1,   w_K = b,   w_(k-1) = b + (h / k) F w_k,   b = F X + G
+
+In F = [A A_i; 0 A] all of z_1 .. z_p, x are multiplied by the same A.  So here X is n rows of ``blocks`` numbers,
+z_1 .. z_p, zeros that make up a multiple of four, x last: an entry of A is loaded once and multiplies them all.  One
+axis goes four of these numbers at a time, many axes eight lanes at a time (series_of_eight.py).  Both add up in the
+same order, the A_i (which multiply x only) apart.
+
+Lanes that need fewer terms or substeps than others get terms that are exactly zero, so a lane's result does not depend
+on its neighbours.  Adding 0.0 to what a sum begins with makes -0.0 impossible, hence the sign of those zeros has no
+effect.
+"""
+
+import numpy as np
+
+from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.tables import Floats, Indices
+from monitor_core.kernel.vector import FOUR, load4, spread4, store
+
+MOST_TERMS = 19
+INVERSE = np.array([0.0] + [1.0 / k for k in range(1, MOST_TERMS + 1)])
+
+SECTIONS = 6
+"""X, G, b, two of w, and what A_i adds."""
+
+_ZERO, _ONE, _TWO, _FOUR = (np.uint64(k) for k in (0, 1, 2, FOUR))
+
+
+@kernel
+def _times_one(
+    rows: int,
+    blocks: int,
+    start: Indices,
+    col: Indices,
+    more_start: Indices,
+    more_col: Indices,
+    V: Floats,
+    more: Floats,
+    base: int,
+    t: int,
+    out: int,
+    scale: float,
+    work: Floats,
+) -> None:
+    """Out = base + scale F t, where each is a section of ``work``."""
+    n, wide, group, x = np.uint64(rows), np.uint64(blocks), _ZERO, np.uint64(t + blocks - 1)
+    s = spread4(scale)
+    while group < wide:
+        r, q, m = _ZERO, _ZERO, _ZERO
+        b, o, c = np.uint64(base) + group, np.uint64(out) + group, np.uint64(t) + group
+        while r < n:
+            r += _ONE
+            last = start[r]
+            total = spread4(0.0)
+            if (last - q) & _ONE:
+                total = spread4(V[q]) * load4(work, c + col[q])
+                q += _ONE
+            while q < last:
+                one = spread4(V[q]) * load4(work, c + col[q])
+                total = total + (one + spread4(V[q + _ONE]) * load4(work, c + col[q + _ONE]))
+                q += _TWO
+            last = more_start[r]
+            extra = spread4(0.0)
+            while m < last:
+                extra = extra + load4(more, m * wide + group) * spread4(work[x + more_col[m]])
+                m += _ONE
+            store(work, o, load4(work, b) + s * (total + extra))
+            b += wide
+            o += wide
+        group += _FOUR
+
+
+@aside
+def advance_one(
+    n: int,
+    p: int,
+    blocks: int,
+    start: Indices,
+    col: Indices,
+    more_start: Indices,
+    more_col: Indices,
+    more_slot: Indices,
+    V: Floats,
+    G: Floats,
+    h: float,
+    steps: int,
+    terms: int,
+    X: Floats,
+    work: Floats,
+    more: Floats,
+) -> None:
+    """One axis: X over h, in as many substeps, with as many terms.  ``work`` and ``more`` are scratch."""
+    size = n * blocks
+    for e in range(more_slot.size):
+        more[e] = V[more_slot[e]]
+    for j in range(p + 1):
+        to = j if j < p else blocks - 1
+        for r in range(n):
+            work[r * blocks + to] = X[j * n + r] + 0.0
+            work[size + r * blocks + to] = G[j * n + r] + 0.0
+    part = h / max(1, steps)
+    for _ in range(steps):
+        base, t, out, scale = size, 0, 2 * size, 1.0
+        for k in range(terms, 0, -1):
+            _times_one(n, blocks, start, col, more_start, more_col, V, more, base, t, out, scale, work)
+            scale = part * INVERSE[k]
+            base, t = 2 * size, out
+            out = (4 if out == 3 * size else 3) * size
+        for e in range(size):
+            work[e] += part * work[t + e]
+    for j in range(p + 1):
+        to = j if j < p else blocks - 1
+        for r in range(n):
+            X[j * n + r] = work[r * blocks + to]

@@ -1,0 +1,152 @@
+"""The polynomial of series.py for eight lanes at a time; what an entry of A multiplies stays in registers."""
+
+import numpy as np
+
+from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.series import INVERSE
+from monitor_core.kernel.tables import Floats, Indices, Ints
+from monitor_core.kernel.vector import EIGHT, FOUR, load8, spread8, store, where_at_least
+
+_ZERO, _ONE, _TWO, _EIGHT = (np.uint64(k) for k in (0, 1, 2, EIGHT))
+_GROUP = np.uint64(FOUR * EIGHT)
+
+
+@kernel
+def _times_eight(
+    lane: int,
+    lanes: int,
+    rows: int,
+    blocks: int,
+    start: Indices,
+    col: Indices,
+    part_start: Indices,
+    part_place: Indices,
+    part_col: Indices,
+    part_slot: Indices,
+    V: Floats,
+    base: int,
+    t: int,
+    out: int,
+    extra: int,
+    scale: Floats,
+    work: Floats,
+) -> None:
+    """As _times_one, for eight lanes from ``lane`` on."""
+    a, W, n, wide = np.uint64(lane), np.uint64(lanes), np.uint64(rows), np.uint64(blocks * EIGHT)
+    x, e, q, m = np.uint64(t) + wide - _EIGHT, np.uint64(extra), _ZERO, _ZERO
+    while q < part_place.size:
+        total = spread8(0.0)
+        last = part_start[q + _ONE]
+        while m < last:
+            total = total + load8(V, part_slot[m] + a) * load8(work, x + part_col[m])
+            m += _ONE
+        store(work, e + part_place[q], total)
+        q += _ONE
+    s, group = load8(scale, _ZERO), _ZERO
+    while group < wide:
+        r, q, v = _ZERO, _ZERO, a
+        b, o, c = np.uint64(base) + group, np.uint64(out) + group, np.uint64(t) + group
+        e = np.uint64(extra) + group
+        while r < n:
+            r += _ONE
+            last = start[r]
+            t0 = t1 = t2 = t3 = spread8(0.0)
+            if (last - q) & _ONE:
+                w, d = load8(V, v), c + col[q]
+                t0, t1 = w * load8(work, d), w * load8(work, d + np.uint64(8))
+                t2, t3 = w * load8(work, d + np.uint64(16)), w * load8(work, d + np.uint64(24))
+                q += _ONE
+                v += W
+            while q < last:
+                w, u = load8(V, v), load8(V, v + W)
+                d, f = c + col[q], c + col[q + _ONE]
+                t0 = t0 + (w * load8(work, d) + u * load8(work, f))
+                t1 = t1 + (w * load8(work, d + np.uint64(8)) + u * load8(work, f + np.uint64(8)))
+                t2 = t2 + (w * load8(work, d + np.uint64(16)) + u * load8(work, f + np.uint64(16)))
+                t3 = t3 + (w * load8(work, d + np.uint64(24)) + u * load8(work, f + np.uint64(24)))
+                q += _TWO
+                v += W + W
+            t0, t1 = t0 + load8(work, e), t1 + load8(work, e + np.uint64(8))
+            t2, t3 = t2 + load8(work, e + np.uint64(16)), t3 + load8(work, e + np.uint64(24))
+            store(work, o, load8(work, b) + s * t0)
+            store(work, o + np.uint64(8), load8(work, b + np.uint64(8)) + s * t1)
+            store(work, o + np.uint64(16), load8(work, b + np.uint64(16)) + s * t2)
+            store(work, o + np.uint64(24), load8(work, b + np.uint64(24)) + s * t3)
+            b += wide
+            o += wide
+            e += wide
+        group += _GROUP
+
+
+@aside
+def advance_eight(
+    a: int,
+    W: int,
+    n: int,
+    p: int,
+    blocks: int,
+    start: Indices,
+    col: Indices,
+    part_start: Indices,
+    part_place: Indices,
+    part_col: Indices,
+    part_slot: Indices,
+    V: Floats,
+    G: Floats,
+    h: Floats,
+    steps: Ints,
+    terms: Ints,
+    X: Floats,
+    work: Floats,
+    scratch: Floats,
+) -> None:
+    """Lanes a .. a + 7 of W."""
+    size = n * blocks * EIGHT
+    most_steps, most_terms = 0, 0
+    for e in range(EIGHT):
+        most_steps, most_terms = max(most_steps, steps[a + e]), max(most_terms, terms[a + e])
+        scratch[EIGHT + e] = h[a + e] / max(1, steps[a + e])
+        scratch[2 * EIGHT + e] = steps[a + e]
+        scratch[3 * EIGHT + e] = terms[a + e]
+    zero = spread8(0.0)
+    for e in range(n * blocks):
+        store(work, 5 * size + e * EIGHT, zero)
+    for j in range(p + 1):
+        to = j if j < p else blocks - 1
+        for r in range(n):
+            store(work, (r * blocks + to) * EIGHT, load8(X, (j * n + r) * W + a) + zero)
+            store(work, size + (r * blocks + to) * EIGHT, load8(G, (j * n + r) * W + a) + zero)
+    of_steps, of_terms = load8(scratch, 2 * EIGHT), load8(scratch, 3 * EIGHT)
+    for step in range(1, most_steps + 1):
+        part = where_at_least(of_steps, spread8(float(step)), load8(scratch, EIGHT))
+        base, t, out = size, 0, 2 * size
+        store(scratch, 0, spread8(1.0))
+        for k in range(most_terms, 0, -1):
+            _times_eight(
+                a,
+                W,
+                n,
+                blocks,
+                start,
+                col,
+                part_start,
+                part_place,
+                part_col,
+                part_slot,
+                V,
+                base,
+                t,
+                out,
+                5 * size,
+                scratch,
+                work,
+            )
+            store(scratch, 0, where_at_least(of_terms, spread8(float(k)), part * spread8(INVERSE[k])))
+            base, t = 2 * size, out
+            out = (4 if out == 3 * size else 3) * size
+        for e in range(n * blocks):
+            store(work, e * EIGHT, load8(work, e * EIGHT) + part * load8(work, t + e * EIGHT))
+    for j in range(p + 1):
+        to = j if j < p else blocks - 1
+        for r in range(n):
+            store(X, (j * n + r) * W + a, load8(work, (r * blocks + to) * EIGHT))
