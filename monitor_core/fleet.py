@@ -1,0 +1,125 @@
+"""A fleet: axes of any drives, sample rates and settings, their blocks of samples taken in one call."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.bank import Bank
+from monitor_core.episodes import Calm, Crossing
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Settings
+
+
+class Block(NamedTuple):
+    """Samples of one axis, in the order of their receipt."""
+
+    t_us: NDArray[np.int64]  # (N,) us
+    u: Floats  # (N,) motor torque, N m
+    y: Floats  # (N,) motor speed, rad/s, or motor angle, rad
+    shift: Floats | None = None  # (N, p) theta_0(s) - theta_0, as for Bank.run; None: what it was last
+    gate: NDArray[np.bool_] | None = None  # (N,) where False nothing is learned; None: everywhere it is
+
+
+class Fleet:
+    """Monitors of axes; those of equal drive and equal monitored parameters share a bank, and so the kernel's lanes.
+
+    ``monitors`` are in the order of the axes.
+
+    Raises:
+        ValueError: models and settings of different number, none, or settings that do not fit the drive.
+    """
+
+    def __init__(self, models: Sequence[AxisModel], settings: Sequence[Settings]) -> None:
+        if not models or len(models) != len(settings):
+            raise ValueError(
+                f"{len(models)} models and {len(settings)} settings: need one each, at least one"
+            )
+        self._groups = [
+            _Group(axes, Bank([models[a] for a in axes], [settings[a] for a in axes]))
+            for axes in _alike(models, settings)
+        ]
+        placed = {axis: (group.bank, lane) for group in self._groups for lane, axis in enumerate(group.axes)}
+        self.monitors = tuple(AxisMonitor(*placed[axis]) for axis in range(len(models)))
+
+    @property
+    def bank_sizes(self) -> list[int]:
+        """How many axes share each bank."""
+        return [len(group.axes) for group in self._groups]
+
+    def run(self, blocks: Mapping[int, Block]) -> list[tuple[int, Crossing | Calm]]:
+        """Let axes take their blocks, of any lengths; an axis without one takes no sample.
+
+        Returns the events with the index of their axis, axis by axis in order of time.  Each axis does exactly what it
+        would do alone.
+
+        Raises:
+            ValueError: an axis that does not exist, or arrays that do not fit; no axis has taken a sample then.
+        """
+        unknown = sorted(set(blocks) - set(range(len(self.monitors))))
+        if unknown:
+            raise ValueError(f"blocks for the axes {unknown}: there are {len(self.monitors)}, from 0 on")
+        for axis, block in blocks.items():
+            _check(axis, block, len(self.monitors[axis].model.monitored))
+        events = [event for group in self._groups for event in group.run(blocks)]
+        return sorted(events, key=lambda pair: pair[0])
+
+
+class _Group(NamedTuple):
+    """A bank and the axes of its lanes."""
+
+    axes: Sequence[int]
+    bank: Bank
+
+    def run(self, blocks: Mapping[int, Block]) -> Iterator[tuple[int, Crossing | Calm]]:
+        taken = [(lane, blocks[axis]) for lane, axis in enumerate(self.axes) if axis in blocks]
+        count = np.zeros(len(self.axes), np.int64)
+        for lane, block in taken:
+            count[lane] = len(block.t_us)
+        shape = int(count.max()), len(self.axes)
+        t_us, u, y = np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape)
+        for lane, block in taken:
+            n = count[lane]
+            t_us[:n, lane], u[:n, lane], y[:n, lane] = block.t_us, block.u, block.y
+        shift, gate = self._shift(taken, shape), _gate(taken, shape)
+        for lane, event in self.bank.run(t_us, u, y, count, shift, gate):
+            yield self.axes[lane], event
+
+    def _shift(self, taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> Floats | None:
+        """(N, p, W), where any axis has one: for the others it is what it was last."""
+        if all(block.shift is None for _, block in taken):
+            return None
+        shift = np.repeat(self.bank.state.shift[np.newaxis], shape[0], axis=0)
+        for lane, block in taken:
+            if block.shift is not None:
+                shift[: len(block.t_us), :, lane] = block.shift
+        return shift
+
+
+def _gate(taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> NDArray[np.bool_] | None:
+    if all(block.gate is None for _, block in taken):
+        return None
+    gate = np.ones(shape, np.bool_)
+    for lane, block in taken:
+        if block.gate is not None:
+            gate[: len(block.t_us), lane] = block.gate
+    return gate
+
+
+def _alike(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[list[int]]:
+    """Axes that can share a bank, each group in the order of the axes."""
+    groups: dict[object, list[int]] = {}
+    for axis, (model, s) in enumerate(zip(models, settings, strict=True)):
+        groups.setdefault((model.drive, model.monitored, s.run_on), []).append(axis)
+    return list(groups.values())
+
+
+def _check(axis: int, block: Block, p: int) -> None:
+    N = len(block.t_us)
+    wanted = {"t_us": (N,), "u": (N,), "y": (N,), "shift": (N, p), "gate": (N,)}
+    for name, values in block._asdict().items():
+        if values is not None and np.shape(values) != wanted[name]:
+            raise ValueError(f"axis {axis}: {name} has the shape {np.shape(values)}: need {wanted[name]}")
