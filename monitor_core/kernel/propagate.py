@@ -128,6 +128,6 @@ def propagate(
                     V, G, h[0], steps[0], terms[0], X, work, more)
     else:
         for a in range(0, len(lanes), EIGHT):
-            advance_eight(a, len(lanes), n, p, blocks, A_start, at_A, part_start, place, at_part, part_slot,
+            advance_eight(a, len(lanes), n, p, blocks, A_start, at_A, more_start, part_start, place, at_part, part_slot,
                           V, G, h, steps, terms, X, work, more)
     # fmt: on

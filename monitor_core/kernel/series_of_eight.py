@@ -19,6 +19,7 @@ def _times_eight(
     blocks: int,
     start: Indices,
     col: Indices,
+    more_start: Indices,
     part_start: Indices,
     part_place: Indices,
     part_col: Indices,
@@ -66,8 +67,9 @@ def _times_eight(
                 t3 = t3 + (w * load8(work, d + np.uint64(24)) + u * load8(work, f + np.uint64(24)))
                 q += _TWO
                 v += W + W
-            t0, t1 = t0 + load8(work, e), t1 + load8(work, e + np.uint64(8))
-            t2, t3 = t2 + load8(work, e + np.uint64(16)), t3 + load8(work, e + np.uint64(24))
+            if more_start[r] > more_start[r - _ONE]:
+                t0, t1 = t0 + load8(work, e), t1 + load8(work, e + np.uint64(8))
+                t2, t3 = t2 + load8(work, e + np.uint64(16)), t3 + load8(work, e + np.uint64(24))
             store(work, o, load8(work, b) + s * t0)
             store(work, o + np.uint64(8), load8(work, b + np.uint64(8)) + s * t1)
             store(work, o + np.uint64(16), load8(work, b + np.uint64(16)) + s * t2)
@@ -87,6 +89,7 @@ def advance_eight(
     blocks: int,
     start: Indices,
     col: Indices,
+    more_start: Indices,
     part_start: Indices,
     part_place: Indices,
     part_col: Indices,
@@ -129,6 +132,7 @@ def advance_eight(
                 blocks,
                 start,
                 col,
+                more_start,
                 part_start,
                 part_place,
                 part_col,

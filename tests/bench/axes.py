@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from monitor_core import bank as bank_module
 from monitor_core.bank import Bank
 from monitor_core.excitation import multisine
+from monitor_core.fleet import Block, Fleet
 from monitor_core.kalman import filter_gain
 from monitor_core.model import AxisModel, Output
 from monitor_core.reference import (
@@ -30,14 +32,17 @@ from tests.core.figures import ANGLE_TORQUE_NOISE, settings_of
 ONE_BY_ONE, LANES = 1_000_000, 1
 """Values of FEWEST_LANES that force a shape of the kernel."""
 
+SUPERVISED = 0.05
+"""Floor and starved, the defaults of a configuration."""
+
 BLOCKS = 10
 """Blocks until a record begins again."""
 
 
 @cache
 def settings(output: Output, seed: int) -> Settings:
-    """Of the reference experiment, with P(0), so that theta moves from the start."""
-    return settings_of(output, seed)
+    """Of the reference experiment, with P(0), so that theta moves from the start, and P supervised as in the daemon."""
+    return replace(settings_of(output, seed), floor=SUPERVISED, starved=SUPERVISED)
 
 
 def run_of(output: Output, axes: int, samples: int, seed: int) -> Callable[[], object]:
@@ -95,6 +100,28 @@ def _turning(model: AxisModel, settings: Settings, rec: Record, samples: int) ->
                 bank.restore(a, *state)
         block, at = slice(at, at + samples), at + samples
         return bank.run(t_us[block], u[block], y[block])
+
+    return run
+
+
+def run_of_fleet(axes: int, samples: int, drives: int, seed: int) -> Callable[[], object]:
+    """A call that runs the next so many samples of a fleet: the reference axis, and others that monitor less of it.
+
+    Twenty times, then the records are at their end.
+    """
+    model = reference_model("speed")
+    models = [replace(model, monitored=model.monitored[: 3 - a % drives]) for a in range(axes)]
+    one = replace(settings("speed", seed), settle_s=0.0)
+    fleet = Fleet(models, [replace(one, P0=one.P0[: len(m.monitored)]) for m in models])
+    rec = experiments(range(seed, seed + 10), samples=2 * BLOCKS * samples)
+    at = 0
+
+    def run() -> object:
+        nonlocal at
+        block, at = slice(at, at + samples), at + samples
+        return fleet.run(
+            {a: Block(rec.t_us[block], rec.u[block, a % 10], rec.y[block, a % 10]) for a in range(axes)}
+        )
 
     return run
 
