@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # --- monitor_core: arrays in, arrays out --------------------------------------------------------------
 
-PURE = {"numpy", "scipy", "numba", "llvmlite", "monitor_core"} | {
+PURE = {"numpy", "scipy", "numba", "llvmlite", "operator", "monitor_core"} | {
     *("__future__", "ast", "collections", "contextlib", "dataclasses", "difflib", "enum", "fractions"),
     *("functools", "heapq", "itertools", "math", "re", "types", "typing"),
 }
