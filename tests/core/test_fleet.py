@@ -80,6 +80,8 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
         pieces = [
             [cut(b, 0, i), cut(b, i, j), cut(b, j, SAMPLES)] for b, (i, j) in zip(whole, cuts, strict=True)
         ]
+        for p in pieces:  # from then on the conditions of some stay what they were last
+            p[2] = p[2]._replace(shift=None) if rng.integers(2) else p[2]
         for turn in range(3):
             # Who has no samples in this turn may be left out.
             here = {a: p[turn] for a, p in enumerate(pieces) if len(p[turn].t_us) or rng.integers(2)}
