@@ -1,0 +1,146 @@
+"""Axes whose controller sends in cycles: frames in, samples at whole cycles out."""
+
+from __future__ import annotations
+
+import random
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.config import ConfigErrors, load
+from service.ingest.frames import Frame, Sample
+from service.ingest.pipeline import Ingest
+from tests.service.ingest.plant import axis1, axis2, axis3, make_config
+from tests.service.ingest.test_pipeline import START_US, angle1, axis_drops, both2, torque1
+
+CYCLE_US = 5000
+CYCLIC: dict[str, Any] = {"time": {"clock": "cyclic"}}
+
+
+def in_order(frames: list[Frame]) -> list[Frame]:
+    """As one bus carries them: what is late keeps the rest waiting."""
+    before_us, found = 0, list[Frame]()
+    for frame in frames:
+        before_us = max(before_us + 100, frame.t_us)
+        found.append(frame._replace(t_us=before_us))
+    return found
+
+
+def sampled(ingest: Ingest, frames: list[Frame], axis_id: str) -> list[Sample]:
+    return ingest.feed(frames).get(axis_id, []) + ingest.flush().get(axis_id, [])
+
+
+def test_torque_and_motion_of_one_frame(tmp_path: Path, seed: int) -> None:
+    rng = random.Random(seed)
+    ingest = Ingest(make_config(tmp_path, axis2(**CYCLIC)), "bus0")
+    cycles = [n for n in range(4000) if n == 0 or rng.random() > 0.02]
+    frames = [both2(START_US + CYCLE_US * n + (rng.randrange(1500) if n else 0), 1.0, n / 16) for n in cycles]
+    samples = sampled(ingest, frames, "r.two")
+    assert [s.motion for s in samples] == [n / 16 for n in cycles]
+    assert all(abs(s.t_us - START_US - 16 * s.motion * CYCLE_US) < 500 for s in samples)
+    assert axis_drops(ingest, "r.two") == {"missing": cycles[-1] + 1 - len(cycles)}
+    stamps = ingest.axis_stamps("r.two")
+    assert stamps.clock == "cyclic"
+    assert stamps.scatter_s == pytest.approx(1.5e-3 / 12**0.5, rel=0.15)
+    assert stamps.interval_s == pytest.approx(0.005, rel=1e-4)
+
+
+@pytest.mark.parametrize("torque_first", [True, False])
+def test_two_messages_that_are_late_each_by_itself_pair_by_their_cycles(
+    tmp_path: Path, seed: int, *, torque_first: bool
+) -> None:
+    """By times of receipt one in eight would not: one is late by the tolerance of 2 ms more than the other."""
+    rng = random.Random(seed)
+    ingest = Ingest(make_config(tmp_path, axis1(**CYCLIC)), "bus0")
+    frames, lost = list[Frame](), 0
+    for n in range(4000):
+        two = [torque1, angle1] if torque_first else [angle1, torque1]
+        for k, of in enumerate(two):
+            if n > 40 and rng.random() < 0.01:
+                lost += 1
+                continue
+            late_us = min(3500, round(rng.expovariate(1 / 700))) if n else 0
+            value = n % 16 if of is torque1 else n / 16
+            frames.append(of(START_US + CYCLE_US * n + 300 * k + late_us, value))
+    frames.sort(key=lambda f: f.t_us)
+    samples = sampled(ingest, frames, "r.one")
+    assert all(s.torque == (s.motion * 16) % 16 for s in samples)
+    steps = [16 * s.motion - (s.t_us - START_US) / CYCLE_US for s in samples]
+    assert sum(abs(step) > 0.3 for step in steps) < 10
+    # Each lost value leaves the other one alone; both may be lost together.
+    assert axis_drops(ingest, "r.one")["unpaired"] == pytest.approx(lost, abs=12)
+    assert len(samples) == pytest.approx(4000 - lost, abs=12)
+
+
+def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis3(**CYCLIC)), "bus0")
+    frames = [
+        Frame(START_US + CYCLE_US * n + 500 * k, 0x120, False, struct.pack("<Bf3x", 1 + k, float(n + k)))
+        for n in range(300)
+        for k in (0, 1)
+    ]
+    samples = sampled(ingest, frames, "r.three")
+    assert samples == [Sample(START_US + CYCLE_US * n + 500, n, n + 1) for n in range(300)]
+
+
+def test_blocks_may_be_cut_anywhere_and_the_last_frames_are_not_lost(tmp_path: Path, seed: int) -> None:
+    rng = random.Random(seed)
+    config = make_config(tmp_path, axis1(**CYCLIC), axis2(**CYCLIC))
+    frames = in_order(
+        [
+            frame._replace(t_us=frame.t_us + round(rng.expovariate(1 / 1500)))
+            for n in range(1500)
+            if rng.random() > 0.1
+            for frame in (
+                torque1(START_US + CYCLE_US * n, n % 16),
+                angle1(START_US + CYCLE_US * n + 400, n / 16),
+                both2(START_US + CYCLE_US * n + 800, 1.0, n / 16),
+            )
+        ]
+    )
+    whole, cut = Ingest(config, "bus0"), Ingest(config, "bus0")
+    at_once = {axis_id: sampled(Ingest(config, "bus0"), frames, axis_id) for axis_id in whole.axis_ids}
+    one_by_one: dict[str, list[Sample]] = {axis_id: [] for axis_id in cut.axis_ids}
+    for frame in frames:
+        for axis_id, found in cut.feed([frame]).items():
+            one_by_one[axis_id] += found
+    for axis_id, found in cut.flush().items():
+        one_by_one[axis_id] += found
+    assert one_by_one == at_once
+    taken = {axis_id: 2 * len(samples) for axis_id, samples in at_once.items()}
+    lost = {a: sum(cut.axis_dropped(a).values()) - cut.axis_dropped(a)["missing"] for a in taken}
+    assert {a: taken[a] + lost[a] for a in taken} == dict.fromkeys(taken, 2 * len(frames) // 3)
+
+
+def test_every_value_that_became_nothing_has_its_reason(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis2(**CYCLIC)), "bus0")
+    frames = [both2(START_US + CYCLE_US * n, 1.0, 2.0) for n in range(300)]
+    last_us = frames[-1].t_us
+    frames += [both2(last_us + 40, 1.0, 2.0), both2(last_us - 20 * CYCLE_US, 1.0, 2.0)]
+    frames += [both2(last_us + CYCLE_US * (n + 5), 1.0, 2.0) for n in range(50)]
+    frames += [both2(last_us - 3_600_000_000 + CYCLE_US * n, 1.0, 2.0) for n in range(300)]
+    samples = sampled(ingest, frames, "r.two")
+    assert len(samples) == 300 + 50 + 100
+    assert axis_drops(ingest, "r.two") == {"repeated": 2, "out_of_order": 2, "untimed": 400, "missing": 4}
+    assert ingest.axis_events("r.two") == {"clock_reanchored": 1, "clock_set_back": 1}
+
+
+def test_a_frame_that_is_held_has_the_further_signals_of_the_moment(tmp_path: Path) -> None:
+    signal = [{"name": "what", "message": "Other", "signal": "Something"}]
+    gate = [{"signal": "what", "above": 0.0}]
+    ingest = Ingest(make_config(tmp_path, axis2(**CYCLIC, signal=signal, gate=gate)), "bus0")
+    frames = [both2(START_US + CYCLE_US * n, 1.0, n / 16) for n in (*range(100), 103)]
+    frames.insert(50, Frame(frames[50].t_us, 0x140, False, bytes([7, *bytes(7)])))
+    samples = sampled(ingest, frames, "r.two")
+    assert len(samples) == 101
+    assert [s.signals for s in samples[50:]] == [(7.0,)] * 51
+
+
+def test_a_counter_and_a_fitted_clock_do_not_go_together(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[3] / "config" / "axiswatch.toml").read_text(encoding="utf-8")
+    (tmp_path / "robot.dbc").write_bytes((Path(__file__).parents[3] / "config" / "robot.dbc").read_bytes())
+    (tmp_path / "a.toml").write_text(text.replace('#clock = "receipt"', 'clock = "cyclic"'), encoding="utf-8")
+    with pytest.raises(ConfigErrors, match="the counter gives the times: remove this, or .*counter_signal"):
+        load(tmp_path / "a.toml", {})
