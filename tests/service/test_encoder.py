@@ -184,6 +184,7 @@ def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
     values = (v for block in courses[0] for v in a.ingests[wrapping.bus[0].name].feed_values(block))
     angles = [v.si for v in values if v.quantity == "angle"]
     assert 0.9 * period < max(angles) - min(angles) <= period
+    assert max(map(abs, angles)) <= 0.51 * period  # the signal has a sign
     facts = [core.monitors.by_id["demo.axis1"].facts() for core in (a, b)]
     assert facts[0].counters == facts[1].counters
     for p, q in zip(*(f.parameters for f in facts), strict=True):
@@ -214,6 +215,7 @@ def test_resolution_is_a_noise(tmp_path: Path) -> None:
         ("resolution = 1e-7", "1e-9", "below 2.89e-08"),
         ("", "1e-9", "which the resolution of the angle makes"),  # of the signal in the DBC
         ("", "1e-4", None),
+        ("factor = 100.0", "1e-4", "which the resolution of the angle makes"),
         (
             "wraps_at = 6.283",
             "1e-4",
