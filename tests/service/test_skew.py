@@ -167,6 +167,10 @@ def test_a_drive_with_such_a_parameter_of_its_own(tmp_path: Path) -> None:
             ("delay", -0.002, 0.001, "s"),
             "the torque frame is 2 ms earlier than usual: the torque acts 1 ms before its sample",
         ),
+        (
+            ("delay", -0.0005, 0.001, "s"),
+            "the torque frame is 0.5 ms earlier than usual: the torque acts 0.5 ms after its sample",
+        ),
         (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
         (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
         (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
