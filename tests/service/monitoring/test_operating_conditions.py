@@ -243,7 +243,7 @@ def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[
 
 
 def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> None:
-    frames = with_state(healthy[:8000], {"from": 3.0, "to": 5.0, "mode": None})
+    frames = with_state(healthy[:4000], {"from": 3.0, "to": 5.0, "mode": None})
     columns = []
     for every in (1, 237, len(frames)):
         core, _ = live(load(file, {}), frames, every)
