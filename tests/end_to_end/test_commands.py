@@ -53,7 +53,7 @@ def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
         wait_for(lambda: "can0: up, 300 frames" in lines.read_text(encoding="utf-8"))
         listener.send_signal(signal.SIGTERM)
         assert listener.wait(30) == 0
-    last = lines.read_text(encoding="utf-8").splitlines()[-3:]
+    last = lines.read_text(encoding="utf-8").splitlines()[-4:]
     sent = record.read_text(encoding="utf-8").splitlines()[-1].split("#")[1].split()[0]
     counter = int.from_bytes(bytes.fromhex(sent)[6:8], "little")
     assert last[2].split("\t")[:5] == [
@@ -65,6 +65,9 @@ def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
     ]
     torque = int.from_bytes(bytes.fromhex(sent)[:2], "little", signed=True) / 1000
     assert last[0].split("\t")[2] == f"{torque:.6g} N m"
+    axis, what, scatter, clock = last[3].split("\t")[:4]
+    assert (axis, what, clock) == ("demo.axis1", "stamps", "counter")
+    assert re.fullmatch(r"scatter [0-9.e+]+ ms", scatter)
 
 
 def test_listen_on_a_terminal_is_one_table_and_ends_by_itself(tmp_path: Path) -> None:
