@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.ingest.cyclic import CyclicClock
@@ -76,6 +76,7 @@ def after(cycles: int, then: Iterable[int]) -> list[int]:
     return [*range(cycles), *(cycles + n for n in then)]
 
 
+@settings(max_examples=40)
 @given(
     first_us=st.integers(0, 2000),
     late_us=st.lists(st.integers(0, 2000), min_size=300, max_size=300),
@@ -222,6 +223,7 @@ def test_a_step_of_the_host_s_clock_within_a_cycle_is_followed() -> None:
     assert all(abs(times(found)[f.cycle] - f.sent_us) < 600 for f in frames[-1000:])
 
 
+@settings(max_examples=40)
 @given(
     chance=st.randoms(use_true_random=False),
     jitter_us=st.integers(0, 20_000),
