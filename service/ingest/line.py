@@ -113,7 +113,7 @@ class Drift:
         self._known_rate = rate
         self._early: list[_Early] = []  # of this window, sorted
         self._seen = 0
-        self._passed_us = 0.0  # since the window began
+        self._window_since_us = 0.0
         self._may_move_us = 0.0
         self._was_off = False
         self.shift_us = 0
@@ -136,20 +136,19 @@ class Drift:
     def follow(self, place_us: float, passed_us: float) -> int:
         """The shift [us] of the line at that place, so much further than the last one."""
         quick = self._quick and self.begins
-        self._passed_us += passed_us
         if not quick:
-            self._close_if_full()
+            self._close_if_full(place_us)
             self._move(round(self._fitted(place_us)), (SLEW + abs(self.rate)) * passed_us)
             return self.shift_us
         self._move(round(self.expected(place_us)), QUICK * passed_us)
-        self._close_if_full()
+        self._close_if_full(place_us)
         return self.shift_us
 
     def begin_again(self, place_us: float) -> None:
         """After a pause: the rate is known, where in a cycle the frames come is not."""
         self._level_us, self._at_us = self._fitted(place_us), place_us
         self._forget()
-        self._next_window()
+        self._next_window(place_us)
 
     @property
     def settled(self) -> bool:
@@ -173,11 +172,11 @@ class Drift:
     def _fitted(self, place_us: float) -> float:
         return self._level_us + self.rate * (place_us - self._at_us)
 
-    def _close_if_full(self) -> None:
-        if self._passed_us < self._window_us or not self._early:
+    def _close_if_full(self, now_us: float) -> None:
+        if now_us - self._window_since_us < self._window_us or not self._early:
             return
         over_us, place_us, delay_us = self._least
-        self._next_window()
+        self._next_window(now_us)
         if self._windows and abs(over_us) > self._step_us:
             if not self._was_off:
                 self._was_off = True  # perhaps this machine was held up
@@ -187,8 +186,8 @@ class Drift:
         self._windows.append((place_us, delay_us))
         self._fit()
 
-    def _next_window(self) -> None:
-        self._early, self._seen, self._passed_us = [], 0, 0.0
+    def _next_window(self, since_us: float) -> None:
+        self._early, self._seen, self._window_since_us = [], 0, since_us
 
     def _forget(self) -> None:
         self._windows.clear()

@@ -217,11 +217,34 @@ def test_a_step_of_the_host_s_clock_within_a_cycle_is_followed() -> None:
     clock = CyclicClock[int](0.005)
     told(clock, sending(range(6000), lambda: rng.uniform(0, 500)), last=False)
     frames = sending(range(6000, 12_000), lambda: rng.uniform(0, 500), start_us=START_US + 2300)
-    found = told(clock, frames)
+    found, known = list[Told](), set[float | None]()
+    for frame in frames:
+        found += told(clock, [frame], last=False)
+        known.add(clock.interval_s)
     assert not rejected(found)
-    assert clock.interval_s == pytest.approx(0.005, rel=30e-6)
+    assert [s for s in known if s is not None] == pytest.approx([0.005] * (len(known) - 1), rel=60e-6)
     given_us = times(found)
     assert all(abs(given_us[f.cycle] - f.sent_us) < 600 for f in frames[-1000:])
+
+
+def test_where_the_first_frame_was_late_the_line_is_soon_with_the_others() -> None:
+    late = iter([1200.0])
+    found = times(told(CyclicClock(0.005), sending(range(300), lambda: next(late, 0.0))))
+    assert found[0] == START_US + 1200
+    assert all(abs(found[c] - START_US - c * CYCLE_US) <= 1 for c in range(10, 300))
+
+
+def test_the_rate_is_known_from_before_when_the_clock_is_set_back_and_what_was_held_is_not_lost() -> None:
+    clock, cycle_us = CyclicClock[int](0.005), CYCLE_US * (1 + 750e-6)
+    told(clock, sending(range(3000), on_time, cycle_us), last=False)
+    assert told(clock, sending([3002], on_time, cycle_us), last=False) == []
+    frames = sending(range(3003, 3303), on_time, cycle_us, START_US - 60e6)
+    found = told(clock, frames)
+    first = next(k for k, one in enumerate(found) if one.time != "untimed")
+    assert found[first].cycle == 3002
+    given_us = [one.time for one in found[first + 1 :] if isinstance(one.time, int)]
+    assert len(given_us) > 90
+    assert given_us[90] - given_us[0] == pytest.approx(90 * cycle_us, abs=20)  # 340 by the nominal cycle
 
 
 @settings(max_examples=40)
