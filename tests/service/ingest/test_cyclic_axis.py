@@ -74,6 +74,20 @@ def test_two_messages_that_are_late_each_by_itself_pair_by_their_cycles(
     assert len(samples) == pytest.approx(4000 - lost, abs=12)
 
 
+def test_a_value_waits_while_the_cycle_of_its_partner_is_not_known(tmp_path: Path) -> None:
+    ingest = Ingest(make_config(tmp_path, axis1(**CYCLIC)), "bus0")
+    frames = list[Frame]()
+    for n in range(200):
+        t_us = START_US + CYCLE_US * n
+        frames.append(angle1(t_us, n / 16))
+        if n != 100:  # and the next one is so late that it comes with the one after it
+            frames.append(torque1(t_us + (3500 if n == 101 else 300), n % 16))
+    samples = sampled(ingest, frames, "r.one")
+    assert [16 * s.motion for s in samples] == [n for n in range(200) if n != 100]
+    assert all(s.torque == 16 * s.motion % 16 for s in samples)
+    assert axis_drops(ingest, "r.one") == {"unpaired": 1, "missing": 1}
+
+
 def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
     ingest = Ingest(make_config(tmp_path, axis3(**CYCLIC)), "bus0")
     frames = [
@@ -142,5 +156,5 @@ def test_a_counter_and_a_fitted_clock_do_not_go_together(tmp_path: Path) -> None
     text = (Path(__file__).parents[3] / "config" / "axiswatch.toml").read_text(encoding="utf-8")
     (tmp_path / "robot.dbc").write_bytes((Path(__file__).parents[3] / "config" / "robot.dbc").read_bytes())
     (tmp_path / "a.toml").write_text(text.replace('#clock = "receipt"', 'clock = "cyclic"'), encoding="utf-8")
-    with pytest.raises(ConfigErrors, match="the counter gives the times: remove this, or .*counter_signal"):
+    with pytest.raises(ConfigErrors, match=r"the counter gives the times: remove this, or .*counter_signal"):
         load(tmp_path / "a.toml", {})

@@ -61,6 +61,8 @@ def test_stamps_that_scatter_are_told_with_what_would_help(seed: int) -> None:
     assert 'set clock = "cyclic" in [robot.axis.time], or counter_message' in words
     assert list(remarks("r.one", 0.005, stamps._replace(clock="cyclic", interval_s=0.005))) == []
     assert list(remarks("r.one", 0.005, stamps._replace(scatter_s=0.0002))) == []
+    (words,) = remarks("r.one", 0.005, stamps._replace(scatter_s=0.001, interval_s=0.00515))
+    assert "sample_interval_s" not in words
 
 
 @pytest.mark.parametrize("scatter_us", [20, 400, 1000])
