@@ -77,7 +77,7 @@ class Bank:
         st.credit[a] = CREDIT
         st.plenty[a] = 1.0
         st.seed_left[a] = s.seed_updates
-        certain = s.P0 or (1 + s.lam) * model.scale**2 / s.lam0
+        certain = s.P0 or _vague(model, s)
         if np.shape(certain) != model.scale.shape:
             raise ValueError(f"P0 has {len(s.P0)} entries, {len(model.scale)} parameters are monitored")
         np.fill_diagonal(st.P[:, :, a], certain)
@@ -196,6 +196,11 @@ class Bank:
         self._ints[:, a] = ints
 
 
+def _vague(model: AxisModel, s: Settings) -> Floats:
+    """Diagonal of P (p,) of who knows no more of the parameters than their sizes."""
+    return np.asarray((1 + s.lam) * model.scale**2 / s.lam0)
+
+
 def standard_deviation(s: Settings, P_ii: float) -> float:
     """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda))."""
     return math.sqrt(s.lam0 * P_ii / (1 + s.lam))
@@ -228,6 +233,7 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "span": s.span,
     }
     vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}
+    vectors["vague"] = _vague(model, s)
     vectors |= assembly.model_constants(model, s.speed_scale)
     vectors["lower"], vectors["upper"] = stable_limits(model, s.gain(len(model.drive.states)), s.interval_s)
     return vectors | {k: np.array(float(v)) for k, v in numbers.items()}

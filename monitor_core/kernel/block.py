@@ -237,7 +237,7 @@ def run(
                 update_theta(lanes, con.lower, con.upper, theta, st.observed, believed, Ppsi, S, tracks, hit,
                              moved)
                 update_P(lanes, lam, P, Ppsi, S, learns, fit)
-                find_P0(lanes, con.seed, st.seed_left, st.P_nom, P, does)
+                find_P0(lanes, con.starved, con.vague, con.seed, st.seed_left, st.P_nom, P, does)
                 look(lanes, con.floor, con.starved, con.span, con.lam, st.P_nom, tracks, st.since, st.starved,
                      st.observed, con.h, P, N, L, Y)
                 admit_to_tests(lanes, con.tested, st.observed, theta, tracks, st.theta_seen, tests)

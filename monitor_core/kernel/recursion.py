@@ -130,10 +130,20 @@ def carry(lanes: Any, joint: Floats, X: Floats, moved: Floats) -> None:
 
 
 @kernel
-def find_P0(lanes: Any, seed: Floats, seed_left: Ints, P_nom: Floats, P: Floats, does: Ints) -> None:
+def find_P0(
+    lanes: Any,
+    starved: Floats,
+    vague: Floats,
+    seed: Floats,
+    seed_left: Ints,
+    P_nom: Floats,
+    P: Floats,
+    does: Ints,
+) -> None:
     """P(0) by the paper's recipe: run the P recursion along the nominal theta, average its steady diagonal.
 
-    The second half of the run counts as steady.  At its end P becomes the averaged diagonal, P_nom, which was the sum.
+    The second half of the run counts as steady.  At its end P becomes the averaged diagonal, P_nom, which was the sum;
+    but an axis that stood still, so that a parameter is known to no better than its size, starts the run again.
     """
     for a in range(len(lanes)):
         if does[a] != SEED:
@@ -144,8 +154,13 @@ def find_P0(lanes: Any, seed: Floats, seed_left: Ints, P_nom: Floats, P: Floats,
                 P_nom[i, a] += P[i, i, a]
         seed_left[a] -= 1
         if seed_left[a] == 0:
+            again = False
+            for i in range(P.shape[0]):
+                P_nom[i, a] /= half
+                again |= starved[a] > 0.0 and not P_nom[i, a] <= vague[i, a]
             for i in range(P.shape[0]):
                 for j in range(P.shape[0]):
                     P[i, j, a] = 0.0
-                P_nom[i, a] /= half
-                P[i, i, a] = P_nom[i, a]
+                P[i, i, a] = vague[i, a] if again else P_nom[i, a]
+                P_nom[i, a] = 0.0 if again else P_nom[i, a]
+            seed_left[a] = int(seed[a]) if again else 0

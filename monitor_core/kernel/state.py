@@ -135,7 +135,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     w = t + tables.A_row.size
     k = w + GAINS * n
     r = k + 1 + n
-    i = r + 4 * p
+    i = r + 5 * p
     b = i + m
     return Constants(
         c[:s],
@@ -147,7 +147,8 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[r : r + p],
         c[r + p : r + 2 * p],
         c[r + 2 * p : r + 3 * p],
-        c[r + 3 * p : i],
+        c[r + 3 * p : r + 4 * p],
+        c[r + 4 * p : i],
         c[i:b],
         c[b],
         c[b + 1],

@@ -82,6 +82,7 @@ class Constants(NamedTuple):
     lower: Floats  # (p, W) bounds of theta
     upper: Floats  # (p, W)
     h: Floats  # (p, W) thresholds of the CUSUM tests
+    vague: Floats  # (p, W) P_ii of who knows no more of a parameter than its size
     u_scale: Floats  # (m, W) of what an input depends on: tanh(u_scale speed), cos(u_scale angle), sin(u_scale angle)
     lam: Floats  # (W,) forgetting factor
     lam0: Floats  # (W,) innovation variance that nu uses
@@ -104,4 +105,4 @@ class Constants(NamedTuple):
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 4 * t.p + t.m + 18
+    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 5 * t.p + t.m + 18

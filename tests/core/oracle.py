@@ -17,6 +17,7 @@ from monitor_core.drive import DELAY
 from monitor_core.kernel.tables import COSINE, COULOMB, GAINS, ONE, SINE, TORQUE
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
+from monitor_core.stability import stable_limits
 
 Array = NDArray[np.float64]
 LOST = 1.75  # intervals: then a mean speed is that over the last one
@@ -84,7 +85,7 @@ class Paper:
     def __init__(self, model: AxisModel, s: Settings, P_start: Array | None = None) -> None:
         self.model, self.s = model, s
         n, p, m = len(model.drive.states), len(model.theta0), len(model.drive.inputs)
-        self.theta = model.theta0.copy()
+        self.theta, self.limits = model.theta0.copy(), stable_limits(model, s.gain(n), s.interval_s)
         self.P = np.diag(s.P0) if P_start is None else P_start.copy()
         self.x, self.z = np.zeros(n), np.zeros((p, n))
         self.u, self.du = np.zeros(m), np.zeros((p, m))
@@ -228,7 +229,7 @@ class Paper:
             self._seed()
             return
         step = np.where(self.unseen, 0.0, L * eps)
-        self.theta = np.clip(self.theta + step, *self.model.limits)
+        self.theta = np.clip(self.theta + step, *self.limits)
         if self.s.floor or self.s.starved:
             self._look()
         self._cusum()
@@ -285,6 +286,9 @@ class Paper:
         self.diagonals.append(np.diag(self.P))
         if len(self.diagonals) == self.s.seed_updates:
             self.P_nom = np.mean(self.diagonals[self.s.seed_updates // 2 :], axis=0)
+            vague = (1 + self.s.lam) * self.model.scale**2 / self.s.lam0
+            if self.s.starved and (self.P_nom > vague).any():
+                self.diagonals, self.P_nom = [], vague
             self.P = np.diag(self.P_nom)
 
     def _cusum(self) -> None:

@@ -8,7 +8,7 @@ import pytest
 from monitor_core import bank as bank_module
 from monitor_core.bank import Bank
 from monitor_core.excitation import multisine
-from monitor_core.facts import Observation
+from monitor_core.facts import Observation, Status
 from monitor_core.kalman import filter_gain, gains_after
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.tables import Floats
@@ -261,3 +261,21 @@ def test_the_spread_of_the_estimates_is_what_is_reported(settings: Settings, see
     reported = np.sqrt(LAM0 * trace.P[late] / (1 + settings.lam))
     ratio = np.sqrt(np.mean((deviation / reported) ** 2, axis=(0, 2)))
     assert (abs(ratio - 1) < 0.3).all(), ratio
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_an_axis_that_stands_still_at_first_waits_with_P0(
+    noise: float, settings: Settings, seed: int
+) -> None:
+    """A daemon starts before its robot moves: noise alone says nothing of the parameters, and must not seem to."""
+    rng = np.random.default_rng(seed)
+    monitor = AxisMonitor.alone(MODEL, replace(settings, P0=()))
+    t, zero = np.arange(12_000, dtype=np.int64) * 5000, np.zeros(12_000)
+    assert monitor.run(t, zero, noise * rng.standard_normal(12_000)) == []
+    assert {p.status for p in monitor.facts().parameters} == {Status.SEEDING}
+    np.testing.assert_array_equal(monitor.bank.state.theta[:, 0], MODEL.theta0)
+    rec = moved(BY_NAME["paper"], multisine(rng, 8000, H, BAND_HZ, TORQUE_RMS), rng)
+    assert monitor.run(rec.t_us + t[-1] + 5000, rec.u, rec.y) == []
+    assert {p.status for p in monitor.facts().parameters} <= {Status.TRACKING, Status.WEAK}
+    P0 = np.array(settings.P0)
+    assert (abs(np.log(monitor.bank.state.P_nom[:, 0] / P0)) < np.log(3)).all()
