@@ -140,9 +140,11 @@ def test_a_pause_raises_nothing_and_the_first_fault_after_it_is_found_as_fast(
 
 
 def bounded(trace: Trace, settings: Settings) -> bool:
-    """P by its bound, theta by what would still be a drive."""
-    P = (np.array(settings.P0)[:, np.newaxis] / FLOOR >= trace.P).all()
-    return bool(P and (abs(trace.theta / MODEL.theta0[:, np.newaxis] - 1) < 2).all())
+    """P by its bound, theta by what would still be a drive or by six of the largest standard deviations."""
+    most = np.array(settings.P0)[:, np.newaxis] / FLOOR
+    sd = np.sqrt(settings.lam0 * most / (1 + settings.lam)) / MODEL.theta0[:, np.newaxis]
+    away = abs(trace.theta / MODEL.theta0[:, np.newaxis] - 1)
+    return bool((most >= trace.P).all() and (away < np.maximum(2.0, 6 * sd)).all())
 
 
 def alarms_before(trace: Trace, at: int, settings: Settings) -> int:
