@@ -24,6 +24,8 @@ _T = TypeVar("_T", bound=np.generic)
 _PRIME = 2**127 - 1
 INVALID = 100.0
 """Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
+HELD = 0.1
+"""Of the way from the nominal value to a bound: an estimate that is held scatters by so much."""
 _OBSERVATION = tuple(Observation)
 _TRACKING = {
     Observation.OBSERVED: Status.TRACKING,
@@ -163,8 +165,10 @@ class AxisMonitor:
     def _is_invalid(self, i: int) -> bool:
         """Its bounds hold it, or the model no longer explains what is measured."""
         st, a, (lower, upper) = self.bank.state, self.axis, self.bank.limits
-        inside = bool(lower[i, a] < st.theta[i, a] < upper[i, a])
-        return not inside or bool(st.lam0_running[a] > INVALID * self.settings.lam0)
+        theta0, theta = self.model.theta0[i] + st.shift[i, a], st.theta[i, a]
+        bound = upper[i, a] if theta > theta0 else lower[i, a]
+        held = bool(abs(theta - bound) <= HELD * abs(theta0 - bound))
+        return held or bool(st.lam0_running[a] > INVALID * self.settings.lam0)
 
     def _status(self, i: int) -> Status:
         st, a = self.bank.state, self.axis

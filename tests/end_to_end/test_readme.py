@@ -159,7 +159,7 @@ def write_log(path: Path, config: Config, seconds: float, seed: int, faults: Seq
 
 def pointed_at_nominal(text: str) -> str:
     """The configuration with the lines of the README, without nominal values and noises of its own."""
-    *_, snippet = TOML
+    (snippet,) = (block for block in TOML if "nominal_file" in block)
     text = re.sub(r"\[robot\.axis\.model\.nominal\]\n.*?\n\n", "", text, flags=re.S)
     text = re.sub(r"^(torque_noise|output_noise|initial_p) = .*\n", "", text, flags=re.MULTILINE)
     return text.replace("[robot.axis.model]\n", snippet)
