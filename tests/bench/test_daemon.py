@@ -14,7 +14,7 @@ from tests.end_to_end.processes import Daemon, daemon, demo_config, running, wai
 pytestmark = pytest.mark.bench
 
 AXES, WATCHED_S = 6, 20.0
-SETTLING = "settling_time_s = 1.5"
+SETTLING = "settling_time_s = 4.5"
 
 
 def samples(d: Daemon) -> int:

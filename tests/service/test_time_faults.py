@@ -101,4 +101,4 @@ def test_each_has_its_counter(
     # Four lost samples are bridged; forty are more than maximum_gap_s, and so is an hour back.
     assert (counters["started"], counters["gap"], counters["not_increasing"]) == (1, 2, 0)
     assert sum(n for fate, n in counters.items() if fate != "projected") == samples
-    assert counters["settling"] >= 2 * 300 - 2  # settling_time_s = 1.5 after each of them
+    assert counters["settling"] >= 2 * 300 - 2  # settling_time_s = 4.5 after each of them

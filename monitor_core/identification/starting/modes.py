@@ -110,10 +110,18 @@ def _of_box(box: Innovations) -> tuple[Complexes, Complexes]:
     return poles, (box.C @ V) * np.linalg.solve(V, box.B.astype(np.complex128))
 
 
+_MOST_DIGITS = -250.0
+
+
 def _of_arx(arx: Arx) -> tuple[Complexes, Complexes]:
-    """G z^(delay - 1 + nb) / .. : residues B(z_i) / A'(z_i) of proper fractions."""
+    """G z^(delay - 1 + nb) / .. : residues B(z_i) / A'(z_i) of proper fractions.
+
+    Poles so near zero that their powers overflow have died out within a sample or two: they are no modes of a drive.
+    """
     A = np.concatenate([[1.0], arx.a])
     poles = np.roots(A).astype(np.complex128)
+    highest = max(arx.a.size, arx.delay + arx.b.size)
+    poles = poles[abs(poles) > 10 ** (_MOST_DIGITS / highest)]
     past = 1 / poles[:, None]
     B = past ** (arx.delay + np.arange(arx.b.size)) @ arx.b
     # A = prod (1 - z_i / z): near z_i it is (z - z_i) / z_i times the others.

@@ -256,7 +256,7 @@ def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> No
 
 def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:
     """Whichever its place is in the bank that it shares."""
-    frames, config = with_state(healthy[:6000], {"from": 4.0, "to": 6.0, "mode": 1}), load(file, {})
+    frames, config = with_state(healthy[:9000], {"from": 5.0, "to": 7.0, "mode": 1}), load(file, {})
     (one,) = config.robot
     turned = config.model_copy(update={"robot": (one.model_copy(update={"axis": one.axis[::-1]}),)})
     cores = [live(each, frames)[0] for each in (config, turned)]
