@@ -102,14 +102,20 @@ def delays(settings: Settings, fault: dict[str, float], seed: int, day: Axis | N
     return np.asarray(found * H)
 
 
-@pytest.mark.parametrize(("lam", "fault"), [(0.995, {"kT": 1.2}), (0.98, {"kT": 1.5})])
+@pytest.mark.parametrize(
+    ("lam", "joint", "fault"), [(0.995, False, {"kT": 1.2}), (0.98, True, {"kT": 1.5})], ids=["1s", "0.25s"]
+)
 @pytest.mark.parametrize("kind", ["standing", "braked", "constant speed", "sine"])
-def test_a_day_with_an_hour_of_motion(kind: str, lam: float, fault: dict[str, float], seed: int) -> None:
+def test_a_day_with_an_hour_of_motion(
+    kind: str, lam: float, joint: bool, fault: dict[str, float], seed: int
+) -> None:
     """The fault comes right after the long pause and five seconds of motion: medians of 200 axes each.
 
     With 0.98, a quarter of a second, a change of 20 % would be four standard deviations: the fault is larger there.
+    That memory is as short as the predictor's slowest time constant, for which the state has to move with theta:
+    without, a day of a sine raised six alarms of fm.
     """
-    settings = replace(SUPERVISED, lam=lam)
+    settings = replace(SUPERVISED, lam=lam, joint=joint)
     settings = replace(settings, P0=steady_p(MODEL, settings, range(50)))
     day = Axis(settings, seed)
     day.run("moving", HOUR)
