@@ -42,7 +42,7 @@ format: $(READY) ## let ruff correct what it can
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
-docs: $(READY) ## write the generated part of docs/ (the API schema), if docs/build.py is there
+docs: $(READY) ## write the generated part of docs/ (API schema, figures), if docs/build.py is there
 	@if [ -f docs/build.py ]; then $(BIN)/python docs/build.py $(ARGS); \
 	else echo "docs/build.py is not there: nothing is generated"; fi
 

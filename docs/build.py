@@ -1,17 +1,25 @@
-"""Writes the generated part of docs/: the schema of the API."""
+"""Writes the generated part of docs/: the schema of the API, the figures of the reference experiment."""
 
 import json
 import tempfile
 from pathlib import Path
 
 from service.monitoring.snapshot import Histogram, Snapshot
+from service.reports.reference_figures import figure_5, figure_6, numbers, reference
 from service.store.journal import Journal
 from service.web.app import create_app
 
 TARGET = Path(__file__).with_name("openapi.json")
+FIGURES = Path(__file__).with_name("figures")
 
 
 def main() -> None:
+    """Write all of it."""
+    write_schema()
+    write_figures()
+
+
+def write_schema() -> None:
     """Write docs/openapi.json."""
     nothing = Snapshot(0, 0, (), (), Histogram((), (0,), 0.0), None)
     with tempfile.TemporaryDirectory() as folder:
@@ -20,6 +28,18 @@ def main() -> None:
         journal.close()
     TARGET.write_text(json.dumps(schema, indent=1) + "\n", encoding="utf-8")
     print(f"{TARGET.name}: {len(schema['paths'])} addresses")
+
+
+def write_figures() -> None:
+    """Write docs/figures/: two pictures, and the numbers in them, which a test compares with the program's."""
+    found = reference()
+    for name, text in (
+        ("figure5.svg", figure_5(found)),
+        ("figure6.svg", figure_6(found)),
+        ("numbers.json", json.dumps(numbers(found), indent=1) + "\n"),
+    ):
+        (FIGURES / name).write_text(text, encoding="utf-8")
+        print(f"figures/{name}: {len(text) / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

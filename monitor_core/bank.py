@@ -6,13 +6,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.alarms.episodes import DIRECTIONS, Calm, Crossing, Event
+from monitor_core.alarms.evidence import Judge
 from monitor_core.assembly import Assembly, fill
-from monitor_core.episodes import DIRECTIONS, Calm, Crossing
 from monitor_core.kernel.block import Samples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
+from monitor_core.kernel.evidence import EVERY, KEPT, Noted, kept_numbers
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
-from monitor_core.kernel.tables import Floats, constant_rows
+from monitor_core.kernel.tables import GAINS, Floats, constant_rows
 from monitor_core.kernel.vector import EIGHT
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
@@ -53,17 +55,23 @@ class Bank:
         W = len(models)
         rows = constant_rows(t)
         self._constants = np.zeros((rows, W))
-        float_rows, int_rows = state_rows(t.n, t.p, t.m)
-        self._floats = np.zeros((float_rows, W))
-        self._ints = np.zeros((int_rows, W), dtype=np.int64)
-        self.state: State = state_views(self._floats, self._ints, t.n, t.p, t.m)
+        float_rows, int_rows = state_rows(t.n, t.p, t.m, t.two)
+        self._floats = np.zeros((float_rows + KEPT * kept_numbers(t.p), W))
+        self._ints = np.zeros((int_rows + KEPT, W), dtype=np.int64)
+        self._parts = self._floats[:float_rows], self._ints[:int_rows]
+        self._kept = self._ints[int_rows:], self._floats[float_rows:]
+        self._kept[0][:] = NEVER
+        self.state: State = state_views(*self._parts, t.n, t.p, t.m, t.two)
         """Named views into the state, axis last.  Writing to them changes the monitors."""
         named = constant_views(self._constants, t)
+        pairs = list(enumerate(zip(models, settings, strict=True)))
         self.thresholds: Floats = named.h
         """h (p, W)"""
         self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
         """Bounds of theta (p, W), each: the models' own, drawn in to where the predictors are stable."""
-        for a, (model, setting) in enumerate(zip(models, settings, strict=True)):
+        judged = named.lower, named.upper, self.state.P_nom
+        self._judges = tuple(Judge(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
+        for a, (model, setting) in pairs:
             fill(named, a, _constants(assembly, model, setting))
             self._start(a, model, setting)
 
@@ -72,9 +80,11 @@ class Bank:
         st.theta[:, a] = model.theta0
         st.t[a] = NEVER
         st.onset[:, :, a] = NEVER
+        st.left[a] = EVERY * _naming(s)
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
         st.credit[a] = CREDIT
+        st.running2[:, a], st.credit2[:, a] = s.lam0, CREDIT
         st.plenty[a] = 1.0
         st.seed_left[a] = s.seed_updates
         certain = s.P0 or _vague(model, s)
@@ -91,19 +101,21 @@ class Bank:
         count: NDArray[np.int64] | None = None,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-    ) -> list[tuple[int, Crossing | Calm]]:
+        y2: Floats | None = None,
+    ) -> list[tuple[int, Event]]:
         """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
 
         ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
         NaN: the conditions are not known.  ``gate`` (N, W): where False, or the conditions are not known, nothing is
-        learned.
+        learned.  ``y2`` (N, W) is the second output of a drive that has one (Drive.with_speed), NaN where it is
+        missing; without it, it is missing throughout.
 
         Returns the events with the index of their axis, axis by axis in order of time.
 
         Raises:
-            ValueError: shapes that do not fit.
+            ValueError: shapes that do not fit; a second output of a drive that has one only.
         """
-        return self._run(self._samples(t_us, u, y, count, shift, gate), _trace(0, *self._shape))
+        return self._run(self._samples(t_us, u, y, count, shift, gate, y2), _trace(0, *self._shape))
 
     def run_traced(
         self,
@@ -113,10 +125,11 @@ class Bank:
         count: NDArray[np.int64] | None = None,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-    ) -> tuple[list[tuple[int, Crossing | Calm]], Trace]:
+        y2: Floats | None = None,
+    ) -> tuple[list[tuple[int, Event]], Trace]:
         """As ``run``, with the recursion's values at every sample."""
         trace = _trace(len(t_us), *self._shape)
-        return self._run(self._samples(t_us, u, y, count, shift, gate), trace), trace
+        return self._run(self._samples(t_us, u, y, count, shift, gate, y2), trace), trace
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -131,6 +144,7 @@ class Bank:
         count: NDArray[np.int64] | None,
         shift: Floats | None,
         gate: NDArray[np.bool_] | None,
+        y2: Floats | None,
     ) -> Samples:
         p, W = self._shape
         t = np.ascontiguousarray(t_us, dtype=np.int64)
@@ -146,11 +160,15 @@ class Bank:
             raise ValueError(
                 f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}"
             )
+        second = np.empty((0, W)) if y2 is None else np.ascontiguousarray(y2, dtype=float)
+        if second.shape not in {(N, W), (0, W)} or (y2 is not None and not self._tables.two):
+            raise ValueError(f"y2 of shape {second.shape}: need {(N, W)}, of a drive with a second output")
         u, y = np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float)
-        return Samples(t, u, y, n, moved, opened)
+        return Samples(t, u, y, n, moved, opened, second)
 
-    def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, Crossing | Calm]]:
+    def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, Event]]:
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
+        noted = self._noted(len(samples.t))
         reset = not self.settings[0].run_on
         lanes = _lanes(len(self.models))
         run(
@@ -158,25 +176,43 @@ class Bank:
             True if isinstance(lanes, tuple) else None,
             self._tables,
             self._constants,
-            self._floats,
-            self._ints,
+            *self._parts,
+            *self._kept,
             samples,
             reset,
             events,
+            noted,
             trace,
         )
-        return sorted(self._named(events), key=lambda pair: pair[0])
+        return sorted(self._named(events, noted), key=lambda pair: pair[0])
 
-    def _named(self, events: Events) -> Iterator[tuple[int, Crossing | Calm]]:
-        for k in range(int(events.filled[0])):
-            kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
-            d, P_ii = events.value[:, k]
-            name = self.models[a].monitored[i]
-            if kind == CALM:
-                yield a, Calm(name, t_us)
-            else:
-                sd = standard_deviation(self.settings[a], float(P_ii))
-                yield a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
+    def _noted(self, N: int) -> Noted:
+        """Room for what N samples of each axis can have noted: once as soon as a naming takes, in each."""
+        p = self._tables.p
+        capacity = sum(N // _naming(s) + 1 for s in self.settings)
+        numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
+        before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
+        return Noted(*numbers, np.empty((1 + 2 * p + p * p, capacity)), *before)
+
+    def _named(self, events: Events, noted: Noted) -> Iterator[tuple[int, Event]]:
+        """All events, in their order; evidence stands between them where it was noted."""
+        done = 0
+        for c in range(int(noted.filled[0])):
+            before = int(noted.what[3, c])
+            yield from (self._event(events, k) for k in range(done, before))
+            done = before
+            a = int(noted.what[1, c])
+            yield a, self._judges[a].evidence(noted, c)
+        yield from (self._event(events, k) for k in range(done, int(events.filled[0])))
+
+    def _event(self, events: Events, k: int) -> tuple[int, Crossing | Calm]:
+        kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
+        d, P_ii = events.value[:, k]
+        name = self.models[a].monitored[i]
+        if kind == CALM:
+            return a, Calm(name, t_us)
+        sd = standard_deviation(self.settings[a], float(P_ii))
+        return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
 
     def column(self, a: int) -> tuple[Floats, NDArray[np.int64]]:
         """A copy of the whole state of one axis: floats and integers."""
@@ -196,14 +232,19 @@ class Bank:
         self._ints[:, a] = ints
 
 
+def _naming(s: Settings) -> int:
+    """Samples from the first crossing until there is evidence for a name, and of calm that end an alarm."""
+    return round(CALM_MEMORIES * s.memory)
+
+
 def _vague(model: AxisModel, s: Settings) -> Floats:
     """Diagonal of P (p,) of who knows no more of the parameters than their sizes."""
     return np.asarray((1 + s.lam) * model.scale**2 / s.lam0)
 
 
 def standard_deviation(s: Settings, P_ii: float) -> float:
-    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda))."""
-    return math.sqrt(s.lam0 * P_ii / (1 + s.lam))
+    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda)); with a drift, lambda is 1."""
+    return math.sqrt(s.lam0 * P_ii / s.divisor)
 
 
 def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
@@ -216,27 +257,44 @@ def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, F
         "interval": s.interval_s,
         "lam": s.lam,
         "lam0": s.lam0,
-        "alpha1": s.alpha1,
         "lam_slow": 1 - (1 - s.lam) / SLOW_MEMORIES,
         "delay": s.delay_s,
         "gap_us": round(s.max_gap_s * 1e6),
         "settle_us": round(s.settle_s * 1e6),
         "seed": s.seed_updates,
-        "calm": round(CALM_MEMORIES * s.memory),
+        "calm": _naming(s),
         "floor": s.floor,
         "starved": s.starved,
         "lost_us": round(s.lost_s * 1e6),
         "outlier": s.outlier,
         "joint": s.joint,
+        "drift": s.drift,
         "tested": not s.untold,
         "widen": s.widen,
         "span": s.span,
     }
-    vectors = {"K": s.gains(len(model.drive.states)).ravel(), "h": s.alpha2 * model.scale}
-    vectors["vague"] = _vague(model, s)
+    n = len(model.drive.states)
+    K, scale2 = _gains(model, s)
+    vectors = {"K": K, "scale2": scale2, "vague": _vague(model, s), "scale": model.scale}
+    alpha1, alpha2, allowance = s.tests(len(model.scale))
+    vectors |= {"h": alpha2 * model.scale, "alpha1": alpha1, "allowance": allowance * model.scale}
     vectors |= assembly.model_constants(model, s.speed_scale)
-    vectors["lower"], vectors["upper"] = stable_limits(model, s.gain(len(model.drive.states)), s.interval_s)
+    vectors["lower"], vectors["upper"] = stable_limits(model, s.filter(n), s.interval_s)
     return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
+
+
+def _gains(model: AxisModel, s: Settings) -> tuple[Floats, Floats]:
+    """K and scale2 as the kernel has them; the second output's gains are those for its scaled innovations."""
+    n = len(model.drive.states)
+    if not model.drive.both:
+        if s.second is not None:
+            raise ValueError("settings of a second output, which the drive does not have")
+        return s.gains(n).ravel(), np.empty(0)
+    K = s.both_gains(n)
+    assert s.second is not None  # both_gains has seen to it
+    scale2 = math.sqrt(s.lam0 / s.second.lam0)
+    K[GAINS : 2 * GAINS] /= scale2
+    return K.ravel(), np.array([scale2])
 
 
 def _events(most_per_sample: int, samples: int) -> Events:
@@ -251,4 +309,7 @@ def _trace(N: int, p: int, W: int) -> Trace:
         np.empty((N, p, W)),
         np.empty((N, p, W)),
         np.empty((N, 2, p, W)),
+        np.empty((N, p, W)),
+        np.zeros((N, W)),
+        np.empty((N, p, W)),
     )

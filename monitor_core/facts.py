@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
+from monitor_core.kernel.state import COUNTERS2
+
 
 class Status(StrEnum):
     """State of the estimate of a parameter."""
@@ -63,9 +65,9 @@ class AxisFacts:
     confounded: tuple[str, ...]
     """What cannot be told apart now, in words; empty where all is observed"""
     counters: Mapping[str, int]
-    """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
+    """What became of the samples; see monitor_core.kernel.state.COUNTERS, and of two outputs COUNTERS2"""
 
     @property
     def samples(self) -> int:
         """Samples received, whatever became of them; the other counters say what."""
-        return sum(v for k, v in self.counters.items() if k not in ("projected",))
+        return sum(v for k, v in self.counters.items() if k != "projected" and k not in COUNTERS2)

@@ -1,13 +1,14 @@
 """A fleet: axes of any drives, sample rates and settings, their blocks of samples taken in one call."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.alarms.episodes import Event
 from monitor_core.bank import Bank
-from monitor_core.episodes import Calm, Crossing
+from monitor_core.kernel.block import Trace
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
@@ -22,6 +23,11 @@ class Block(NamedTuple):
     y: Floats  # (N,) motor speed, rad/s, or motor angle, rad
     shift: Floats | None = None  # (N, p) theta_0(s) - theta_0, as for Bank.run; None: what it was last
     gate: NDArray[np.bool_] | None = None  # (N,) where False nothing is learned; None: everywhere it is
+    y2: Floats | None = None  # (N,) speed beside an angle, of a drive that has both, NaN where missing
+
+
+Seen = Callable[[int, Trace], None]
+"""Is told, of each axis that took samples, what the recursion did at each of them; axis dropped from the fields."""
 
 
 class Fleet:
@@ -50,8 +56,10 @@ class Fleet:
         """How many axes share each bank."""
         return [len(group.axes) for group in self._groups]
 
-    def run(self, blocks: Mapping[int, Block]) -> list[tuple[int, Crossing | Calm]]:
+    def run(self, blocks: Mapping[int, Block], seen: Seen | None = None) -> list[tuple[int, Event]]:
         """Let axes take their blocks, of any lengths; an axis without one takes no sample.
+
+        ``seen`` costs memory for every sample of the blocks: let them be short.
 
         Returns the events with the index of their axis, axis by axis in order of time.  Each axis does exactly what it
         would do alone.
@@ -63,8 +71,8 @@ class Fleet:
         if unknown:
             raise ValueError(f"blocks for the axes {unknown}: there are {len(self.monitors)}, from 0 on")
         for axis, block in blocks.items():
-            _check(axis, block, len(self.monitors[axis].model.monitored))
-        events = [event for group in self._groups for event in group.run(blocks)]
+            _check(axis, block, self.monitors[axis].model)
+        events = [event for group in self._groups for event in group.run(blocks, seen)]
         return sorted(events, key=lambda pair: pair[0])
 
 
@@ -74,7 +82,7 @@ class _Group(NamedTuple):
     axes: Sequence[int]
     bank: Bank
 
-    def run(self, blocks: Mapping[int, Block]) -> Iterator[tuple[int, Crossing | Calm]]:
+    def run(self, blocks: Mapping[int, Block], seen: Seen | None) -> Iterator[tuple[int, Event]]:
         taken = [(lane, blocks[axis]) for lane, axis in enumerate(self.axes) if axis in blocks]
         count = np.zeros(len(self.axes), np.int64)
         for lane, block in taken:
@@ -85,7 +93,14 @@ class _Group(NamedTuple):
             n = count[lane]
             t_us[:n, lane], u[:n, lane], y[:n, lane] = block.t_us, block.u, block.y
         shift, gate = self._shift(taken, shape), _gate(taken, shape)
-        for lane, event in self.bank.run(t_us, u, y, count, shift, gate):
+        y2 = _second(taken, shape)
+        if seen is None:
+            events = self.bank.run(t_us, u, y, count, shift, gate, y2)
+        else:
+            events, trace = self.bank.run_traced(t_us, u, y, count, shift, gate, y2)
+            for lane, _ in taken:
+                seen(self.axes[lane], Trace(*(field[: count[lane], ..., lane] for field in trace)))
+        for lane, event in events:
             yield self.axes[lane], event
 
     def _shift(self, taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> Floats | None:
@@ -109,6 +124,16 @@ def _gate(taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> NDArray
     return gate
 
 
+def _second(taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> Floats | None:
+    if all(block.y2 is None for _, block in taken):
+        return None
+    y2 = np.full(shape, np.nan)
+    for lane, block in taken:
+        if block.y2 is not None:
+            y2[: len(block.t_us), lane] = block.y2
+    return y2
+
+
 def _alike(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[list[int]]:
     """Axes that can share a bank, each group in the order of the axes."""
     groups: dict[object, list[int]] = {}
@@ -117,9 +142,11 @@ def _alike(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[li
     return list(groups.values())
 
 
-def _check(axis: int, block: Block, p: int) -> None:
-    N = len(block.t_us)
-    wanted = {"t_us": (N,), "u": (N,), "y": (N,), "shift": (N, p), "gate": (N,)}
+def _check(axis: int, block: Block, model: AxisModel) -> None:
+    N, p = len(block.t_us), len(model.monitored)
+    wanted = {"t_us": (N,), "u": (N,), "y": (N,), "shift": (N, p), "gate": (N,), "y2": (N,)}
+    if block.y2 is not None and not model.drive.both:
+        raise ValueError(f"axis {axis}: y2, a second output, which its drive does not have")
     for name, values in block._asdict().items():
         if values is not None and np.shape(values) != wanted[name]:
             raise ValueError(f"axis {axis}: {name} has the shape {np.shape(values)}: need {wanted[name]}")

@@ -1,6 +1,7 @@
 """Gain K of the innovations form, from the noise of torque and output."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from monitor_core.discretize import zero_order_hold
 from monitor_core.drive import DISTURBANCE_TIME
 from monitor_core.kernel.tables import GAINS, TORQUE, Floats
 from monitor_core.model import AxisModel
+from monitor_core.settings import Second
 
 _MARGIN = 1e-6
 """A double eigenvalue 1, which has no filter, comes out of the Riccati solver as 1 - 1e-8."""
@@ -36,6 +38,7 @@ def filter_gain(
             stable filter.
     """
     _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise, disturbance_noise)
+    C = C[0]
     lam0 = float(C @ P @ C) + 1
     return _kept(model, d * (P @ C) / lam0), lam0 * output_noise**2
 
@@ -46,8 +49,12 @@ def _steady(
     torque_noise: float,
     output_noise: float,
     disturbance_noise: float = 0.0,
+    second_noise: float | None = None,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Ad, P of the one-step prediction, Q, C in the coordinates x / d, and d; the output noise is the unit, R = 1."""
+    """Ad, P of the one-step prediction, Q, C in the coordinates x / d, and d; the output noise is the unit, R = 1.
+
+    C (1 or 2, n): of the second output where ``second_noise`` is that of one, in units of its own noise.
+    """
     noises = {"torque_noise": torque_noise, "disturbance_noise": disturbance_noise}
     if not (all(0 <= v < math.inf for v in noises.values()) and 0 < output_noise < math.inf):
         raise ValueError(
@@ -55,6 +62,12 @@ def _steady(
             "the first at least zero, the second greater than zero"
         )
     Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
+    if second_noise is not None:
+        if not 0 < second_noise < math.inf:
+            raise ValueError(
+                f"noise of the second output = {second_noise}: must be finite and greater than zero"
+            )
+        C = np.vstack([C, (output_noise / second_noise) * d * model.drive.matrix("C2", model.nominal)])
     # In units of the output noise, R = 1: the Riccati equation then is as well scaled as it can be.
     g = G / output_noise
     g[:, : _torque(model).sum()] *= torque_noise
@@ -75,6 +88,7 @@ def gains_after(
         ValueError: as filter_gain.
     """
     Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise)
+    C = C[0]
     found = [P - np.outer(P @ C, P @ C) / (C @ P @ C + 1), P]
     for _ in range(GAINS - 2):
         found.append(Ad @ found[-1] @ Ad.T + Q)
@@ -82,16 +96,77 @@ def gains_after(
     return tuple(tuple(_kept(model, d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in found)
 
 
-def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
-    """P (n, n) of the one-step prediction in steady state, for x+ = Ad x + w, y = C x + v, var w = Q, var v = 1.
+class Gains(NamedTuple):
+    """The filter of one output, or of two that are taken one after the other."""
 
-        P = Ad (P - P C' C P / (C P C' + 1)) Ad' + Q
+    K: tuple[float, ...]
+    lam0: float
+    K_after: tuple[tuple[float, ...], ...]
+    second: Second | None
+
+
+def gains_of_both(
+    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float, second_noise: float
+) -> Gains:
+    """The steady-state Kalman filter of a drive with two outputs (Drive.with_speed) at nominal, in sequential form.
+
+        K1 = P C1' / lambda_1,  lambda_1 = C1 P C1' + R1,      K2 = P1 C2' / lambda_2,  lambda_2 = C2 P1 C2' + R2
+
+    P is the variance of the one-step prediction with both outputs, P1 = P - K1 C1 P what the first leaves of it.
+    Noises as in filter_gain, ``second_noise`` [rad/s] that of the second output; they must not depend on each other.
+
+    Raises:
+        ValueError: as filter_gain.
+    """
+    Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise, second_noise=second_noise)
+    grown = [P]
+    for _ in range(GAINS - 2):
+        grown.append(Ad @ grown[-1] @ Ad.T + Q)
+    steps = [_one_after_the_other(P, C) for P in grown]
+    left = steps[0][2]
+    steps.insert(0, _one_after_the_other(left, C))
+    first, other = (
+        [tuple((d * K).tolist()) for K in of] for of in ([s[0] for s in steps], [s[1] for s in steps])
+    )
+    # In units of its own noise the row of the second is scaled, and so is its gain.
+    scale = output_noise / second_noise
+    other = [tuple(scale * k for k in K) for K in other]
+    lam1, lam2 = (lam0 for lam0 in steps[1][3])
+    alone, _ = filter_gain(model, interval_s, torque_noise, output_noise)
+    second = Second(
+        other[1],
+        lam2 * second_noise**2,
+        (other[0], *other[2:]),
+        tuple(alone.tolist()),
+        gains_after(model, interval_s, torque_noise, output_noise),
+    )
+    return Gains(first[1], lam1 * output_noise**2, (first[0], *first[2:]), second)
+
+
+def _one_after_the_other(P: Floats, C: Floats) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
+    """Both gains, what is left of P, and both innovation variances; of outputs C (2, n) with unit noise."""
+    gains, variances = [], []
+    for c in C:
+        lam0 = float(c @ P @ c) + 1
+        gains.append(P @ c / lam0)
+        variances.append(lam0)
+        P = P - np.outer(P @ c, P @ c) / lam0
+    return gains[0], gains[1], P, (variances[0], variances[1])
+
+
+def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
+    """P (n, n) of the one-step prediction in steady state, for x+ = Ad x + w, y = C x + v, var w = Q, var v = I.
+
+        P = Ad (P - P C' (C P C' + I)^-1 C P) Ad' + Q
+
+    C is (n,), or (q, n) with q outputs.
 
     Raises:
         ValueError: there is no stable filter.
     """
     # The doubling algorithm (Chu, Fan, Lin, Wang 2004): step k is 2^k steps of the recursion.  G is C'C summed up.
-    A, G, P, unit = Ad.T, np.outer(C, C), Q, np.eye(len(Ad))
+    C = np.atleast_2d(C)
+    A, G, P, unit = Ad.T, C.T @ C, Q, np.eye(len(Ad))
     for _ in range(_DOUBLINGS):
         AW = np.linalg.solve((unit + G @ P).T, A.T).T
         before, A, G, P = P, AW @ A, G + AW @ G @ A.T, P + A.T @ P @ np.linalg.solve(unit + G @ P, A)
@@ -100,7 +175,7 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
             break
         if abs(P - before).max() <= _SETTLED * abs(P).max():
             break
-    if not (np.isfinite(P).all() and _radius(Ad, C, P @ C / (C @ P @ C + 1)) < 1 - _MARGIN):
+    if not (np.isfinite(P).all() and _radius(Ad, C, _joint_gain(P, C)) < 1 - _MARGIN):
         raise ValueError("no stable filter")
     return P
 
@@ -112,9 +187,15 @@ def held_disturbance(interval_s: float, time_constant_s: float) -> float:
 
 
 def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> float:
-    """Slowest time constant [s] of the predictor with filter gain K (n,): of (I - K C) Ad; inf: unstable."""
+    """Slowest time constant [s] of the predictor with filter gain K (n,): of (I - K C) Ad; inf: unstable.
+
+    With two outputs K is (2, n), and this of (I - K2 C2) (I - K1 C1) Ad.
+    """
     Ad, _, C, d = _balanced(model, interval_s)
-    radius = _radius(Ad, C, np.asarray(K) / d)
+    closed = Ad
+    for gain, row in zip(np.atleast_2d(K) / d, (C[0], *(model.outputs()[1:] * d)), strict=False):
+        closed = closed - np.outer(gain, row @ closed)
+    radius = float(np.abs(np.linalg.eigvals(closed)).max())
     if radius >= 1:
         return math.inf
     return -interval_s / math.log(radius) if radius > 0 else 0.0
@@ -123,7 +204,7 @@ def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> flo
 def _balanced(
     model: AxisModel, interval_s: float, disturbance: float = 0.0
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Ad (n, n), what noise enters by (n, q), C (n,) in the coordinates x / d, and d (n,)."""
+    """Ad (n, n), what noise enters by (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
     A, B, C = model.matrices()
     d = model.balance()
     enters = B[:, _torque(model)]
@@ -135,7 +216,7 @@ def _balanced(
     Ad, G = zero_order_hold(A / d[:, np.newaxis] * d, enters / d[:, np.newaxis], interval_s)
     if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
         Ad[:, s], C = 0.0, C / interval_s
-    return Ad, G, C[0] * d, d
+    return Ad, G, C * d, d
 
 
 def _kept(model: AxisModel, K: Floats) -> Floats:
@@ -150,7 +231,12 @@ def _torque(model: AxisModel) -> np.ndarray:
 
 
 def _radius(Ad: Floats, C: Floats, K: Floats) -> float:
-    return float(np.abs(np.linalg.eigvals(Ad - np.outer(K, C @ Ad))).max())
+    return float(np.abs(np.linalg.eigvals(Ad - K @ (C @ Ad))).max())
+
+
+def _joint_gain(P: Floats, C: Floats) -> Floats:
+    """P C' (C P C' + I)^-1 (n, q), of C (q, n)."""
+    return np.asarray(np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T)
 
 
 def _no_filter(torque_noise: float, output_noise: float) -> str:

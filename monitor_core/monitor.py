@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.alarms.book import EpisodeBook
+from monitor_core.alarms.episodes import Episode, Event
+from monitor_core.alarms.evidence import HELD
+from monitor_core.alarms.saved import episodes_from_array, episodes_to_array
 from monitor_core.bank import Bank, standard_deviation
 from monitor_core.directions import confounded, untold
-from monitor_core.episodes import Calm, Crossing, Episode, EpisodeBook
 from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
 from monitor_core.kernel.block import Trace
-from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
+from monitor_core.kernel.state import COUNTERS, COUNTERS2, NEVER, SCHEMA, UNSEEN
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel, Drive
 from monitor_core.settings import Settings
@@ -24,8 +27,6 @@ _T = TypeVar("_T", bound=np.generic)
 _PRIME = 2**127 - 1
 INVALID = 100.0
 """Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
-HELD = 0.1
-"""Of the way from the nominal value to a bound: an estimate that is held scatters by so much."""
 _OBSERVATION = tuple(Observation)
 _TRACKING = {
     Observation.OBSERVED: Status.TRACKING,
@@ -35,6 +36,7 @@ _TRACKING = {
 _OF_NO_STATE: dict[str, Any] = {
     "alpha1": 0.0,
     "alpha2": 1.0,
+    "thresholds": (),
     "P0": (),
     "run_on": False,
     "outlier": 0.0,
@@ -82,7 +84,8 @@ class AxisMonitor:
         nominal = sorted(m.nominal.items())
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
         units = " relative" if m.relative else ""
-        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}"
+        second = f" {s.second}" if s.second else ""
+        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}{second}"
 
     def run(
         self,
@@ -91,13 +94,14 @@ class AxisMonitor:
         y: Floats,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
+        y2: Floats | None = None,
     ) -> list[Episode]:
         """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended.
 
-        ``shift`` (N, p) and ``gate`` (N,) as for ``Bank.run``.
+        ``shift`` (N, p), ``gate`` (N,) and ``y2`` (N,) as for ``Bank.run``.
         """
         block = _column(t_us), _column(u), _column(y)
-        events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate))
+        events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate), y2=_optional(y2))
         return [episode for _, event in events for episode in self.apply(event)]
 
     def run_traced(
@@ -107,14 +111,17 @@ class AxisMonitor:
         y: Floats,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
+        y2: Floats | None = None,
     ) -> tuple[list[Episode], Trace]:
         """As ``run``, with the recursion's values at every sample, axis dropped: theta (N, p), g (N, 2, p), .."""
         block = _column(t_us), _column(u), _column(y)
-        events, trace = self.bank.run_traced(*block, shift=_optional(shift), gate=_optional(gate))
+        events, trace = self.bank.run_traced(
+            *block, shift=_optional(shift), gate=_optional(gate), y2=_optional(y2)
+        )
         episodes = [episode for _, event in events for episode in self.apply(event)]
         return episodes, Trace(*(field[..., 0] for field in trace))
 
-    def apply(self, event: Crossing | Calm) -> list[Episode]:
+    def apply(self, event: Event) -> list[Episode]:
         """Take an event of this axis; returns the episodes that it raised, updated or ended."""
         return self.book.apply(event)
 
@@ -131,8 +138,14 @@ class AxisMonitor:
             parameters=tuple(self._parameter(i) for i in range(len(self.model.monitored))),
             innovation_variance=float(st.lam0_running[a]),
             confounded=self._confounded(),
-            counters={name: int(st.counts[k, a]) for k, name in enumerate(COUNTERS)},
+            counters={name: int(count) for name, count in self._counts()},
         )
+
+    def _counts(self) -> Iterator[tuple[str, int]]:
+        st, a = self.bank.state, self.axis
+        yield from zip(COUNTERS, st.counts[:, a], strict=True)
+        if self.model.drive.both:
+            yield from zip(COUNTERS2, st.counts2[:, a], strict=True)
 
     def _parameter(self, i: int) -> ParameterFacts:
         st, a, parameter = self.bank.state, self.axis, self.model.parameters[i]
@@ -150,10 +163,14 @@ class AxisMonitor:
             g_up=float(st.g[0, i, a]),
             g_down=float(st.g[1, i, a]),
             h=float(self.bank.thresholds[i, a]),
-            nu=float(self.settings.alpha1 * math.sqrt(self.settings.lam0 * P_ii)),
+            nu=self._nu(i, P_ii),
             status=self._status(i),
             observation=_OBSERVATION[st.observed[i, a]],
         )
+
+    def _nu(self, i: int, P_ii: float) -> float:
+        alpha1, _, allowance = self.settings.tests(len(self.model.scale))[:, i]
+        return float(alpha1 * math.sqrt(self.settings.lam0 * P_ii) + allowance * self.model.scale[i])
 
     def _confounded(self) -> tuple[str, ...]:
         st, a = self.bank.state, self.axis
@@ -168,7 +185,8 @@ class AxisMonitor:
         theta0, theta = self.model.theta0[i] + st.shift[i, a], st.theta[i, a]
         bound = upper[i, a] if theta > theta0 else lower[i, a]
         held = bool(abs(theta - bound) <= HELD * abs(theta0 - bound))
-        return held or bool(st.lam0_running[a] > INVALID * self.settings.lam0)
+        running = max((st.lam0_running[a], *st.running2[:, a]))
+        return held or bool(running > INVALID * self.settings.lam0)
 
     def _status(self, i: int) -> Status:
         st, a = self.bank.state, self.axis
@@ -187,24 +205,10 @@ class AxisMonitor:
     def to_arrays(self) -> Arrays:
         """The whole state, to be saved: arrays by name."""
         floats, ints = self.bank.column(self.axis)
-        names = self.model.monitored
-        rows = [
-            (
-                names.index(e.parameter),
-                e.direction == "down",
-                e.onset_us,
-                e.raised_us,
-                e.updated_us,
-                e.crossings,
-            )
-            for e in self.book.open
-        ]
-        sizes = [(e.size, e.size_sd) for e in self.book.open]
         return {
             "floats": floats,
             "ints": ints,
-            "episodes": np.array(rows, dtype=np.int64).reshape(-1, 6),
-            "episode_sizes": np.array(sizes, dtype=float).reshape(-1, 2),
+            "episodes": episodes_to_array(self.book.open),
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -214,28 +218,11 @@ class AxisMonitor:
             KeyError: an array is missing.
             ValueError: it does not belong to this model, or is damaged.
         """
-        rows = zip(arrays["episodes"], arrays["episode_sizes"], strict=True)
-        episodes = [self._episode(row, size) for row, size in rows]
+        episodes = episodes_from_array(arrays["episodes"], self.model.monitored)
         self.bank.restore(
             self.axis, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
         self.book = EpisodeBook(episodes)
-
-    def _episode(self, row: NDArray[np.generic], size: NDArray[np.generic]) -> Episode:
-        i, down, onset, raised, updated, crossings = (int(v) for v in row)
-        if not 0 <= i < len(self.model.monitored):
-            raise ValueError(f"an episode of parameter {i}, which is not monitored")
-        return Episode(
-            parameter=self.model.monitored[i],
-            direction="down" if down else "up",
-            onset_us=onset,
-            raised_us=raised,
-            updated_us=updated,
-            ended_us=None,
-            size=float(size[0]),
-            size_sd=float(size[1]),
-            crossings=crossings,
-        )
 
 
 def _fingerprint(drive: Drive) -> int:

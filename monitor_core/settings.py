@@ -2,10 +2,48 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.kernel.tables import GAINS, Floats
+
+
+class Threshold(NamedTuple):
+    """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size."""
+
+    alpha1: float
+    alpha2: float
+    allowance: float = 0.0
+
+
+@dataclass(frozen=True)
+class Second:
+    """The filter of a second output, used after the first one in the same sample (kalman.gains_of_both).
+
+    Raises:
+        ValueError: a value outside its range.
+    """
+
+    K: tuple[float, ...]
+    """Its gain, one number per state, given that the first output has been used."""
+    lam0: float
+    """Its innovation variance then, in its unit squared."""
+    K_after: tuple[tuple[float, ...], ...] = ()
+    """Its gain after 0, 2, 3 .. 11 intervals; empty: always K."""
+    alone: tuple[float, ...] = ()
+    """Gain of the first output where the second is missing; empty: as with it."""
+    alone_after: tuple[tuple[float, ...], ...] = ()
+    """The same after 0, 2, 3 .. 11 intervals; empty: always ``alone``."""
+
+    def __post_init__(self) -> None:
+        numbers = [
+            *self.K,
+            *self.alone,
+            *(k for after in (self.K_after, self.alone_after) for g in after for k in g),
+        ]
+        if not (self.K and 0 < self.lam0 < math.inf and all(math.isfinite(k) for k in numbers)):
+            raise ValueError(f"a second output with lam0 = {self.lam0}, K = {self.K} is out of range")
 
 
 @dataclass(frozen=True)
@@ -24,6 +62,8 @@ class Settings:
     """Innovation variance lambda_0, in the output's unit squared, used by nu and by standard deviations."""
     alpha1: float = 3.0
     alpha2: float = 20.0
+    thresholds: tuple[Threshold, ...] = ()
+    """Of each parameter its own, in place of alpha1 and alpha2; empty: these for all, and no allowance."""
     K: tuple[float, ...] = ()
     """Filter gain of the innovations form, one number per state; empty is K = 0, the paper's output error."""
     K_after: tuple[tuple[float, ...], ...] = ()
@@ -53,12 +93,18 @@ class Settings:
     joint: bool = False
     """The state moves with theta, as in the extended Kalman filter of both together; then memories far below the
     slowest time constant of the predictor are possible.  False: the paper's."""
+    drift: bool = False
+    """Parameters are a random walk, P <- P + (1 - lambda) diag(P(0)), each for itself, as in a Kalman filter, instead
+    of being forgotten, P <- P / lambda, which holds changes likeliest along what is least known.  A parameter alone
+    follows as fast; several that correlate scatter less.  While P(0) is found, lambda it is."""
     widen: float = 0.0
     """After an alarm P_ii is at least so many times P(0)_ii, so that the changed parameter converges the faster (the
     paper's remark on P(0) in change detection).  0: P stays."""
     untold: tuple[tuple[str, str], ...] = ()
     """Pairs of parameters that the record of the nominal values cannot tell apart.  With such nominal values, nothing
     is tested: they would alarm as soon as the axis moves otherwise."""
+    second: Second | None = field(default=None, repr=False)
+    """Of a drive with a second output; K, K_after and lam0 are then those of the first output while both are there."""
     run_on: bool = False
     """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
 
@@ -69,6 +115,7 @@ class Settings:
             "lam0": (self.lam0, 0 < self.lam0 < math.inf),
             "alpha1": (self.alpha1, 0 <= self.alpha1 < math.inf),
             "alpha2": (self.alpha2, 0 < self.alpha2 < math.inf),
+            "thresholds": (self.thresholds, all(map(_usable, self.thresholds))),
             "delay_s": (self.delay_s, 0 <= self.delay_s <= self.interval_s),
             "max_gap_s": (self.max_gap_s, self.interval_s <= self.max_gap_s < math.inf),
             "settle_s": (self.settle_s, 0 <= self.settle_s < math.inf),
@@ -92,6 +139,11 @@ class Settings:
         return 1 / (1 - self.lam)
 
     @property
+    def divisor(self) -> float:
+        """Of lambda_0 P, which gives the covariance of the estimates: 1 + lambda; 2 where parameters drift."""
+        return 2.0 if self.drift else 1 + self.lam
+
+    @property
     def seed_updates(self) -> int:
         """Length of the run that finds P(0): ten memory lengths, of which the second half is averaged."""
         return 0 if self.P0 else 2 * round(5 * self.memory)
@@ -100,6 +152,17 @@ class Settings:
     def span(self) -> int:
         """Updates between two looks at P: a quarter of the memory."""
         return max(1, round(self.memory / 4))
+
+    def tests(self, p: int) -> Floats:
+        """alpha1, alpha2 and the allowance of each parameter (3, p).
+
+        Raises:
+            ValueError: there are thresholds of another number of parameters.
+        """
+        own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
+        if len(own) != p:
+            raise ValueError(f"there are {len(own)} thresholds, {p} parameters are monitored")
+        return np.array(own, float).reshape(p, 3).T
 
     def gain(self, n: int) -> Floats:
         """K as a vector (n,).
@@ -119,10 +182,41 @@ class Settings:
         Raises:
             ValueError: another number of states, or of gains.
         """
-        K = self.gain(n)
-        if not self.K_after:
-            return np.tile(K, (GAINS, 1))
-        after = np.array(self.K_after)
-        if after.shape != (GAINS - 1, n):
-            raise ValueError(f"K_after has the shape {after.shape}: need {(GAINS - 1, n)}")
-        return np.insert(after, 1, K, axis=0)
+        return _after(self.gain(n), self.K_after)
+
+    def both_gains(self, n: int) -> Floats:
+        """For two outputs, after 0, 1, 2 .. intervals: of the first, of the second, of the first alone (3 GAINS, n).
+
+        Raises:
+            ValueError: as ``gains``; there is no second output.
+        """
+        s = self.second
+        if s is None or len(s.K) != n or (s.alone and len(s.alone) != n):
+            raise ValueError(
+                f"the drive has two outputs and {n} states: need the gains of the second, {n} each"
+            )
+        first = self.gains(n)
+        alone = _after(np.array(s.alone), s.alone_after) if s.alone else first
+        return np.vstack([first, _after(np.array(s.K), s.K_after), alone])
+
+    def filter(self, n: int) -> Floats:
+        """The gains of all outputs, in the order in which they are used (1 or 2, n).
+
+        Raises:
+            ValueError: K has another number of states.
+        """
+        return np.vstack([self.gain(n)] if self.second is None else [self.gain(n), self.second.K])
+
+
+def _after(K: Floats, later: tuple[tuple[float, ...], ...]) -> Floats:
+    """K (n,) and, after 0, 2, 3 .. intervals, ``later``: (GAINS, n)."""
+    if not later:
+        return np.tile(K, (GAINS, 1))
+    after = np.array(later)
+    if after.shape != (GAINS - 1, len(K)):
+        raise ValueError(f"K_after has the shape {after.shape}: need {(GAINS - 1, len(K))}")
+    return np.insert(after, 1, K, axis=0)
+
+
+def _usable(one: Threshold) -> bool:
+    return 0 <= one.alpha1 < math.inf and 0 < one.alpha2 < math.inf and 0 <= one.allowance < math.inf

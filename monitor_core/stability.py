@@ -24,12 +24,14 @@ _BISECTIONS = 30
 def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
     """The model's bounds of theta (2, p), drawn in as far as the predictor with filter gain K (n,) needs it.
 
+    With two outputs K is (2, n): the gains in the order in which they are used.
+
     Where it is unstable at the nominal values themselves the bounds are left as they are.
     """
     nominal, scales, bounds = (
         tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds)
     )
-    gain = tuple(float(k) for k in K)
+    gain = tuple(float(k) for k in np.ravel(K))
     values = (nominal, scales, bounds)
     return _known(model.drive, values, model.monitored, model.relative, gain, interval_s).copy()
 
@@ -45,7 +47,9 @@ def _known(
 ) -> Floats:
     nominal, scales, bounds = (dict(part) for part in values)
     return _drawn_in(
-        AxisModel(drive, nominal, monitored, scales, bounds, relative), np.array(gain), interval_s
+        AxisModel(drive, nominal, monitored, scales, bounds, relative),
+        np.array(gain).reshape(-1, len(drive.states)),
+        interval_s,
     )
 
 
@@ -80,13 +84,17 @@ def _stable(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> N
 
 
 def _radii(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> Floats:
-    """Spectral radius of (I - K C) Ad at each theta (points, p)."""
+    """Spectral radius of (I - K C) Ad at each theta (points, p); K (outputs, n)."""
     d = model.balance()
-    matrices = [model.matrices(theta) for theta in thetas]
-    A, C = np.array([m[0] for m in matrices]), np.array([m[2][0] for m in matrices]) * d
+    A, C = (
+        np.array([model.matrices(theta)[0] for theta in thetas]),
+        np.array([model.outputs(t) for t in thetas]) * d,
+    )
     Ad = sla.expm(A / d[:, np.newaxis] * d * interval_s)
     if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
         Ad[:, :, s], C = 0.0, C / interval_s
-    closed = Ad - (K / d)[:, np.newaxis] * (C[:, np.newaxis] @ Ad)
+    closed = Ad
+    for i, gain in enumerate(np.atleast_2d(K)):
+        closed = closed - (gain / d)[:, np.newaxis] * (C[:, i : i + 1] @ closed)
     closed = np.where(np.isfinite(closed), closed, 1e300)
     return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=1))

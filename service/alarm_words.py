@@ -1,8 +1,68 @@
 """What an alarm says, in one sentence."""
 
 import math
+from typing import Protocol
 
+from monitor_core.alarms.episodes import Cause, Doubt, Kind, Stage
 from monitor_core.drive import DELAY
+
+SURE = 0.95
+"""A cause that is likelier needs no second one beside it."""
+
+DOUBTS: dict[Doubt, str] = {
+    "several": "more than one parameter has changed, or none of them; nearest is {parameter}: {fact}",
+    "model": "the model no longer holds, as if a sensor were wrong; nearest is {parameter}: {fact}",
+    "sign": "the motion does not follow the torque, as if one of them had changed its sign, or were stuck",
+    "still": "no motion follows the torque: the sensor or the axis is stuck, or the drive is off",
+}
+
+
+class Told(Protocol):
+    """An episode, or an alarm of the journal."""
+
+    @property
+    def parameter(self) -> str:
+        """The best present name."""
+
+    @property
+    def size(self) -> float:
+        """Estimate minus nominal."""
+
+    @property
+    def stage(self) -> Stage:
+        """Whether it has a name."""
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The likeliest first."""
+
+    @property
+    def doubt(self) -> Doubt:
+        """Why it may be none of them."""
+
+    @property
+    def kind(self) -> Kind:
+        """Step or drift."""
+
+
+def episode_words(e: Told, nominal: float, unit: str) -> str:
+    """An alarm in words, as sure as it is: "something has changed, at first sight fm: fm is .."."""
+    fact = alarm_words(e.parameter, e.size, nominal, unit)
+    if e.stage == "changed":
+        return f"something has changed, at first sight {e.parameter}: {fact}"
+    if e.doubt:
+        return DOUBTS[e.doubt].format(parameter=e.parameter, fact=fact)
+    drifts = f", and drifts {'down' if e.size < 0 else 'up'}" if e.kind == "drift" else ""
+    return f"{_which(e.causes)}{fact}{drifts}"
+
+
+def _which(causes: tuple[Cause, ...]) -> str:
+    """Nothing where the cause is sure, else "kT or fm, 60:40; "."""
+    if not causes or causes[0].probability >= SURE:
+        return ""
+    likely = causes[:3]
+    shares = ":".join(f"{100 * cause.probability:.0f}" for cause in likely)
+    return f"{' or '.join(cause.parameter for cause in likely)}, {shares}; "
 
 
 def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:

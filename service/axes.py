@@ -1,14 +1,15 @@
 """From the configuration of an axis to the engine's model and settings."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from monitor_core.directions import untold
 from monitor_core.drive import DISTURBANCE_TIME
-from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.kalman import Gains, filter_gain, gains_after, gains_of_both, slowest_time_constant
 from monitor_core.model import AxisModel
-from monitor_core.settings import Settings
+from monitor_core.settings import Second, Settings
 from service.config import (
     AxisConfig,
     Config,
@@ -18,17 +19,19 @@ from service.config import (
     nominal_file_of,
     predictor_of,
     scales_of,
+    thresholds_file_of,
     watched_drive,
     watched_values,
 )
+from service.thresholds import with_thresholds
 
 SETTLING_TIME_CONSTANTS = 5
 """After so many of its slowest time constants the predictor has forgotten where it started (e^-5 = 0.7 %)."""
 LEAST_MEMORY, AMPLE_MEMORY = 0.5, 2.5
 """Memory over the slowest time constant: below the first theta runs away, from the second on it scatters as P says;
-the paper's own experiment has 1.8."""
+the paper's own experiment has 1.8.  Between them the state moves with the estimates, or the configuration says no."""
 JOINT = 0.2
-"""Of that where the state moves with the estimates: then they do not run away."""
+"""Of that where the configuration says that the state moves with the estimates: then they do not run away."""
 LOST_SAMPLE = 0.1
 """Part of the settling time that each lost sample but the first of a row costs: nine of them, nearly all of it."""
 
@@ -56,9 +59,14 @@ def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
 
 
 def _settings(config: AxisConfig, model: AxisModel) -> Settings:
+    settings, found = _without_thresholds(config, model), thresholds_file_of(config)
+    return settings if found is None else with_thresholds(settings, model, found)
+
+
+def _without_thresholds(config: AxisConfig, model: AxisModel) -> Settings:
     predictor = predictor_of(config)
-    K, lam0 = _gain(config, predictor, model)
-    P0, settle_s = config.estimator.initial_p, _settling_time(config, model, K)
+    K, lam0, K_after, second = _filter(config, predictor, model)
+    P0, settle_s = config.estimator.initial_p, _settling_time(config, model, K, second)
     return Settings(
         interval_s=config.sample_interval_s,
         lam=config.forgetting,
@@ -66,7 +74,8 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         alpha1=config.detector.alpha_1,
         alpha2=config.detector.alpha_2,
         K=tuple(K),
-        K_after=_later_gains(config, predictor, model, K),
+        K_after=K_after,
+        second=second,
         delay_s=predictor.torque_delay_s,
         max_gap_s=config.maximum_gap_s,
         settle_s=settle_s,
@@ -76,10 +85,36 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
         floor=config.estimator.least_information,
         starved=config.estimator.least_excitation,
         outlier=config.estimator.outlier_limit,
-        joint=config.estimator.joint_state,
+        joint=_joint(config, model, K, second),
+        drift=config.estimator.random_walk,
         widen=config.detector.widening,
         untold=_untold(config),
     )
+
+
+def _filter(config: AxisConfig, p: Predictor, model: AxisModel) -> Gains:
+    """Gains and innovation variances, of angle and speed together where both are measured."""
+    if model.drive.both:
+        return _both(config, p, model)
+    K, lam0 = _gain(config, p, model)
+    return Gains(tuple(K), lam0, _later_gains(config, p, model, K), None)
+
+
+def _both(config: AxisConfig, p: Predictor, model: AxisModel) -> Gains:
+    """From the noises.  A given lambda_0 is how much larger errors are than those say: then both are so much larger.
+
+    In a file of nominal values it is that of the angle by itself.
+    """
+    assert p.torque_noise is not None  # all three are a rule of the configuration
+    assert p.output_noise is not None
+    assert p.speed_noise is not None
+    noises = config.sample_interval_s, p.torque_noise, p.output_noise
+    g = gains_of_both(model, *noises, p.speed_noise)
+    if p.innovation_variance is None or g.second is None:
+        return g
+    expected = filter_gain(model, *noises)[1] if nominal_file_of(config) else g.lam0
+    larger = p.innovation_variance / expected
+    return g._replace(lam0=larger * g.lam0, second=replace(g.second, lam0=larger * g.second.lam0))
 
 
 def _gain(config: AxisConfig, p: Predictor, model: AxisModel) -> tuple[Sequence[float], float]:
@@ -106,8 +141,8 @@ def _later_gains(
     return gains_after(model, *noises) if np.allclose(computed, K, rtol=1e-3, atol=0) else ()
 
 
-def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:
-    slowest = _slowest(config, model, K)
+def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float], second: Second | None) -> float:
+    slowest = _slowest(config, model, K, second)
     if not np.isfinite(slowest):
         raise ValueError("the predictor is not stable: give another gain, or torque_noise and output_noise")
     least = LEAST_MEMORY * slowest * (JOINT if config.estimator.joint_state else 1)
@@ -121,8 +156,16 @@ def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> 
     return SETTLING_TIME_CONSTANTS * slowest if given is None else given
 
 
-def _slowest(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:
+def _joint(config: AxisConfig, model: AxisModel, K: Sequence[float], second: Second | None) -> bool:
+    """Whether the state moves with the estimates: as said, else where these would scatter more than is reported."""
+    said = config.estimator.joint_state
+    return memory_s(config) < AMPLE_MEMORY * _slowest(config, model, K, second) if said is None else said
+
+
+def _slowest(config: AxisConfig, model: AxisModel, K: Sequence[float], second: Second | None) -> float:
     gain = np.array(K) if K else np.zeros(len(model.drive.states))
+    if second is not None:
+        gain = np.vstack([gain, second.K])
     return slowest_time_constant(model, gain, config.sample_interval_s)
 
 
@@ -143,15 +186,29 @@ def doubtful_nominals(config: Config) -> Iterator[str]:
             yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
 
 
+def found_otherwise(config: Config) -> Iterator[str]:
+    """A note on each axis that is watched with angle and speed, and identified with the angle."""
+    for axis in config.axes:
+        if axis.config.both and nominal_file_of(axis.config) is not None:
+            yield (
+                f"{axis.id}: its nominal values were found with the angle by itself; with angle and speed estimates may"
+                " settle a little beside them where the drive is not quite what the model says"
+            )
+
+
 def short_memories(config: Config) -> Iterator[str]:
     """Axes whose estimates will scatter more than is reported, in words."""
     for axis in config.axes:
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)
-        slowest, memory = _slowest(axis.config, model, settings.K), memory_s(axis.config)
-        ample = AMPLE_MEMORY * slowest * (JOINT if settings.joint else 1)
-        if memory < ample:
+        slowest, memory = _slowest(axis.config, model, settings.K, settings.second), memory_s(axis.config)
+        short = f"{axis.id}: a memory of {memory:.3g} s is short beside {slowest:.3g} s, the slowest time constant of"
+        by_itself = axis.config.estimator.joint_state is None
+        ample = AMPLE_MEMORY * slowest * (JOINT if settings.joint and not by_itself else 1)
+        if memory < ample and settings.joint and by_itself:
             yield (
-                f"{axis.id}: a memory of {memory:.3g} s is short beside {slowest:.3g} s, the slowest time constant of"
-                f" the predictor: from {ample:.3g} s on estimates scatter as reported"
+                f"{short} the predictor: its state moves with the estimates (joint_state), so that they scatter as"
+                f" reported; with {ample:.3g} s or more it need not, and a change is seen up to 30 % sooner"
             )
+        elif memory < ample:
+            yield f"{short} the predictor: from {ample:.3g} s on estimates scatter as reported"

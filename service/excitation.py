@@ -43,10 +43,13 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
         ExcitationError: it makes no sense; the text says what would be right.
         AxisError: the axis has no predictor.
     """
-    config = asked.axis.config
+    config = asked.axis.config.with_one_output
     _check_known(asked.axis)
     model = axis_model(config)
-    settings, drive = axis_settings(asked.axis, model), drive_of(config, config.output)
+    settings, drive = (
+        axis_settings(asked.axis._replace(config=config), model),
+        drive_of(config, config.output),
+    )
     values, h = given_values(config), config.sample_interval_s
     if controller is not None and asked.command == "torque":
         raise ExcitationError(

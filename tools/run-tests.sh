@@ -25,6 +25,23 @@ again() { # the failures that chance may have brought, with three fresh seeds
   echo "passed with three fresh seeds: taken for chance. Seen often, the limit or the code is wrong."
 }
 
+# The virtual kernel shows modification times in whole seconds, by which numba knows its compiled kernels: with whole
+# seconds on both sides the second run need not compile again what the first has.
+find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat -c %Y "$f")" "$f"; done' _ {} +
+
+# Both processors compile, each a part; else each of the test processes would compile all of it.
+ahead() {
+  .venv/bin/python -c "import tests.conftest
+from service.commands.warm_offline import compile_offline
+from service.monitoring.warming import FEWEST_LANES, compile_kernel
+$1"
+}
+if [ $# = 0 ]; then
+  ahead "compile_kernel(FEWEST_LANES)" &
+  ahead "compile_kernel(1); compile_offline()"
+  wait
+fi
+
 # Side by side; the seed is the same in all processes. More than four would only crowd each other's daemons.
 mkdir -p .cache
 export AXISWATCH_TO_CONFIRM=$PWD/.cache/failed-by-chance
@@ -36,15 +53,12 @@ unset AXISWATCH_TO_CONFIRM
 
 echo
 echo "SocketCAN tests, on vcan0 and vcan1:"
-# A cache of its own: the virtual kernel shows modification times in whole seconds, so that the two sides
-# would throw away each other's compiled kernels.
-vcan() { NUMBA_CACHE_DIR=$PWD/.cache/numba-vcan tools/with-vcan.sh "$@"; }
 # Everything is slow in there, imports above all: without a selection, collect only the files concerned.
 if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests); else files=(); fi
-vcan "${PYTEST[@]}" "$@" -m vcan "${files[@]}"
+tools/with-vcan.sh "${PYTEST[@]}" "$@" -m vcan "${files[@]}"
 sock=$?
 
-if [ "$sock" = 125 ] && ! vcan true; then
+if [ "$sock" = 125 ] && ! tools/with-vcan.sh true; then
   if [ "${CI:-}" = true ]; then
     echo "no SocketCAN devices, and CI=true: failed" >&2
     exit 1

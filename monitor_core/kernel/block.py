@@ -24,7 +24,8 @@ from monitor_core.kernel.compile import aside, entry, kernel
 from monitor_core.kernel.conditions import close, follow
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.delay import delayed, switch
-from monitor_core.kernel.interval import for_interval
+from monitor_core.kernel.evidence import Noted, gather
+from monitor_core.kernel.interval import for_interval, walk
 from monitor_core.kernel.laurent import evaluate
 from monitor_core.kernel.mean import begin_again, mean, own_interval
 from monitor_core.kernel.outliers import running_variance, sift
@@ -32,12 +33,14 @@ from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.recursion import (
     carry,
     correct,
+    drift_P,
     find_P0,
     gain,
     predict,
     update_P,
     update_theta,
 )
+from monitor_core.kernel.second import MARKS, VECTORS, foresee, second
 from monitor_core.kernel.series import SECTIONS
 from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
@@ -64,16 +67,23 @@ class Samples(NamedTuple):
     number: NDArray[np.int64]  # (W,)
     shift: Floats  # (N, p, W) theta_0(s) - theta_0; (0, p, W): as before
     gate: NDArray[np.bool_]  # (N, W) whether to learn; (0, W): always
+    y2: Floats  # (N, W) second output, NaN where it is missing; (0, W): everywhere
 
 
 class Trace(NamedTuple):
-    """What the recursion did at each sample; arrays of length 0 where it is not wanted.  eps NaN: no update."""
+    """What the recursion did at each sample; arrays of length 0 where it is not wanted.  eps NaN: no update.
+
+    Entries beyond the samples of an axis mean nothing.
+    """
 
     eps: Floats  # (N, W)
     psi: Floats  # (N, p, W)
     theta: Floats  # (N, p, W)
     P: Floats  # (N, p, W) diagonal
-    g: Floats  # (N, 2, p, W)
+    g: Floats  # (N, 2, p, W) after an alarm: where it starts again
+    shift: Floats  # (N, p, W) theta_0(s) - theta_0
+    does: Floats  # (N, W) what became of the sample, of kernel.admission: TRACK, GATED ..
+    observed: Floats  # (N, p, W) OBSERVED, WEAK, UNSEEN
 
 
 @kernel
@@ -122,21 +132,30 @@ def _record(
     theta: Floats,
     P: Floats,
     g: Floats,
+    shift: Floats,
+    does: Ints,
+    observed: Ints,
     to_eps: Floats,
     to_psi: Floats,
     to_theta: Floats,
     to_P: Floats,
     to_g: Floats,
+    to_shift: Floats,
+    to_does: Floats,
+    to_observed: Floats,
 ) -> None:
     for a in range(min(len(lanes), to_eps.shape[1] - a0)):
         b = a0 + a
         to_eps[k, b] = eps[a] if learns[a] else math.nan
+        to_does[k, b] = does[a]
         for i in range(theta.shape[0]):
             to_psi[k, i, b] = psi[i, a]
             to_theta[k, i, b] = theta[i, a]
             to_P[k, i, b] = P[i, i, a]
             to_g[k, 0, i, b] = g[0, i, a]
             to_g[k, 1, i, b] = g[1, i, a]
+            to_shift[k, i, b] = shift[i, a]
+            to_observed[k, i, b] = observed[i, a]
 
 
 @entry
@@ -147,12 +166,17 @@ def run(
     C: Floats,
     F: Floats,
     I: Ints,
+    kept_t: Ints,
+    kept_d: Floats,
     samples: Samples,
     reset: bool,
     events: Events,
+    noted: Noted,
     trace: Trace,
 ) -> None:
     """A block of samples through the bank of constants C and state F, I, as many axes at a time as there are lanes.
+
+    ``kept_t`` (KEPT, axes) and ``kept_d`` (KEPT kept_numbers, axes) are state, too, but hardly ever touched.
 
     ``lanes``: an array of a multiple of eight, or (0,), then ``one`` is True.
 
@@ -173,7 +197,7 @@ def run(
     term_slot, factor_start, factor_par, factor_exp = T.term_slot, T.factor_start, T.factor_par, T.factor_exp
     for a0 in range(0, F.shape[1], W):
         C_, F_, I_ = columns(C, a0, W), columns(F, a0, W), columns(I, a0, W)
-        con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, T.n, T.p, T.m)
+        con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, T.n, T.p, T.m, T.two)
         X, G, V = table(z + T.n, W), table(z + T.n, W), table(T.slots + 1, W)
         X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
         wide = 1 if W == 1 else EIGHT
@@ -183,12 +207,18 @@ def run(
         psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
         u, y, h, h_first = floats(W), floats(W), floats(W), floats(W)
         h_before, over, lost = floats(W), floats(W), ints(W)
-        lam, K = floats(W), table(T.n, W)
+        lam, K, more_S = floats(W), table(T.n, W), floats(W)
+        K2, work2, marks2 = (
+            table(2 * T.n * T.two, W),
+            table(T.two * (VECTORS + 3 * T.p), W),
+            marks(T.two * MARKS, W),
+        )
         yhat, eps, believed, S, tmp = floats(W), floats(W), floats(W), floats(W), floats(W)
         N, L, Y, tests = table(T.p, T.p), table(T.p, T.p), table(T.p, T.p), marks(T.p, W)
         t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
         moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
         moved, joint = table(T.p, W), con.joint.max() > 0.0
+        share, drift = floats(W), con.drift.max() > 0.0
         V0, coef, weight, theta, P = con.V0, con.coef, con.weight, st.theta, st.P
         norm, total = floats(W), floats(W)
         delay = theta[T.late] if T.late >= 0 else con.delay
@@ -207,6 +237,8 @@ def run(
                 close(lanes, k, a0, samples.gate, does)
             if moving:
                 for_interval(lanes, con.interval, con.lam, con.K, h, lam, K)
+                if drift:
+                    walk(lanes, con.drift, st.seed_left, lam, share)
                 evaluate(lanes, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V,
                          tmp)
                 if delayed(lanes, kind, delay, st.torque_before, st.u, h, h_first, u_first):
@@ -230,16 +262,25 @@ def run(
                 if T.mean >= 0:
                     mean(lanes, over, yhat, psi)
                 gain(lanes, lam, P, psi, Ppsi, S)
-                excite(lanes, lam, con.lam, con.starved, S, st.plenty, does, st.starved, st.observed)
+                if T.two:
+                    foresee(lanes, k, a0, samples.y2, T.out2_slot, T.out2_src, T.out2_par, con.scale2, V, X, con.K,
+                            con.interval, con.lam, h_first, h, K, K2, P, psi, work2, more_S)
+                excite(lanes, lam, con.lam, con.starved, S, more_S, st.plenty, does, st.starved, st.observed)
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
                 sift(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, does, moves, learns,
                      tracks, believed)
                 update_theta(lanes, con.lower, con.upper, theta, st.observed, believed, Ppsi, S, tracks, hit,
                              moved)
                 update_P(lanes, lam, P, Ppsi, S, learns, fit)
+                if T.two:
+                    second(lanes, con.lower, con.upper, T.out2_slot, T.out2_src, T.out2_par, con.scale2, V,
+                           con.outlier, con.lam_slow, st.running2, st.credit2, st.in_a_row2, st.counts2, K, K2, P,
+                           theta, st.observed, psi, eps, does, moves, learns, tracks, hit, moved, X, work2, marks2)
+                if drift:
+                    drift_P(lanes, share, st.P_nom, P, fit)
                 find_P0(lanes, con.starved, con.vague, con.seed, st.seed_left, st.P_nom, P, does)
-                look(lanes, con.floor, con.starved, con.span, con.lam, st.P_nom, tracks, st.since, st.starved,
-                     st.observed, con.h, P, N, L, Y)
+                look(lanes, con.floor, con.starved, con.span, con.lam, con.drift, st.P_nom, tracks, st.since,
+                     st.starved, st.observed, con.scale, P, N, L, Y)
                 admit_to_tests(lanes, con.tested, st.observed, theta, tracks, st.theta_seen, tests)
                 running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, does)
                 correct(lanes, K, X, eps, psi, moves)
@@ -248,16 +289,19 @@ def run(
                 if T.mean >= 0:
                     begin_again(lanes, T.mean, T.n, moves, X)
                 _tally(lanes, does, hit, st.counts)
-                deviate(lanes, con.theta0, st.shift, con.alpha1, con.lam0, theta, P, d, nu)
+                deviate(lanes, con.theta0, st.shift, con.alpha1, con.allowance, con.lam0, theta, P, d, nu)
                 if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):
-                    alarm(lanes, con.h, t, st.g, st.onset, d, con.widen, st.P_nom, P, tests, a0, reset, filled, what,
-                          value)
+                    alarm(lanes, con.h, t, st.g, st.onset, d, con.widen, st.P_nom, P, tests, a0, reset, con.calm,
+                          st.left, st.noting, filled, what, value)
+                gather(lanes, con.calm, con.span, t, st.left, st.noting, st.learned, st.calm, st.lam0_running, theta, d,
+                       P, tracks, a0, kept_t, kept_d, filled, noted)
                 calm_down(lanes, con.calm, t, st.calm, d, P, tests, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
             hold(lanes, kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,
                  st.torque_before)
             if tr.eps.size:
-                _record(lanes, k, a0, learns, eps, psi, theta, P, st.g, tr.eps, tr.psi, tr.theta, tr.P, tr.g)
+                _record(lanes, k, a0, learns, eps, psi, theta, P, st.g, st.shift, does, st.observed, tr.eps, tr.psi,
+                        tr.theta, tr.P, tr.g, tr.shift, tr.does, tr.observed)
         # fmt: on
         copy(X[:z], st.z, 0)
         copy(X[z:], st.x, 0)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.evidence import NAMING
 from monitor_core.kernel.state import NEVER
 from monitor_core.kernel.tables import Floats, Ints
 
@@ -28,17 +29,21 @@ def deviate(
     theta0: Floats,
     shift: Floats,
     alpha1: Floats,
+    allowance: Floats,
     lam0: Floats,
     theta: Floats,
     P: Floats,
     d: Floats,
     nu: Floats,
 ) -> None:
-    """d = theta_i - theta0_i and nu = alpha1 sqrt(lam0 P_ii)   (p, W)   (eq. 22); theta0 follows its conditions."""
+    """d = theta_i - theta0_i and nu = alpha1 sqrt(lam0 P_ii) + allowance   (p, W)   (eq. 22; the allowance is ours).
+
+    theta0 follows its conditions.
+    """
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
             d[i, a] = theta[i, a] - theta0[i, a] - shift[i, a]
-            nu[i, a] = alpha1[a] * math.sqrt(lam0[a] * P[i, i, a])
+            nu[i, a] = alpha1[i, a] * math.sqrt(lam0[a] * P[i, i, a]) + allowance[i, a]
 
 
 @kernel
@@ -79,6 +84,9 @@ def alarm(
     on: Ints,
     a0: int,
     reset: bool,
+    needed: Floats,
+    left: Ints,
+    noting: Ints,
     filled: Ints,
     what: Ints,
     value: Floats,
@@ -86,7 +94,7 @@ def alarm(
     """Note every g > h (eq. 23).  g then starts again from 0 if ``reset``: the paper's rule; its Figure 6 runs on.
 
     P_ii is then at least ``widen`` (W,) times P(0)_ii: theta_i has changed, and converges the faster.  A larger
-    diagonal leaves P positive definite.
+    diagonal leaves P positive definite.  After ``needed`` (W,) samples more there will be evidence for a name.
     """
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
@@ -95,6 +103,8 @@ def alarm(
                     continue
                 _note(filled, what, value, way, a0 + a, i, t[a], onset[way, i, a], d[i, a], P[i, i, a])
                 P[i, i, a] = max(P[i, i, a], widen[a] * P_nom[i, a])
+                if noting[a] != NAMING:
+                    left[a], noting[a] = int(needed[a]), NAMING
                 if reset:
                     g[way, i, a] = 0.0
                     onset[way, i, a] = t[a]

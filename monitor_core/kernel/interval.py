@@ -4,7 +4,19 @@ import math
 from typing import Any
 
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.tables import GAINS, Floats
+from monitor_core.kernel.tables import GAINS, Floats, Ints
+
+
+@kernel
+def walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats) -> None:
+    """Where parameters drift (W,) nothing is forgotten: lambda (W,) is 1, and ``share`` of P(0) is added, 1 - lambda.
+
+    So P_ii has the steady value that it has with lambda where a parameter is alone: psi^2 = (1 - lambda) / P in both.
+    """
+    for a in range(len(lanes)):
+        walks = drift[a] > 0.0 and seed_left[a] == 0
+        share[a] = 1.0 - lam[a] if walks else 0.0
+        lam[a] = 1.0 if walks else lam[a]
 
 
 @kernel

@@ -42,16 +42,20 @@ def excite(
     lam: Floats,
     least: Floats,
     S: Floats,
+    more: Floats,
     plenty: Floats,
     does: Ints,
     starved: Ints,
     observed: Ints,
 ) -> None:
-    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is below ``least`` learns nothing now."""
+    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is below ``least`` learns nothing now.
+
+    ``more`` (W,) is what a second output adds to psi' P psi.
+    """
     p = observed.shape[0]
     for a in range(len(lanes)):
         mean = p * (1.0 - lam[a])
-        share = min(S[a] - lam_h[a], mean) / mean
+        share = min(S[a] - lam_h[a] + more[a], mean) / mean
         step = min(QUICK * (1.0 - lam[a]), 1.0) * (share - plenty[a])
         plenty[a] += step if does[a] >= SEED and abs(step) < math.inf else 0.0
     for a in range(len(lanes)):
@@ -69,6 +73,7 @@ def look(
     least: Floats,
     span: Floats,
     lam: Floats,
+    drift: Floats,
     P_nom: Floats,
     on: Ints,
     since: Ints,
@@ -93,7 +98,10 @@ def look(
         # While a direction is starved, looks are closer: what comes in there now is not to be missed.
         if since[a] < (span[a] if starved[a] == 0 else span[a] // _CLOSER):
             continue
-        c = (lam[a] ** -since[a] - 1.0) * floor[a]  # keeps P below the bound up to the next look
+        # Keeps P below the bound up to the next look: it grows like lambda^-t, or a drift by (1 - lambda) P(0) t.
+        c = (lam[a] ** -since[a] - 1.0) * floor[a]
+        if drift[a] > 0.0:
+            c = since[a] * (1.0 - lam[a]) * floor[a] * floor[a]
         since[a] = 0
         for i in range(p):
             for j in range(p):

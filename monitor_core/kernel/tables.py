@@ -62,6 +62,10 @@ class Tables(NamedTuple):
     out_slot: Ints  # output: slot times
     out_src: Ints  # element of (z_1 .. z_p, x) goes to
     out_par: Ints  # psi of this parameter, or -1: to yhat
+    two: int  # 1: there is a second output, 0: there is none, and its lists are empty
+    out2_slot: Ints  # the same of the second output
+    out2_src: Ints
+    out2_par: Ints
     kind: Ints  # (m,) kinds of input
     term_slot: Ints  # (terms,) slot that the term adds to
     factor_start: Ints  # (terms + 1,) range of each term's factors
@@ -75,7 +79,8 @@ class Constants(NamedTuple):
     V0: Floats  # (slots, W) constant part of V
     coef: Floats  # (terms, W) coefficient of each term
     weight: Floats  # (entries of A, W) d_col / d_row of the balancing diagonal d
-    K: Floats  # (GAINS n, W) filter gain after 0, 1, 2 .. intervals; 0 is the paper's output error
+    K: Floats  # (GAINS n, W) filter gain after 0, 1, 2 .. intervals; 0 is the paper's output error.  With two outputs
+    # (3 GAINS n, W): of the first, of the second after it, of the first where the second is missing
     interval: Floats  # (W,) s, nominal
     rest: Floats  # (n, W) state of the drive moving rigidly at y = 1
     theta0: Floats  # (p, W) nominal values
@@ -83,10 +88,12 @@ class Constants(NamedTuple):
     upper: Floats  # (p, W)
     h: Floats  # (p, W) thresholds of the CUSUM tests
     vague: Floats  # (p, W) P_ii of who knows no more of a parameter than its size
+    scale: Floats  # (p, W) sizes of theta_i
+    alpha1: Floats  # (p, W) nu = alpha1 sqrt(lambda_0 P_ii) + allowance
+    allowance: Floats  # (p, W) what healthy records differ by, in the unit of theta
     u_scale: Floats  # (m, W) of what an input depends on: tanh(u_scale speed), cos(u_scale angle), sin(u_scale angle)
     lam: Floats  # (W,) forgetting factor
     lam0: Floats  # (W,) innovation variance that nu uses
-    alpha1: Floats  # (W,)
     lam_slow: Floats  # (W,) forgetting factor of the running innovation variance
     delay: Floats  # (W,) s, by which the torque acts late
     gap_us: Floats  # (W,) a longer interval re-initialises the predictor
@@ -98,11 +105,14 @@ class Constants(NamedTuple):
     lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
     joint: Floats  # (W,) 1: the state moves with theta
+    drift: Floats  # (W,) 1: parameters walk, instead of being forgotten
     tested: Floats  # (W,) 0: no test runs
     widen: Floats  # (W,) least P_ii / P(0)_ii after an alarm; 0: P stays
     span: Floats  # (W,) updates between two looks at P
+    scale2: Floats  # (two, W) what brings the second output's innovations to the variance of the first one's
 
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 5 * t.p + t.m + 18
+    gains = GAINS * (1 + 2 * t.two)
+    return t.slots + t.term_slot.size + t.A_row.size + (gains + 1) * t.n + 8 * t.p + t.m + t.two + 18

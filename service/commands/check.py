@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.axes import doubtful_nominals, short_memories
+from service.axes import doubtful_nominals, found_otherwise, short_memories
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
@@ -19,7 +19,13 @@ def check(config: ConfigPath) -> None:
     """Check a configuration with its DBC files; name every problem by file and line."""
     read = configuration(config)
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
-        notes = (*unsaid(read), *short_memories(read), *doubtful_nominals(read), *remarks_on_encoders(read))
+        notes = (
+            *unsaid(read),
+            *short_memories(read),
+            *doubtful_nominals(read),
+            *found_otherwise(read),
+            *remarks_on_encoders(read),
+        )
     console = Console()
     console.print(_buses(read))
     console.print(_axes(read))
@@ -44,12 +50,13 @@ def _axes(config: Config) -> Table:
 
 
 def _cells(axis: NamedAxis) -> tuple[str, ...]:
-    config = axis.config
+    config, second = axis.config, axis.config.second
+    beside = f"\n{second.message}.{second.signal} (speed)" if second else ""
     return (
         axis.id,
         config.bus,
         f"{config.torque.message}.{config.torque.signal}\n"
-        f"{config.motion.message}.{config.motion.signal} ({config.output})",
+        f"{config.motion.message}.{config.motion.signal} ({config.output}){beside}",
         f"{1000 * config.sample_interval_s:g} ms",
         "\n".join(
             (_drive(config.model), ", ".join(config.model.monitor), *_nominal(config), *in_words(config))

@@ -22,18 +22,19 @@ CANNOT_RUN = 2
 """Exit status where a command cannot do anything: the configuration is wrong."""
 
 
-def configuration(path: Path, without_bus: bool = False) -> Config:
+def configuration(path: Path, without_bus: bool = False, thresholds: bool = True) -> Config:
     """The configuration of a file and the environment.
 
     Args:
         path: the file.
         without_bus: the command needs no bus.
+        thresholds: use the files of thresholds that it names.
 
     Raises:
         typer.Exit: with status 2, after all problems have been written to the error stream.
     """
     try:
-        found = load(path)
+        found = load(path, thresholds=thresholds)
         if not found.bus and not without_bus:
             typer.echo(f"axiswatch: {path}: {_NO_BUS}", err=True)
             raise typer.Exit(CANNOT_RUN)

@@ -34,6 +34,7 @@ def explained() -> Iterator[None]:
 
 def _code(error: Exception) -> int | None:
     # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
+    from monitor_core.calibration.doubts import CalibrationError
     from monitor_core.modeling.flat import ModelError
     from service.app import DaemonFailedError
     from service.axes import AxisError
@@ -46,7 +47,10 @@ def _code(error: Exception) -> int | None:
 
     codes: list[tuple[tuple[type[Exception], ...], int]] = [
         ((BusError,), NO_BUS),
-        ((IngestError, DbcError, AxisError, FaultError, ModelError, IdentificationError), MISTAKE),
+        (
+            (IngestError, DbcError, AxisError, FaultError, ModelError, IdentificationError, CalibrationError),
+            MISTAKE,
+        ),
         ((StoreError, CannotListenError), UNAVAILABLE),
         ((DaemonFailedError,), FAULT),
     ]

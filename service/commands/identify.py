@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -38,6 +36,7 @@ from service.commands.identify_arguments import (
 )
 from service.commands.identify_files import Files
 from service.commands.optional_value import OptionalValueCommand
+from service.commands.progress import steps_bar
 from service.commands.which_drive import axis_named
 
 if TYPE_CHECKING:
@@ -106,7 +105,7 @@ def identify(
             _masses(masses),
         )
         task = task_of(read, chosen, records, validate or [], wishes)
-        with _shown(chosen.id) as progress:
+        with steps_bar(chosen.id) as progress:
             found = run(task, _provenance(chosen), progress)
     files.write(found)
     if why_not := found.trustworthy():
@@ -158,20 +157,3 @@ def _provenance(axis: NamedAxis) -> Provenance:
     command = shlex.join(["axiswatch", *sys.argv[1:]])
     date = datetime.now(UTC).isoformat(timespec="seconds")
     return Provenance(version("axiswatch"), date, command, drawing_of(axis.config))
-
-
-@contextmanager
-def _shown(name: str) -> Iterator[Callable[[str, int, int], None]]:
-    """A bar of the steps of what is going on, on the error stream where that is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(name)
-
-        def told(words: str, done: int, most: int) -> None:
-            progress.update(task, completed=done, total=most, description=f"{name}: {words}")
-
-        yield told

@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from service.commands.exits import MISTAKE
-from service.files import replace_text
+from service.commands.writing import STDOUT, write
 
 if TYPE_CHECKING:
     from service.identification.found import Found
-
-STDOUT = Path("-")
 
 
 class Files(NamedTuple):
@@ -31,11 +28,11 @@ class Files(NamedTuple):
         nominal = nominal or (folder or Path()) / "nominal.toml"
         return cls(nominal, report or (folder or nominal.parent) / "report.html", json)
 
-    def check(self, force: bool) -> None:
-        """That they can be written, before anything is computed.
+    def check(self, force: bool, what: str = "nominal values") -> None:
+        """That they can be written, before anything is computed; ``what`` is written to the first of them.
 
         Raises:
-            typer.BadParameter: nominal values are there already, or a folder is not.
+            typer.BadParameter: that is there already, or a folder is not.
         """
         if self.nominal.exists() and not force:
             raise typer.BadParameter(
@@ -50,7 +47,7 @@ class Files(NamedTuple):
                     else f"{path} is a folder"
                 )
         if len({path.resolve() for path in paths}) < len(paths):
-            raise typer.BadParameter("nominal values, report and JSON need files of their own")
+            raise typer.BadParameter(f"{what}, report and JSON need files of their own")
 
     def write(self, found: Found) -> None:
         """All of them, the nominal values only if they can be trusted; and the tables to the terminal.
@@ -60,7 +57,7 @@ class Files(NamedTuple):
         """
         texts = list(self._texts(found))  # all before the first is written
         for path, text in texts:
-            _write(path, text)
+            write(path, text)
         if self.json != STDOUT:
             from rich.console import Console
 
@@ -82,21 +79,3 @@ class Files(NamedTuple):
             from service.reports.identification_json import as_json
 
             yield self.json, as_json(found)
-
-
-def _write(path: Path, text: str) -> None:
-    """All of it or nothing: what reads the file never sees half of it.
-
-    Raises:
-        typer.Exit: it cannot be written.
-    """
-    try:
-        if path == STDOUT:
-            sys.stdout.write(text)
-        elif path.exists() and not path.is_file():  # a device
-            path.write_text(text, encoding="utf-8")
-        else:
-            replace_text(path, text)
-    except OSError as error:
-        typer.echo(f"axiswatch: cannot write {path}: {error.strerror}", err=True)
-        raise typer.Exit(MISTAKE) from None

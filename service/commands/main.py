@@ -17,6 +17,7 @@ COMMANDS = (
     "model",
     "excite",
     "identify",
+    "calibrate",
     "listen",
     "run",
     "simulate",

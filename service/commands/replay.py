@@ -1,17 +1,24 @@
 """``axiswatch replay``: the daemon's own pipeline over records, as fast as it goes."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import MISTAKE, explained
+from service.commands.exits import explained
 from service.commands.progress import progress_bar
 from service.commands.replay_report import Report, as_json, doubts, stamp_remarks, tables
+from service.commands.writing import STDOUT, write
 from service.config import Config
+
+if TYPE_CHECKING:
+    from service.commands.replay_drawing import Drawing
+    from service.monitoring.banks import Monitors
 
 Records = Annotated[
     list[Path],
@@ -23,7 +30,17 @@ Json = Annotated[
 ]
 
 
-def replay(config: ConfigPath, records: Records, json: Json = None) -> None:
+Page = Annotated[
+    Path | None,
+    typer.Option(
+        "--report",
+        metavar="FOLDER|FILE.html",
+        help="Also draw it: estimates with their bands, g with h, alarms, what was not learned from.",
+    ),
+]
+
+
+def replay(config: ConfigPath, records: Records, json: Json = None, report: Page = None) -> None:
     """Run records through the same decoding, estimation and detection as the daemon, and list the alarms.
 
     Several records are one after the other in the life of the robot; the estimates of one are the start of
@@ -31,34 +48,41 @@ def replay(config: ConfigPath, records: Records, json: Json = None) -> None:
     """
     read = configuration(config)
     with explained():
-        report = _replay(read, records)
-    if json == Path("-"):
-        print(as_json(report), end="")
+        found, drawing = _replay(read, records, report)
+    if drawing is not None:
+        drawing.write(found, config, records)
+    if json == STDOUT:
+        print(as_json(found), end="")
         return
     console = Console()
-    for table in tables(report):
+    for table in tables(found):
         console.print(table)
-    for words in (*doubts(report), *stamp_remarks(report)):
+    for words in (*doubts(found), *stamp_remarks(found)):
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
     if json is not None:
-        try:
-            json.write_text(as_json(report), encoding="utf-8")
-        except OSError as error:
-            typer.echo(f"axiswatch: cannot write {json}: {error.strerror}", err=True)
-            raise typer.Exit(MISTAKE) from None
+        write(json, as_json(found))
 
 
-def _replay(config: Config, paths: list[Path]) -> Report:
+def _replay(config: Config, paths: list[Path], where: Path | None) -> tuple[Report, Drawing | None]:
     from service.ingest.records import read_record
     from service.monitoring.banks import Monitors
 
     monitors = Monitors(config.axes)
-    report = Report(config, monitors)
+    report, drawing = Report(config, monitors), _drawing(where, monitors)
+    onlooker = None if drawing is None else drawing.see
     # All are opened before the first is run: a missing one is found at once.
     for record in [read_record(path, config) for path in paths]:
         with progress_bar(record.path.name) as progress:
             for step in record.steps():
-                report.add(monitors.run(step.samples))
+                report.add(monitors.run(step.samples, onlooker))
                 progress(step.done)
         report.add_dropped(record)
-    return report
+    return report, drawing
+
+
+def _drawing(where: Path | None, monitors: Monitors) -> Drawing | None:
+    if where is None:
+        return None
+    from service.commands.replay_drawing import Drawing
+
+    return Drawing(where, monitors.by_id)

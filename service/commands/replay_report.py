@@ -9,10 +9,10 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode, Name
 from monitor_core.facts import AxisFacts, ParameterFacts
-from service.alarm_words import alarm_words
-from service.config import Config
+from service.alarm_words import episode_words
+from service.config import Config, NamedAxis
 from service.ingest.records import Record
 from service.ingest.stamps import Stamps, remarks
 from service.monitoring.banks import Change, Monitors
@@ -36,7 +36,7 @@ class Report:
         """Alarms that were raised, updated or ended."""
         for change in changes:
             e = change.episode
-            self._alarms[change.axis_id, e.parameter, e.direction, e.raised_us] = change
+            self._alarms[change.axis_id, *e.first, e.raised_us] = change
 
     def add_dropped(self, record: Record) -> None:
         """What the record lost, and how the times of its samples were."""
@@ -81,7 +81,7 @@ def tables(report: Report) -> Iterator[Table]:
 
 
 def doubts(report: Report) -> Iterator[str]:
-    """What cannot be told of an axis, in words."""
+    """What cannot be told of the axes, in words."""
     for axis in report.config.axes:
         for words in report.monitors.by_id[axis.id].facts().confounded:
             yield f"{axis.id}: {words}"
@@ -90,8 +90,13 @@ def doubts(report: Report) -> Iterator[str]:
 def stamp_remarks(report: Report) -> Iterator[str]:
     """What the time stamps say about the configuration, in words."""
     for axis in report.config.axes:
-        if axis.id in report.stamps:
-            yield from remarks(axis.id, axis.config.sample_interval_s, report.stamps[axis.id])
+        yield from remarks_of(report, axis)
+
+
+def remarks_of(report: Report, axis: NamedAxis) -> Iterable[str]:
+    """What the time stamps of one axis say."""
+    stamps = report.stamps.get(axis.id)
+    return () if stamps is None else remarks(axis.id, axis.config.sample_interval_s, stamps)
 
 
 def _samples(facts: AxisFacts) -> str:
@@ -126,7 +131,7 @@ def _alarm_table(report: Report) -> Table:
         for e in report.alarms(axis.id):
             p = known[e.parameter]
             change = f"{e.size:+.3g} ± {e.size_sd:.1g} ({_percent(e.size, p.nominal)})"
-            times = (_short(e.onset_us), _short(e.raised_us), _short(e.ended_us))
+            times = (_onset(e), _short(e.raised_us), _short(e.ended_us))
             cells = (axis.id, e.parameter, change, *times)
             table.add_row(*map(escape, cells), style="red" if e.ended_us is None else None)
             said.append(f"{axis.id}: {_said(e, p)}")
@@ -173,18 +178,41 @@ def _alarm(e: Episode, facts: AxisFacts) -> Json:
         "parameter": e.parameter,
         "direction": e.direction,
         "words": _said(e, next(p for p in facts.parameters if p.name == e.parameter)),
+        "stage": e.stage,
+        "causes": [cause._asdict() for cause in e.causes],
+        "doubt": e.doubt,
+        "kind": e.kind,
         "onset": iso(e.onset_us),
+        "onset_low": maybe_iso(e.onset_low_us),
+        "onset_high": maybe_iso(e.onset_high_us),
         "raised": iso(e.raised_us),
         "updated": iso(e.updated_us),
         "ended": maybe_iso(e.ended_us),
         "size": _number(e.size),
         "size_sd": _number(e.size_sd),
         "crossings": e.crossings,
+        "past": [_name(name) for name in e.past],
+    }
+
+
+def _name(name: Name) -> Json:
+    return {
+        "until": iso(name.until_us),
+        "stage": name.stage,
+        "parameter": name.parameter,
+        "direction": name.direction,
     }
 
 
 def _said(e: Episode, p: ParameterFacts) -> str:
-    return alarm_words(e.parameter, e.size, p.nominal, p.unit)
+    return episode_words(e, p.nominal, p.unit)
+
+
+def _onset(e: Episode) -> str:
+    """The onset, with half the length of its interval where it is known."""
+    if e.onset_low_us is None or e.onset_high_us is None:
+        return _short(e.onset_us)
+    return f"{_short(e.onset_us)} ± {(e.onset_high_us - e.onset_low_us) / 2e6:.1f} s"
 
 
 def _short(t_us: int | None) -> str:

@@ -22,6 +22,7 @@ from service.config.schema import (
     WebConfig,
 )
 from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
+from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
 
 __all__ = [
     "AxisConfig",
@@ -38,6 +39,7 @@ __all__ = [
     "RobotConfig",
     "ServiceConfig",
     "SignalConfig",
+    "ThresholdsFile",
     "TimeConfig",
     "WebConfig",
     "bounds_of",
@@ -51,6 +53,7 @@ __all__ = [
     "predictor_of",
     "scales_of",
     "step_noise",
+    "thresholds_file_of",
     "unsaid",
     "watched_drive",
     "watched_values",

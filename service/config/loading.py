@@ -20,16 +20,19 @@ from service.config.wording import Finding, findings
 _AT = re.compile(r"(?P<message>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)")
 
 
-def load(path: Path, environ: Mapping[str, str] = os.environ) -> Config:
+def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: bool = True) -> Config:
     """The configuration of a file, with the overrides of the environment.
 
-    Relative paths in it start at the folder of the file.
+    Relative paths in it start at the folder of the file.  Without ``thresholds`` it is as if it named no file of
+    thresholds: new ones are to be found, and the old ones may fit no more.
 
     Raises:
         ConfigErrors: all problems of the file, of the overrides and of the DBC files it names.
     """
     text = _text(path)
     values = _values(path, text)
+    if not thresholds:
+        _forget_thresholds(values)
     over = environment.overrides(environ)
     environment.apply(values, over)
     config, found = _read(values, path.absolute().parent)
@@ -37,6 +40,16 @@ def load(path: Path, environ: Mapping[str, str] = os.environ) -> Config:
     if config is None or found:
         raise ConfigErrors(_problems(path, positions(text), over, values, found))
     return config
+
+
+def _forget_thresholds(values: dict[str, Any]) -> None:
+    robots = values.get("robot")
+    for robot in robots if isinstance(robots, list) else ():
+        axes = robot.get("axis") if isinstance(robot, dict) else None
+        for axis in axes if isinstance(axes, list) else ():
+            model = axis.get("model") if isinstance(axis, dict) else None
+            if isinstance(model, dict):
+                model.pop("thresholds_file", None)
 
 
 def _text(path: Path) -> str:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
+from service.config.found_file import FoundTable, NotNegative, Positive, Real, content_of, validated
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
 """Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is
@@ -19,22 +19,12 @@ doubtful: the change that the paper looks for is then within one."""
 FORMAT = 1
 """Of the file; a later one may mean something else."""
 
-Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[Real, Field(gt=0)]
-NotNegative = Annotated[Real, Field(ge=0)]
-
 
 class NominalError(Exception):
     """A file of nominal values that cannot be used; the text names it and says why."""
 
 
-class _Table(BaseModel):
-    """What the daemon does not need (fits, provenance) is passed over."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class DriveTable(_Table):
+class DriveTable(FoundTable):
     """[drive]: what the values are parameters of."""
 
     name: str
@@ -44,7 +34,7 @@ class DriveTable(_Table):
     friction_speed_scale: Positive
 
 
-class PredictorTable(_Table):
+class PredictorTable(FoundTable):
     """[predictor]: with which the values were found; K is the filter gain, x+ = x + K eps.
 
     ``colour``: neighbouring errors go together, so estimates scatter as if their variance were so many times larger.
@@ -70,14 +60,14 @@ class PredictorTable(_Table):
         return self
 
 
-class NoiseTable(_Table):
+class NoiseTable(FoundTable):
     """[noise]: standard deviations of torque [N m] and output [rad or rad/s], 0 where not found."""
 
     torque: NotNegative = 0.0
     output: NotNegative = 0.0
 
 
-class VaryingTable(_Table):
+class VaryingTable(FoundTable):
     """[[varying]]: parameter = value + slope (signal - reference)."""
 
     parameter: str
@@ -88,7 +78,7 @@ class VaryingTable(_Table):
     range: tuple[Real, Real]
 
 
-class CorrelationTable(_Table):
+class CorrelationTable(FoundTable):
     """[correlation] of the estimates."""
 
     names: tuple[str, ...] = ()
@@ -101,7 +91,7 @@ class CorrelationTable(_Table):
         return self
 
 
-class NominalFile(_Table):
+class NominalFile(FoundTable):
     """The whole file."""
 
     path: Path
@@ -113,7 +103,7 @@ class NominalFile(_Table):
     noise: NoiseTable
     values: dict[str, Real] = Field(min_length=1)
     varying: tuple[VaryingTable, ...] = ()
-    standard_deviations: dict[str, NotNegative] = {}
+    standard_deviations: dict[str, NotNegative] = Field(default_factory=dict)
     correlation: CorrelationTable = CorrelationTable()
 
     def untold(self, monitored: Sequence[str]) -> tuple[tuple[str, str], ...]:
@@ -154,21 +144,13 @@ def read_nominal(path: Path) -> NominalFile:
 
 @lru_cache(maxsize=256)
 def _read(path: Path, _mtime_ns: int, _size: int) -> NominalFile:
-    try:
-        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except ValueError as error:
-        raise NominalError(f"{path} is no TOML: {error}") from None
+    content = content_of(path, NominalError)
     if content.get("format") != FORMAT:
         raise NominalError(
             f"{path}: format = {content.get('format', 'missing')}, not {FORMAT}: a file of nominal values is what"
             " `axiswatch identify` writes"
         )
-    try:
-        return NominalFile.model_validate({**content, "path": path})
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(map(str, first["loc"]))
-        raise NominalError(f"{path}: {key}: {first['msg']}") from None
+    return validated(NominalFile, content, path, NominalError)
 
 
 def structure_of(drive: Drive) -> str:

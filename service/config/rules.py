@@ -14,9 +14,19 @@ from service.config.estimator_rules import ESTIMATOR_RULES
 from service.config.model_rules import MODEL_RULES
 from service.config.nominal_rules import NOMINAL_RULES
 from service.config.positions import Keys
-from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
+from service.config.schema import (
+    AngleConfig,
+    AxisConfig,
+    BusConfig,
+    Config,
+    FurtherConfig,
+    RobotConfig,
+    SignalConfig,
+    SpeedConfig,
+)
 from service.config.skew_rules import SKEW_RULES
 from service.config.tables import Absent, Table, present
+from service.config.thresholds_rules import THRESHOLDS_RULES
 from service.config.wording import Finding
 from service.ingest.interfaces import interface_names
 from service.words import did_you_mean
@@ -130,12 +140,26 @@ def bus_options(bus: BusConfig) -> Iterator[Finding]:
             yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
 
 
-def one_motion(axis: AxisConfig) -> Iterator[Finding]:
-    """Exactly one of angle and speed."""
+def motion(axis: AxisConfig) -> Iterator[Finding]:
+    """Angle, speed, or both, and then in one sample."""
     if axis.angle is not None and axis.speed is not None:
-        yield Finding(("speed",), "an axis has either angle or speed: remove this, or", ("angle",))
+        yield from _beside(axis, axis.angle, axis.speed)
     if axis.angle is None and axis.speed is None:
         yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
+
+
+def _beside(axis: AxisConfig, angle: AngleConfig, speed: SpeedConfig) -> Iterator[Finding]:
+    """The speed at the sample, in a frame that has the torque or the angle."""
+    if present(speed, "averaged") and speed.averaged:
+        message = "a mean over the interval is the difference of two angles, and tells no more: remove speed"
+        yield Finding(("speed", "averaged"), message)
+    if axis.records_only or not present(axis, "torque") or not present(speed, "message") or not speed.message:
+        return
+    frames = [s.message for s in (angle, axis.torque) if present(s, "message")]
+    if len(frames) == 2 and speed.message not in frames:
+        known = " or ".join(dict.fromkeys(frames))
+        message = f"beside an angle the speed must be in a message of the same sample: {known}"
+        yield Finding(("speed", "message"), message)
 
 
 def torque_delay(axis: AxisConfig) -> Iterator[Finding]:
@@ -198,7 +222,7 @@ FILE_RULES: tuple[Rule[Config], ...] = (bus_names, robot_names, bus_references, 
 BUS_RULES: tuple[Rule[BusConfig], ...] = (interface, bus_options)
 ROBOT_RULES: tuple[Rule[RobotConfig], ...] = (axis_names, signals_of_axes)
 AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
-    one_motion,
+    motion,
     torque_delay,
     pairing_tolerance,
     maximum_gap,
@@ -211,4 +235,5 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     *ENCODER_RULES,
     *ESTIMATOR_RULES,
     *CONDITION_RULES,
+    *THRESHOLDS_RULES,
 )

@@ -211,6 +211,10 @@ class ModelConfig(Table):
         None,
         description="what `axiswatch identify` wrote: nominal values with their gain; relative to this file",
     )
+    thresholds_file: FilePath | None = Field(
+        None,
+        description="what `axiswatch calibrate` wrote: thresholds of the tests; relative to this file",
+    )
     scales: dict[str, Positive] = Field(
         default_factory=dict, description="size of a monitored parameter, where |nominal| is not it"
     )
@@ -270,16 +274,26 @@ class EstimatorConfig(Table):
         le=1000,
         description="an innovation beyond so many standard deviations is passed over, if few are; 0: none is",
     )
-    joint_state: bool = Field(
+    joint_state: bool | None = Field(
+        None,
+        strict=True,
+        description="the state moves with the estimates, as in a joint Kalman filter; by default where the memory is"
+        " short: below 2.5 slowest time constants of the predictor",
+    )
+    random_walk: bool = Field(
         False,
         strict=True,
-        description="the state moves with the estimates, as in a joint Kalman filter: for short memories",
+        description="parameters are followed as a random walk, each for itself, as in a Kalman filter: for many",
     )
     torque_noise: Positive | None = Field(
         None, description="standard deviation of the torque per sample [N m], for the Kalman gain"
     )
     output_noise: Positive | None = Field(
         None, description="standard deviation of the measured angle [rad] or speed [rad/s]"
+    )
+    speed_noise: Positive | None = Field(
+        None,
+        description="standard deviation of the measured speed [rad/s] beside an angle, whose is output_noise then",
     )
     innovation_variance: Positive | None = Field(
         None, description="lambda_0 [rad^2 or (rad/s)^2]; default from the noises"
@@ -358,21 +372,36 @@ class AxisConfig(Table):
 
     @property
     def averaged(self) -> bool:
-        """The speed is its mean over each interval, as the drive takes it."""
+        """The output is the mean of the speed over each interval, as the drive takes it."""
         speed = self.speed if present(self, "speed") else None
-        return speed is not None and present(speed, "averaged") and speed.averaged
+        return speed is not None and present(speed, "averaged") and speed.averaged and not self.both
+
+    @property
+    def both(self) -> bool:
+        """Angle and speed are measured, and used together."""
+        return present(self, "angle", "speed") and self.angle is not None and self.speed is not None
+
+    @property
+    def second(self) -> SpeedConfig | None:
+        """The signal of the speed beside an angle."""
+        return self.speed if self.both else None
+
+    @property
+    def with_one_output(self) -> "AxisConfig":
+        """The axis without the speed beside its angle."""
+        return self.model_copy(update={"speed": None}) if self.both else self
 
     @property
     def motion(self) -> AngleConfig | SpeedConfig:
-        """The signal of the angle or of the speed; a loaded configuration has exactly one of them."""
+        """The signal of the angle, or, where that is not measured, of the speed."""
         given = [signal for signal in (self.angle, self.speed) if signal is not None]
-        if len(given) != 1:
+        if not given:
             raise Absent("angle or speed")
         return given[0]
 
     @property
     def output(self) -> Output:
-        """What is measured besides torque."""
+        """What is measured besides torque; with angle and speed it is the angle, and the speed is ``second``."""
         return "angle" if self.motion is self.angle else "speed"
 
 

@@ -22,12 +22,13 @@ def watches_skew(axis: AxisConfig) -> bool:
 
 
 def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive of an axis as it is monitored.
+    """The drive of an axis as it is monitored: with the speed as a second output, where that is measured, too.
 
     Raises:
         ModelError: it has none.
     """
     drive = drive_of(axis, output)
+    drive = drive.with_speed() if output is None and axis.both else drive
     return drive.with_delay() if watches_skew(axis) and not has_own_delay(drive) else drive
 
 

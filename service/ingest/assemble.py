@@ -6,16 +6,17 @@ import math
 from collections import deque
 from typing import Literal, NamedTuple
 
+from monitor_core.plausible import LIMITS
 from service.ingest.errors import IngestError
 from service.ingest.frames import Sample
 
-REASONS = ("not_finite", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing")
+REASONS = ("not_finite", "absurd", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing")
 """Why values did not become a sample; ``Assembler.dropped`` counts them, and as "missing" whole samples.
 
-not_finite: NaN or infinite.  repeated: the same quantity again within half an interval.  out_of_order: not
-after the last sample.  untimed: the sample counter, or the fitted clock, contradicts the time of receipt.
-unpaired: the partner never came.  late: came after its partner had been given up or paired otherwise.
-missing: samples that never came, from the interval between two samples.
+not_finite: NaN or infinite.  absurd: more than any motor has ever had.  repeated: the same quantity again within half
+an interval.  out_of_order: not after the last sample.  untimed: the sample counter, or the fitted clock, contradicts
+the time of receipt.  unpaired: the partner never came.  late: came after its partner had been given up or paired
+otherwise.  missing: samples that never came, from the interval between two samples.
 """
 
 Kind = Literal["torque", "motion"]
@@ -25,6 +26,7 @@ class _Value(NamedTuple):
     t_us: int  # time of receipt, for pairing
     value: float
     sample_us: int | None  # time by the sample counter, where there is one
+    second: float  # speed beside an angle, which its frame carries along, rad/s; NaN: it has none
 
 
 class _Lane:
@@ -95,7 +97,9 @@ class Assembler:
         self.dropped = dict.fromkeys(REASONS, 0)
         self.clock_set_back = 0
 
-    def add(self, kind: Kind, t_us: int, value: float, sample_us: int | None = None) -> Sample | None:
+    def add(
+        self, kind: Kind, t_us: int, value: float, sample_us: int | None = None, second: float = math.nan
+    ) -> Sample | None:
         """Take a value; returns the sample that it completes.
 
         Args:
@@ -103,9 +107,10 @@ class Assembler:
             t_us: time of receipt [us].
             value: torque [N m], or angle [rad] or speed [rad/s].
             sample_us: time of the sample [us] by the sample counter, where this message has one.
+            second: speed [rad/s] beside an angle, which goes with this value into its sample.
         """
-        if not math.isfinite(value):
-            self.drop("not_finite")
+        if (nonsense := _nonsense(kind, value)) is not None:
+            self.drop(nonsense)
             return None
         self._notice(t_us)
         lane, other = self._lanes[kind], self._lanes["motion" if kind == "torque" else "torque"]
@@ -114,7 +119,7 @@ class Assembler:
             self.drop(reason)
             return None
         partner = other.nearest(t_us, self._tolerance_us)
-        mine = _Value(t_us, value, sample_us)
+        mine = _Value(t_us, value, sample_us, second)
         if partner is None:
             lane.waiting.append(mine)
             self._give_up(t_us - self._patience_us)
@@ -124,11 +129,12 @@ class Assembler:
         return self._pair(mine, partner) if kind == "torque" else self._pair(partner, mine)
 
     def add_pair(
-        self, t_us: int, torque: float, motion: float, sample_us: int | None = None
+        self, t_us: int, torque: float, motion: float, sample_us: int | None = None, second: float = math.nan
     ) -> Sample | None:
         """Take both values from one frame: they belong together, whatever the tolerance."""
-        if not (math.isfinite(torque) and math.isfinite(motion)):
-            self.drop("not_finite", 2)
+        nonsense = _nonsense("torque", torque) or _nonsense("motion", motion)
+        if nonsense is not None:
+            self.drop(nonsense, 2)
             return None
         self._notice(t_us)
         floor = self._floor_us
@@ -139,7 +145,7 @@ class Assembler:
         if sample_us is None and floor is not None and t_us < floor:
             self.drop("out_of_order", 2)
             return None
-        return self._pair(_Value(t_us, torque, sample_us), _Value(t_us, motion, sample_us))
+        return self._pair(_Value(t_us, torque, sample_us, second), _Value(t_us, motion, sample_us, second))
 
     def flush(self) -> None:
         """No more values will come: those that wait for a partner are unpaired."""
@@ -178,7 +184,11 @@ class Assembler:
             self.drop("out_of_order", 2)
             return None
         self._last_us = time_us
-        return Sample(time_us, torque.value, motion.value)
+        second = torque.second if math.isnan(motion.second) else motion.second
+        if abs(second) > LIMITS["speed"]:  # the sample goes on without it
+            self.drop("absurd")
+            second = math.nan
+        return Sample(time_us, torque.value, motion.value, second=second)
 
     def _follows(self, time_us: int) -> bool:
         """Whether a sample of that time comes after the last one; counts those missing between."""
@@ -189,3 +199,10 @@ class Assembler:
             return True
         self.dropped["missing"] += max(0, round((time_us - self._last_us) / self._interval_us) - 1)
         return time_us > self._last_us
+
+
+def _nonsense(kind: Kind, value: float) -> str | None:
+    """Why a value cannot be one, whatever the axis."""
+    if not math.isfinite(value):
+        return "not_finite"
+    return "absurd" if abs(value) > LIMITS["torque" if kind == "torque" else "angle"] else None

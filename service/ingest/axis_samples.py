@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.identification.suspicion import LIMITS
+from monitor_core.plausible import LIMITS
 from service.config.schema import Config, NamedAxis
 from service.config.sources import Source
 from service.ingest.csv_table import CsvTable
@@ -70,7 +70,7 @@ def log_samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
     dropped = dict(log.axis_dropped[axis.id])
     sound = (abs(torque) <= LIMITS["torque"]) & (abs(motion) <= LIMITS[axis.config.output])
     t_us, torque, motion = t_us[sound], torque[sound], motion[sound]
-    dropped["absurd"] = int(np.count_nonzero(~sound))
+    dropped["absurd"] += int(np.count_nonzero(~sound))
     return AxisSamples(t_us, torque, motion, _received(path, config, axis, t_us), dropped)
 
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import structlog
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from monitor_core.monitor import AxisMonitor
-from service.alarm_words import alarm_words
+from service.alarm_words import episode_words
 from service.monitoring.banks import Change
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal
@@ -34,7 +34,7 @@ def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Qua
     }
 
 
-_Key = tuple[str, str, str, int]  # axis, parameter, direction, time of the first crossing
+_Key = tuple[str, str, str, int]  # axis; parameter, direction and time of the first crossing
 
 
 class Alarms:
@@ -98,10 +98,12 @@ class Alarms:
         before = self._open.pop(key, None)
         if episode.ended_us is None:
             self._open[key] = change
-        if before is None and episode.ended_us is None:
-            log.warning("alarm raised", **self._facts(change))
-        elif episode.ended_us is not None:
+        if episode.ended_us is not None:
             log.info("alarm ended", **self._facts(change))
+        elif before is None:
+            log.warning("alarm raised", **self._facts(change))
+        elif _name(before.episode) != _name(episode):
+            log.warning("alarm named", **self._facts(change))
 
     def _entry(self, change: Change) -> Entry:
         unit, nominal = self._quantities[change.axis_id, change.episode.parameter]
@@ -117,12 +119,18 @@ class Alarms:
             "size_sd": e.size_sd,
             "nominal": quantity.nominal,
             "unit": quantity.unit,
-            "words": alarm_words(e.parameter, e.size, quantity.nominal, quantity.unit),
+            "stage": e.stage,
+            "causes": {cause.parameter: round(cause.probability, 3) for cause in e.causes},
+            "words": episode_words(e, quantity.nominal, quantity.unit),
         }
 
 
 def _key(axis_id: str, e: Episode) -> _Key:
-    return axis_id, e.parameter, e.direction, e.raised_us
+    return axis_id, *e.first, e.raised_us
+
+
+def _name(e: Episode) -> tuple[str, ...]:
+    return e.stage, e.parameter, e.direction, e.doubt
 
 
 def _words(changes: Iterable[Change]) -> str:

@@ -1,10 +1,11 @@
 """The monitors of all axes: samples by the names of their axes into the fleet, its events into episodes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Crossing, Episode, Event
 from monitor_core.fleet import Block, Fleet
+from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import NEVER
 from monitor_core.monitor import AxisMonitor
 from monitor_core.operating import Operating
@@ -24,6 +25,10 @@ class Change(NamedTuple):
     episode: Episode
 
 
+Onlooker = Callable[[str, Block, Trace, Sequence[Crossing]], None]
+"""Is told of the samples of an axis, what the recursion did at each, and which of them crossed a threshold."""
+
+
 class Monitors:
     """The monitors of all axes.
 
@@ -41,23 +46,33 @@ class Monitors:
         conditions = [(axis.id, m, conditions_of(axis)) for axis, m in zip(axes, models, strict=True)]
         self._operating = {axis_id: Operating(m, c) for axis_id, m, c in conditions if c}
 
-    def run(self, samples: Samples) -> list[Change]:
+    def run(self, samples: Samples, onlooker: Onlooker | None = None) -> list[Change]:
         """Let every axis take its samples; what changed, axis by axis in order of time."""
         whole = self._whole(samples) if self._turns else samples
         blocks = {a: self._block(i, whole[i]) for a, i in enumerate(self._ids) if i in whole}
         return [
             Change(self._ids[a], episode)
-            for a, event in self._fleet.run(blocks)
+            for a, event in self._run(blocks, onlooker)
             for episode in self._fleet.monitors[a].apply(event)
         ]
+
+    def _run(self, blocks: Mapping[int, Block], onlooker: Onlooker | None) -> list[tuple[int, Event]]:
+        if onlooker is None:
+            return self._fleet.run(blocks)
+        traces: dict[int, Trace] = {}
+        events = self._fleet.run(blocks, traces.__setitem__)
+        for a, trace in traces.items():
+            crossings = [event for b, event in events if b == a and isinstance(event, Crossing)]
+            onlooker(self._ids[a], blocks[a], trace, crossings)
+        return events
 
     def _block(self, axis_id: str, block: SampleBlock) -> Block:
         """Samples with the nominal values and the gate that their operating conditions ask for."""
         operating = self._operating.get(axis_id)
         if operating is None:
-            return Block(block.t_us, block.torque, block.motion)
+            return Block(block.t_us, block.torque, block.motion, y2=block.second)
         shift, gate = operating.take(block.t_us, block.motion, block.signals)
-        return Block(block.t_us, block.torque, block.motion, shift, gate)
+        return Block(block.t_us, block.torque, block.motion, shift, gate, block.second)
 
     def dropped(self, axis_id: str) -> Mapping[str, int]:
         """Samples of an axis that were refused before its monitor saw them, by reason."""
@@ -103,5 +118,5 @@ def _motion(monitor: AxisMonitor) -> Motion | None:
 
 def _unwrapped(block: SampleBlock, turns: Turns) -> SampleBlock:
     angle, sure = turns.take(block.t_us, block.motion)
-    signals = None if block.signals is None else block.signals[sure]
-    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals)
+    signals, second = (None if of is None else of[sure] for of in (block.signals, block.second))
+    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals, second)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from monitor_core.facts import AxisFacts, Status
 from monitor_core.monitor import AxisMonitor
 from service.config import NamedAxis

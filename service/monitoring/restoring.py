@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from monitor_core.episodes import Episode, EpisodeBook
+from monitor_core.alarms.book import EpisodeBook
+from monitor_core.alarms.episodes import Episode
 from monitor_core.monitor import AxisMonitor
 from service.monitoring.banks import Change
 from service.store.checkpoints import Checkpoints, SetAside
@@ -76,19 +77,21 @@ def _agree(
     axis_id: str, monitor: AxisMonitor, recorded: Iterable[Episode], journal: Journal
 ) -> list[Episode]:
     """Let the monitor have the open episodes of the journal; returns those that it has yet to get."""
-    before = {(e.parameter, e.direction): e for e in monitor.book.open}
-    now = {(e.parameter, e.direction): e for e in recorded}
+    before = {(e.raised_us, *e.first): e for e in monitor.book.open}
+    now = {(e.raised_us, *e.first): e for e in recorded}
     unknown = {key: e for key, e in before.items() if key not in now and not _is_known(axis_id, e, journal)}
     monitor.book = EpisodeBook([*now.values(), *unknown.values()])
-    for parameter, _ in now.keys() - before.keys():
-        # The calm that ends an episode is noted once: let it be counted from here.
-        monitor.bank.state.calm[monitor.model.monitored.index(parameter), monitor.axis] = 0
+    counted = {e.parameter for e in before.values()}
+    for e in now.values():
+        if e.parameter not in counted:
+            # The calm that ends an episode is noted once: let it be counted from here.
+            monitor.bank.state.calm[monitor.model.monitored.index(e.parameter), monitor.axis] = 0
     return list(unknown.values())
 
 
 def _is_known(axis_id: str, e: Episode, journal: Journal) -> bool:
-    found, _ = journal.query(axis_id, e.parameter, since_us=e.raised_us, until_us=e.raised_us + 1)
-    return any(alarm.direction == e.direction for alarm in found)
+    found, _ = journal.query(axis_id, since_us=e.raised_us, until_us=e.raised_us + 1)
+    return any(alarm.first == e.first for alarm in found)
 
 
 def _of_removed_axes(monitors: Mapping[str, AxisMonitor], journal: Journal) -> list[str]:

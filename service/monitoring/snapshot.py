@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from monitor_core.facts import AxisFacts
 from service.ingest.stamps import NOT_KNOWN, Stamps
 

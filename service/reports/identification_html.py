@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from monitor_core.identification.residuals import LEVEL
 from service.identification.found import Found
@@ -16,66 +16,53 @@ from service.reports.identification_pages import (
     slope_table,
 )
 from service.reports.identification_plots import bode_picture, residual_picture, trace_picture
-from service.reports.identification_style import STYLE
-from service.reports.identification_words import escaped, percent, predictor_words, residual_words
+from service.reports.identification_words import predictor_words, residual_words
+from service.reports.page import document, legend, section, sentences, tiles, verdict
+from service.reports.words import escaped, percent
 
 
 def as_html(found: Found) -> str:
     """The whole page."""
     title = f"Identification of {found.task.axis.id}"
-    return "\n".join(
-        (
-            "<!doctype html>",
-            '<html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<title>{escaped(title)}</title>",
-            f"<style>{STYLE}</style></head><body>",
-            f"<header><h1>{escaped(title)}</h1>{_subtitle(found)}</header>",
-            _verdict(found),
-            _tiles(found),
-            *_sections(found),
-            "</body></html>",
-            "",
-        )
-    )
+    return document(title, _subtitle(found), _verdict(found), _tiles(found), *_sections(found))
 
 
 def _sections(found: Found) -> Iterator[str]:
     doubts = (*found.warnings, *found.bode.words)
     if doubts:
-        yield _section("What to look at", _list(doubts))
-    yield _section("Parameters", parameter_table(found))
+        yield section("What to look at", sentences(doubts))
+    yield section("Parameters", parameter_table(found))
     if found.task.follows:
-        yield _section("What follows measured signals", slope_table(found))
-    yield _section("Drive", drive_picture(found.task.space))
+        yield section("What follows measured signals", slope_table(found))
+    yield section("Drive", drive_picture(found.task.space))
     if found.growth is not None:
-        yield _section("How many masses", masses_table(found.growth, bool(found.task.follows)))
-    yield _section("Measured and predicted", record_table(found), *_traces(found))
-    yield _section("Frequency response", *_bode(found))
-    yield _section(
+        yield section("How many masses", masses_table(found.growth, bool(found.task.follows)))
+    yield section("Measured and predicted", record_table(found), *_traces(found))
+    yield section("Frequency response", *_bode(found))
+    yield section(
         "Prediction errors",
         *(f"<p>{escaped(test.words)}</p>" for test in residual_words(found)),
         *_residuals(found),
     )
-    yield _section("Correlations of the estimates", correlation_table(found))
-    yield _section("Where it comes from", provenance(found))
+    yield section("Correlations of the estimates", correlation_table(found))
+    yield section("Where it comes from", provenance(found))
 
 
 def _subtitle(found: Found) -> str:
     p = found.provenance
     drive = f"drive {found.task.drive.name}, {predictor_words(found)}"
-    return f'<p class="sub">{escaped(drive)}<br>{escaped(p.date[:10])}, axiswatch {escaped(p.version)}</p>'
+    return f"{escaped(drive)}<br>{escaped(p.date[:10])}, axiswatch {escaped(p.version)}"
 
 
 def _verdict(found: Found) -> str:
     why_not = found.trustworthy()
     if why_not:
-        return f'<p class="verdict bad"><b>No nominal values:</b> {escaped(why_not)}.</p>'
+        return verdict("bad", "No nominal values:", f"{why_not}.")
     if found.warnings:
         count = len(found.warnings)
-        words = f"{count} thing{'s' if count > 1 else ''} to look at first, below"
-        return f'<p class="verdict warn"><b>Nominal values found,</b> with {words}.</p>'
-    return '<p class="verdict good"><b>Nominal values found,</b> and nothing speaks against them.</p>'
+        words = f"with {count} thing{'s' if count > 1 else ''} to look at first, below."
+        return verdict("warn", "Nominal values found,", words)
+    return verdict("good", "Nominal values found,", "and nothing speaks against them.")
 
 
 def _tiles(found: Found) -> str:
@@ -84,7 +71,7 @@ def _tiles(found: Found) -> str:
     worst = max((row.relative_sd or 0.0 for row in rows if not row.about_zero), default=0.0)
     zero = ", ".join(row.name for row in rows if row.about_zero)
     validation = min((trace.fit_simulation for trace in found.validation), default=None)
-    tiles = [
+    of = [
         (f"{min(t.fit_simulation for t in found.estimation):.1f} %", "fit of the simulation"),
         ("-", "no record was kept aside to compare")
         if validation is None
@@ -98,16 +85,7 @@ def _tiles(found: Found) -> str:
             "does the drive explain all that the torque does?",
         ),
     ]
-    cells = (f'<div class="tile"><b>{escaped(value)}</b><span>{words}</span></div>' for value, words in tiles)
-    return f'<div class="tiles">{"".join(cells)}</div>'
-
-
-def _section(title: str, *content: str) -> str:
-    return f"<section><h2>{title}</h2>{''.join(content)}</section>"
-
-
-def _list(sentences: Iterable[str]) -> str:
-    return f"<ul>{''.join(f'<li>{escaped(s)}</li>' for s in sentences)}</ul>"
+    return tiles(of)
 
 
 def _traces(found: Found) -> Iterator[str]:
@@ -122,16 +100,16 @@ def _traces(found: Found) -> Iterator[str]:
 
 def _bode(found: Found) -> Iterator[str]:
     yield f"<figure>{bode_picture(found.bode)}</figure>"
-    yield (
-        '<p class="legend">From torque to speed, over the band in which the records have torque. The black box (ARX)'
+    yield legend(
+        "From torque to speed, over the band in which the records have torque. The black box (ARX)"
         " and the response of the record know nothing of masses and springs: where the drive lies on them, its"
-        " structure is right. Coulomb friction acts on them, not on the drive's curve.</p>"
+        " structure is right. Coulomb friction acts on them, not on the drive's curve."
     )
 
 
 def _residuals(found: Found) -> Iterator[str]:
     yield f"<figure>{residual_picture(found)}</figure>"
-    yield (
-        '<p class="legend">Shaded: where 99 of 100 values lie if there is nothing left to explain. Negative lags on the'
-        " right show feedback from the motion to the torque.</p>"
+    yield legend(
+        "Shaded: where 99 of 100 values lie if there is nothing left to explain. Negative lags on the"
+        " right show feedback from the motion to the torque."
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -16,22 +15,26 @@ from service.ingest.identification_records import Source
 from service.reports.identification_words import (
     MASSES_TITLES,
     deviation,
-    escaped,
     fits,
     masses_rows,
     number,
-    percent,
-    plain,
     relative,
 )
 from service.reports.model_svg import as_svg
+from service.reports.page import heads, legend, listed, number_cell, table
+from service.reports.words import escaped, percent, plain
 
 _LEAST, _MOST = 1e-4, 1.0
 """Standard deviations at the ends of their bars, which are logarithmic."""
 _POOR = 0.1
 _STRONG = 0.95
 _NOT_FOLLOWED = " These rows follow no signals: what those do is among their errors."
-HELD, NUMBER = ' class="held"', ' class="number"'
+HELD = ' class="held"'
+_RIGHT = {
+    *("value", "before", "change", "sd", "between", "is then between", "slope"),
+    *("fit one step ahead", "fit of the simulation"),
+}
+"""Titles that stand over numbers."""
 
 
 def drive_picture(space: StateSpace) -> str:
@@ -50,11 +53,11 @@ def parameter_table(found: Found) -> str:
     known = any(row.before is not None for row in found.rows() if not row.held)
     titles = ("", "value", "unit", "sd", "sd", "", *(("before", "change") if known else ()), "meaning")
     rows = "".join(_parameter(row, known) for row in found.rows())
-    legend = (
-        f'<p class="legend">sd: standard deviation; bars: it as part of the value, on a logarithmic scale from'
-        f" {percent(_LEAST)} to {percent(_MOST)}.</p>"
+    said = (
+        f"sd: standard deviation; bars: it as part of the value, on a logarithmic scale from"
+        f" {percent(_LEAST)} to {percent(_MOST)}."
     )
-    return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+    return table(heads(titles, _RIGHT), rows) + legend(said)
 
 
 def slope_table(found: Found) -> str:
@@ -65,11 +68,11 @@ def slope_table(found: Found) -> str:
     if not rows:
         return ""
     titles = ("", "follows", "between", "is then between", "unit", "slope", "sd", "")
-    legend = (
-        '<p class="legend">The values of parameters above hold where signals have their references:'
-        f" {escaped(_references(found))}. The daemon follows the signals, of parameters that it monitors.</p>"
+    said = (
+        "The values of parameters above hold where signals have their references:"
+        f" {escaped(_references(found))}. The daemon follows the signals, of parameters that it monitors."
     )
-    return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+    return table(heads(titles, _RIGHT), rows) + legend(said)
 
 
 def _references(found: Found) -> str:
@@ -79,13 +82,13 @@ def _references(found: Found) -> str:
 
 def _slope(s: Slope, unit: str) -> str:
     f = s.follows
-    ends = _number(f"{f.low:.4g} and {f.high:.4g}") + _number(
+    ends = number_cell(f"{f.low:.4g} and {f.high:.4g}") + number_cell(
         f"{number(s.at(f.low))} and {number(s.at(f.high))}"
     )
     doubt = "" if s.told else "cannot be told from none"
     return (
         f"<tr><th>{escaped(f.parameter)}</th><td>{escaped(f.term)}</td>{ends}<td class='unit'>{escaped(unit)}</td>"
-        f"{_number(number(s.slope, s.sd))}{_number(plain(s.sd, 2))}<td class='why'>{doubt}</td></tr>"
+        f"{number_cell(number(s.slope, s.sd))}{number_cell(plain(s.sd, 2))}<td class='why'>{doubt}</td></tr>"
     )
 
 
@@ -94,15 +97,15 @@ def _parameter(row: Row, known: bool) -> str:
         middle = f'<td colspan="3" class="why">held: {escaped(row.held)}</td>'
     else:
         middle = (
-            f"{_number(deviation(row))}{_number(relative(row))}"
+            f"{number_cell(deviation(row))}{number_cell(relative(row))}"
             f"<td>{'' if row.about_zero else _bar(row.relative_sd)}</td>"
         )
     before = ""
     if known:
         change = "" if row.held else percent(row.change, signed=True)
-        before = f"{_number(number(row.before))}{_number(change)}"
+        before = f"{number_cell(number(row.before))}{number_cell(change)}"
     return (
-        f"<tr{HELD if row.held else ''}><th>{escaped(row.name)}</th>{_number(number(row.value, row.sd))}"
+        f"<tr{HELD if row.held else ''}><th>{escaped(row.name)}</th>{number_cell(number(row.value, row.sd))}"
         f'<td class="unit">{escaped(row.unit)}</td>{middle}{before}'
         f'<td class="meaning">{escaped(row.meaning)}</td></tr>'
     )
@@ -119,16 +122,16 @@ def _bar(sd: float | None) -> str:
 def record_table(found: Found) -> str:
     """What each record gave."""
     rows = "".join(
-        f"<tr><th>{escaped(trace.name)}</th><td>{purpose}</td>{_number(f'{trace.fit:.2f} %')}"
-        f"{_number(f'{trace.fit_simulation:.2f} %')}</tr>"
+        f"<tr><th>{escaped(trace.name)}</th><td>{purpose}</td>{number_cell(f'{trace.fit:.2f} %')}"
+        f"{number_cell(f'{trace.fit_simulation:.2f} %')}</tr>"
         for purpose, _, trace in fits(found)
     )
     titles = ("record", "for", "fit one step ahead", "fit of the simulation")
-    legend = (
-        '<p class="legend">Fit: 100 (1 - |y - yhat| / |y - mean y|). One step ahead the measured motion corrects the'
-        " state at each sample; the simulation never looks at it again.</p>"
+    said = (
+        "Fit: 100 (1 - |y - yhat| / |y - mean y|). One step ahead the measured motion corrects the"
+        " state at each sample; the simulation never looks at it again."
     )
-    return f'<div class="scroll"><table>{_head(titles)}<tbody>{rows}</tbody></table></div>{legend}'
+    return table(heads(titles, _RIGHT), rows) + legend(said)
 
 
 def masses_table(growth: Growth, follows: bool) -> str:
@@ -136,17 +139,16 @@ def masses_table(growth: Growth, follows: bool) -> str:
     aside = any(one.validation for one in growth.models)
     titles = MASSES_TITLES if aside else MASSES_TITLES[:-1]
     rows = "".join(
-        f"<tr{'' if row.wanted else HELD}>{''.join(_number(str(cell)) for cell in row[: len(titles)])}</tr>"
+        f"<tr{'' if row.wanted else HELD}>{''.join(number_cell(str(cell)) for cell in row[: len(titles)])}</tr>"
         for row in masses_rows(growth)
     )
     words = "".join(f"<p>{escaped(word)}</p>" for word in growth.words)
-    legend = (
-        '<p class="legend">Masses in a row, joined by springs and dampers, the motor first, each row fitted to the same'
+    said = (
+        "Masses in a row, joined by springs and dampers, the motor first, each row fitted to the same"
         " records. AIC and BIC, above their least values, weigh the squared errors against the number of parameters;"
-        f" BIC decides, and the fit to records kept aside.{_NOT_FOLLOWED if follows else ''}</p>"
+        f" BIC decides, and the fit to records kept aside.{_NOT_FOLLOWED if follows else ''}"
     )
-    head = f"<thead><tr>{''.join(f'<th{NUMBER}>{title}</th>' for title in titles)}</tr></thead>"
-    return f'{words}<div class="scroll"><table>{head}<tbody>{rows}</tbody></table></div>{legend}'
+    return words + table(heads(titles, titles), rows) + legend(said)
 
 
 def correlation_table(found: Found) -> str:
@@ -157,11 +159,11 @@ def correlation_table(found: Found) -> str:
         "<td class='quiet'>1</td></tr>"
         for i, name in enumerate(names)
     )
-    legend = (
-        '<p class="legend">Between two parameters whose estimates correlate near 1 or -1 these records can hardly tell:'
-        " read an alarm of one as an alarm of both.</p>"
+    said = (
+        "Between two parameters whose estimates correlate near 1 or -1 these records can hardly tell:"
+        " read an alarm of one as an alarm of both."
     )
-    return f'<div class="scroll"><table class="matrix">{_head(("", *names))}<tbody>{rows}</tbody></table></div>{legend}'
+    return table(heads(("", *names)), rows, "matrix") + legend(said)
 
 
 def _correlation(r: float) -> str:
@@ -183,27 +185,8 @@ def provenance(found: Found) -> str:
     started = f"<p>{escaped(found.origin)}</p>" if found.origin else ""
     program = f"<p>axiswatch {escaped(p.version)}, {escaped(p.date)}. To do it again:</p>"
     program += f"<pre>{escaped(p.command)}</pre>"
-    return f"{_list(map(_source, sources))}{drawing}{started}{program}"
+    return f"{listed(map(_source, sources))}{drawing}{started}{program}"
 
 
 def _source(source: Source) -> str:
     return f"{escaped(source.words)}<br><span class='hash'>sha256 {source.sha256}</span>"
-
-
-def _list(items: Iterable[str]) -> str:
-    return f"<ul>{''.join(f'<li>{item}</li>' for item in items)}</ul>"
-
-
-def _head(titles: Iterable[str]) -> str:
-    return f"<thead><tr>{''.join(_titles(titles))}</tr></thead>"
-
-
-def _titles(titles: Iterable[str]) -> Iterator[str]:
-    right = {"value", "before", "change", "sd", "between", "is then between", "slope"}
-    right |= {"fit one step ahead", "fit of the simulation"}
-    for title in titles:
-        yield f"<th{NUMBER if title in right else ''}>{escaped(title)}</th>"
-
-
-def _number(text: str) -> str:
-    return f'<td class="number">{escaped(text)}</td>'

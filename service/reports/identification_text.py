@@ -16,12 +16,12 @@ from service.reports.identification_words import (
     fits,
     masses_rows,
     number,
-    percent,
     predictor_words,
     relative,
     residual_words,
     slope_words,
 )
+from service.reports.words import percent
 
 
 def print_text(found: Found, console: Console) -> None:

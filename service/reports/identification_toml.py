@@ -12,7 +12,7 @@ from service.config.nominal_file import FORMAT, structure_of
 from service.identification.found import Found, Row, Slope
 from service.identification.traces import Trace
 from service.ingest.identification_records import Loaded
-from service.reports.identification_words import percent
+from service.reports.words import percent
 
 _DIGITS, _FEW = 10, 5
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -11,17 +9,7 @@ from monitor_core.identification.residuals import LEVEL
 from monitor_core.identification.starting import Growth
 from service.identification.found import Found, Row
 from service.identification.traces import Trace
-
-_NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
-
-_FULL = 1e7
-_MANY = 10.0
-
-
-def escaped(text: str) -> str:
-    """Text for HTML."""
-    return html.escape(_NOT_XML.sub("", text))
+from service.reports.words import percent, plain
 
 
 def number(value: float | None, sd: float | None = None) -> str:
@@ -29,22 +17,6 @@ def number(value: float | None, sd: float | None = None) -> str:
     if value is None:
         return ""
     return plain(value, 5 if sd is None or sd < abs(value) else 2)
-
-
-def plain(value: float, digits: int) -> str:
-    """So many digits, large numbers in full: 281330, not 2.8133e+05."""
-    rounded = float(f"{value:.{digits}g}")
-    return f"{rounded:.0f}" if 10 ** (digits - 1) <= abs(rounded) < _FULL else f"{value:.{digits}g}"
-
-
-def percent(value: float | None, signed: bool = False) -> str:
-    """``0.12 %``, two digits; beyond ten times nothing is told but that."""
-    if value is None:
-        return ""
-    if abs(value) > _MANY:
-        return f"> {100 * _MANY:g} %"
-    digits = float(f"{100 * value:.2g}")
-    return f"{digits:+g} %" if signed else f"{digits:g} %"
 
 
 def relative(row: Row) -> str:

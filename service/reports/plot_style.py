@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.kernel.tables import Floats
+from service.reports.page_style import COLOURS as COLOURS_OF_PAGES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-INK, GRID, MEASURED, FOUND, SIMULATED, OTHER, BEFORE = (f"#01010{k}" for k in range(1, 8))
+INK, GRID, MEASURED, FOUND, SIMULATED, OTHER, BEFORE, ALARM, QUIET = (f"#01010{k}" for k in range(1, 10))
 """Stand for colours of the page, which COLOURS names."""
 COLOURS = {
     INK: "ink",
@@ -26,6 +27,8 @@ COLOURS = {
     SIMULATED: "simulated",
     OTHER: "other",
     BEFORE: "before",
+    ALARM: "bad",
+    QUIET: "quiet",
 }
 WIDTH = 9.0
 """Of a picture, inches; the page scales it."""
@@ -58,14 +61,15 @@ _STYLE: dict[Any, Any] = {
 
 
 @contextmanager
-def figure(height: float) -> Iterator[Figure]:
-    """An empty picture of that height, inches, in the style of the reports."""
+def figure(height: float, room: float = 0.04) -> Iterator[Figure]:
+    """An empty picture of that height and that room around its panels, inches, in the style of the reports."""
     # Without pyplot: no window system is looked for, and nothing is left behind.
     import matplotlib as mpl
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     with mpl.rc_context(_STYLE):
-        yield Figure(figsize=(WIDTH, height), layout="constrained")
+        yield Figure(figsize=(WIDTH, height), layout=ConstrainedLayoutEngine(w_pad=room, h_pad=room))
 
 
 def as_svg(drawn: Figure, label: str, salt: str) -> str:
@@ -83,6 +87,14 @@ def as_svg(drawn: Figure, label: str, salt: str) -> str:
         text = text.replace(colour, f"var(--{name})")
     text = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[0]), text)
     return text.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1)
+
+
+def as_document(drawn: Figure, label: str, salt: str) -> str:
+    """The picture as a file of its own, with its colours, light or dark as the reader's system is."""
+    style = f"<style>{COLOURS_OF_PAGES}svg {{ background: var(--panel); }}</style>"
+    element = as_svg(drawn, label, salt)
+    end = element.index(">", element.index("<svg")) + 1
+    return f"{element[:end]}{style}{element[end:]}"
 
 
 def thinned(t: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -1,13 +1,14 @@
 """The alarm journal: every alarm is on the disk before anyone is shown it."""
 
+import json
 import math
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from monitor_core.episodes import Direction, Episode
+from monitor_core.alarms.episodes import Cause, Direction, Doubt, Episode, Kind, Name, Stage
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -30,6 +31,21 @@ MIGRATIONS = (
     CREATE UNIQUE INDEX alarm_open ON alarm (axis, parameter, direction) WHERE ended_us IS NULL;
     CREATE INDEX alarm_by_time ON alarm (raised_us);
     """,
+    # Alarms are raised, then named: an alarm is known by its first crossing, as its parameter may be corrected.
+    """
+    DROP INDEX alarm_open;
+    ALTER TABLE alarm ADD COLUMN stage TEXT NOT NULL DEFAULT 'changed' CHECK (stage IN ('changed', 'named'));
+    ALTER TABLE alarm ADD COLUMN causes TEXT NOT NULL DEFAULT '[]';
+    ALTER TABLE alarm ADD COLUMN doubt TEXT NOT NULL DEFAULT '';
+    ALTER TABLE alarm ADD COLUMN onset_low_us INTEGER;
+    ALTER TABLE alarm ADD COLUMN onset_high_us INTEGER;
+    ALTER TABLE alarm ADD COLUMN kind TEXT NOT NULL DEFAULT '';
+    ALTER TABLE alarm ADD COLUMN past TEXT NOT NULL DEFAULT '[]';
+    ALTER TABLE alarm ADD COLUMN first_parameter TEXT NOT NULL DEFAULT '';
+    ALTER TABLE alarm ADD COLUMN first_direction TEXT NOT NULL DEFAULT '';
+    UPDATE alarm SET first_parameter = parameter, first_direction = direction;
+    CREATE INDEX alarm_open ON alarm (axis) WHERE ended_us IS NULL;
+    """,
 )
 
 
@@ -37,7 +53,8 @@ MIGRATIONS = (
 class Alarm:
     """An alarm of the journal.  Times in microseconds since 1970; nominal and size in ``unit``.
 
-    ``size`` is estimate - nominal at the last crossing, ``size_sd`` its standard deviation.
+    ``size`` is estimate - nominal when it was updated, ``size_sd`` its standard deviation; the others are those of
+    Episode.
     """
 
     id: int
@@ -53,6 +70,22 @@ class Alarm:
     size: float
     size_sd: float
     crossings: int
+    stage: Stage = "changed"
+    causes: tuple[Cause, ...] = ()
+    doubt: Doubt = ""
+    onset_low_us: int | None = None
+    onset_high_us: int | None = None
+    kind: Kind = ""
+    past: tuple[Name, ...] = ()
+
+    @property
+    def first(self) -> tuple[str, Direction]:
+        """Parameter and direction of the first crossing."""
+        return (
+            (self.past[0].parameter, self.past[0].direction)
+            if self.past
+            else (self.parameter, self.direction)
+        )
 
     @property
     def active(self) -> bool:
@@ -64,6 +97,8 @@ _NAMES = tuple(field.name for field in fields(Alarm))
 _COLUMNS = ", ".join(_NAMES)
 _NUMBERS = ("nominal", "size", "size_sd")
 """SQLite keeps NaN as NULL."""
+_LISTS = {"causes": Cause, "past": Name}
+"""Kept as JSON, each entry one of these."""
 
 
 class Entry(NamedTuple):
@@ -171,39 +206,61 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
     known = _known(connection, entry)
     if known is None:
         return _insert(connection, entry)
-    # The first onset and time stand, should a monitor that lost its state raise the same alarm anew.
-    connection.execute(
-        "UPDATE alarm SET updated_us = ?, ended_us = ?, size = ?, size_sd = ?, crossings = max(crossings, ?)"
-        " WHERE id = ?",
-        (e.updated_us, e.ended_us, e.size, e.size_sd, e.crossings, known),
-    )
-    return known
+    changed = _columns_of(entry)
+    if known.raised_us != e.raised_us:
+        # The first onset and time stand, as a monitor that lost its state raises the same alarm anew.
+        changed = {name: changed[name] for name in ("updated_us", "ended_us", "size", "size_sd")}
+    else:
+        del changed["raised_us"]
+    texts = [f"{name} = :{name}" for name in changed]
+    texts.append("crossings = max(crossings, :again)")
+    values = changed | {"again": e.crossings, "id": known.id}
+    connection.execute(f"UPDATE alarm SET {', '.join(texts)} WHERE id = :id", values)
+    return known.id
 
 
-def _known(connection: sqlite3.Connection, entry: Entry) -> int | None:
-    """The alarm that the episode belongs to: the open one, or else this very episode.
+def _known(connection: sqlite3.Connection, entry: Entry) -> Alarm | None:
+    """The alarm that the episode belongs to: this very episode, or else an open one of the same name.
 
-    An episode that has ended looks for itself first, so that repeating its record cannot end a later alarm.
+    An episode that has ended looks for itself only, so that repeating its record cannot end a later alarm, nor does one
+    that has been named: another one of that name is about to end.
     """
     e = entry.episode
-    first = "ended_us IS NULL" if e.ended_us is None else "raised_us = :raised"
-    row = connection.execute(
-        "SELECT id FROM alarm WHERE axis = :axis AND parameter = :parameter AND direction = :direction"
-        f" AND (ended_us IS NULL OR raised_us = :raised) ORDER BY {first} DESC, id DESC LIMIT 1",
-        {"axis": entry.axis, "parameter": e.parameter, "direction": e.direction, "raised": e.raised_us},
-    ).fetchone()
-    return None if row is None else int(row[0])
+    parameter, direction = e.first
+    values: dict[str, _Value] = {
+        "axis": entry.axis,
+        "parameter": parameter,
+        "direction": direction,
+        "raised": e.raised_us,
+    }
+    itself = (
+        "WHERE axis = :axis AND first_parameter = :parameter AND first_direction = :direction"
+        " AND raised_us = :raised ORDER BY id DESC LIMIT 1"
+    )
+    found = _select(connection, itself, values)
+    if not found and e.ended_us is None and e.stage == "changed":
+        alike = "WHERE axis = :axis AND parameter = :parameter AND direction = :direction AND ended_us IS NULL LIMIT 1"
+        found = _select(connection, alike, values)
+    return found[0] if found else None
 
 
 def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
     e = entry.episode
-    values: list[_Value] = [entry.axis, e.parameter, e.direction, entry.unit, entry.nominal]
-    values += [e.onset_us, e.raised_us, e.updated_us, e.ended_us, e.size, e.size_sd, e.crossings]
-    columns = ", ".join(_NAMES[1:])
-    places = ", ".join("?" * len(values))
-    cursor = connection.execute(f"INSERT INTO alarm ({columns}) VALUES ({places})", values)
+    values = _columns_of(entry) | {"crossings": e.crossings}
+    values |= dict(zip(("first_parameter", "first_direction"), e.first, strict=True))
+    places = ", ".join(f":{name}" for name in values)
+    cursor = connection.execute(f"INSERT INTO alarm ({', '.join(values)}) VALUES ({places})", values)
     assert cursor.lastrowid is not None
     return cursor.lastrowid
+
+
+def _columns_of(entry: Entry) -> dict[str, _Value]:
+    """What may change from record to record; crossings only grow."""
+    e = entry.episode
+    own: dict[str, _Value] = {"axis": entry.axis, "unit": entry.unit, "nominal": entry.nominal}
+    shared = [name for name in _NAMES if name not in {"id", "crossings", *own, *_LISTS}]
+    lists: dict[str, _Value] = {name: json.dumps(getattr(e, name)) for name in _LISTS}
+    return own | {name: getattr(e, name) for name in shared} | lists
 
 
 def _open(connection: sqlite3.Connection, axis: str) -> list[Alarm]:
@@ -214,27 +271,20 @@ def _get(connection: sqlite3.Connection, alarm_id: int) -> Alarm | None:
     return next(iter(_select(connection, "WHERE id = ?", [alarm_id])), None)
 
 
-def _select(connection: sqlite3.Connection, rest: str, values: Sequence[_Value]) -> list[Alarm]:
+def _select(
+    connection: sqlite3.Connection, rest: str, values: Sequence[_Value] | Mapping[str, _Value]
+) -> list[Alarm]:
     return [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]
 
 
 def _alarm(row: tuple[Any, ...]) -> Alarm:
-    values: list[Any] = [
-        math.nan if value is None and name in _NUMBERS else value
-        for name, value in zip(_NAMES, row, strict=True)
-    ]
-    return Alarm(*values)
+    values: dict[str, Any] = dict(zip(_NAMES, row, strict=True))
+    for name in _NUMBERS:
+        values[name] = math.nan if values[name] is None else values[name]
+    for name, kind in _LISTS.items():
+        values[name] = tuple(kind(*entry) for entry in json.loads(values[name]))
+    return Alarm(**values)
 
 
 def _episode(a: Alarm) -> Episode:
-    return Episode(
-        parameter=a.parameter,
-        direction=a.direction,
-        onset_us=a.onset_us,
-        raised_us=a.raised_us,
-        updated_us=a.updated_us,
-        ended_us=a.ended_us,
-        size=a.size,
-        size_sd=a.size_sd,
-        crossings=a.crossings,
-    )
+    return Episode(**{field.name: getattr(a, field.name) for field in fields(Episode)})

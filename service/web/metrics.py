@@ -16,7 +16,7 @@ from prometheus_client.exposition import choose_encoder
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
-from monitor_core.episodes import DIRECTIONS, Direction
+from monitor_core.alarms.episodes import DIRECTIONS, Direction, Stage
 from monitor_core.facts import Observation, ParameterFacts
 from service.monitoring.snapshot import AxisSnapshot, Snapshot
 from service.web.world import VERSION, age_s, sample_age_s
@@ -99,13 +99,41 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
     yield both(
         "alarm_active", "1 while an alarm is open, else 0.", lambda a, p, d: float(_is_open(a, p.name, d))
     )
+    yield both(
+        "alarm_named",
+        "1 while an alarm is open and the evidence for its name is in, else 0.",
+        lambda a, p, d: float(_is_open(a, p.name, d, "named")),
+    )
+    causes = {axis.id: _causes(axis) for axis in axes}
+    yield _gauge(
+        "alarm_probability",
+        "Probability of each parameter to be the cause of an open alarm that has been named, else 0.",
+        ("axis", "parameter"),
+        (
+            ((axis.id, p.name), causes[axis.id].get(p.name, 0.0))
+            for axis in axes
+            for p in axis.facts.parameters
+        ),
+    )
 
 
 _OBSERVED = {Observation.OBSERVED: 1.0, Observation.WEAK: 0.5, Observation.UNSEEN: 0.0}
 
 
-def _is_open(axis: AxisSnapshot, parameter: str, direction: str) -> bool:
-    return any((e.parameter, e.direction) == (parameter, direction) for e in axis.open_episodes)
+def _is_open(axis: AxisSnapshot, parameter: str, direction: str, *stages: Stage) -> bool:
+    return any(
+        (e.parameter, e.direction) == (parameter, direction) and e.stage in (stages or (e.stage,))
+        for e in axis.open_episodes
+    )
+
+
+def _causes(axis: AxisSnapshot) -> dict[str, float]:
+    """Probabilities of the causes of its alarms, the largest where a parameter is among those of several."""
+    found: dict[str, float] = {}
+    for e in axis.open_episodes:
+        for name, probability in e.causes:
+            found[name] = max(found.get(name, 0.0), probability)
+    return found
 
 
 def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:

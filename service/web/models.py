@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from monitor_core.alarms.episodes import Doubt, Kind, Stage
 from monitor_core.facts import Observation, Status
 
 
@@ -152,24 +153,64 @@ class History(Body):
     parameters: list[Course]
 
 
+class Cause(Body):
+    """What may have changed."""
+
+    parameter: str
+    probability: Number = Field(
+        description="of all single causes, with odds of 8 to 1 for the first that crossed; below 0.01 it is left out"
+    )
+
+
+class PastName(Body):
+    """What an alarm was called before."""
+
+    until: Time = Field(description="UTC")
+    stage: Stage
+    parameter: str
+    direction: Direction
+
+
 class Alarm(Body):
     """An alarm: one from the first crossing of the threshold until the parameter is back at nominal."""
 
     id: int
     axis: str
-    parameter: str
+    parameter: str = Field(description="the best name there is now; causes tells how sure it is")
     direction: Direction
+    stage: Stage = Field(
+        description="changed: something has, the parameter is the first that crossed; named: the evidence is in, "
+        "three memory lengths after the first crossing"
+    )
+    causes: list[Cause] = Field(
+        description="what may have changed, the likeliest first; empty before it is named"
+    )
+    doubt: Doubt = Field(
+        description="why it may be none of the causes; several: no single parameter explains it; model: the model no "
+        "longer holds, as if a sensor were wrong; sign: as if torque or motion had changed its sign; still: no motion "
+        "follows the torque; empty: no doubt"
+    )
+    kind: Kind = Field(description="step or drift; empty: it cannot be told, or not yet")
     words: str = Field(description="the alarm in a sentence, e.g. the torque frame is 0.5 ms late: ..")
     active: bool = Field(description="it has not ended")
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
     nominal: Number = Field(description="commissioned value, in unit")
-    size: Number = Field(description="estimate - nominal at the last crossing, in unit")
+    size: Number = Field(description="estimate - nominal when it was updated, in unit")
     size_sd: Number = Field(description="standard deviation of the size, in unit")
-    onset: Time = Field(description="when the deviation began: the last time the CUSUM was zero, UTC")
+    onset: Time = Field(
+        description="when it changed, UTC: the likeliest time; before it is named the last time the CUSUM was zero"
+    )
+    onset_low: Time | None = Field(
+        description="it changed after this with a probability of 95 %, UTC; null: not told yet, or earlier than is told"
+    )
+    onset_high: Time | None = Field(
+        description="it changed before this with a probability of 95 %, UTC; null: not told yet"
+    )
     raised: Time = Field(description="when the threshold was crossed for the first time, UTC")
     updated: Time = Field(description="when it was crossed for the last time, UTC")
     ended: Time | None = Field(description="when the deviation had been tolerable for long enough, UTC")
-    crossings: int = Field(description="number of times the threshold was crossed")
+    crossings: int = Field(description="number of times a threshold was crossed")
+    past: list[PastName] = Field(description="what the alarm was called before, the first name first")
 
 
 class Alarms(Body):

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
+from monitor_core.alarms.episodes import Name
 from monitor_core.facts import ParameterFacts
-from service.alarm_words import alarm_words
+from service.alarm_words import episode_words
 from service.monitoring.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
 from service.store import journal
 from service.web import models
@@ -102,17 +103,30 @@ def alarm(a: journal.Alarm) -> models.Alarm:
         axis=a.axis,
         parameter=a.parameter,
         direction=a.direction,
-        words=alarm_words(a.parameter, a.size, a.nominal, a.unit),
+        stage=a.stage,
+        causes=[models.Cause(parameter=c.parameter, probability=c.probability) for c in a.causes],
+        doubt=a.doubt,
+        kind=a.kind,
+        words=episode_words(a, a.nominal, a.unit),
         active=a.active,
         unit=a.unit,
         nominal=a.nominal,
         size=a.size,
         size_sd=a.size_sd,
         onset=iso(a.onset_us),
+        onset_low=maybe_iso(a.onset_low_us),
+        onset_high=maybe_iso(a.onset_high_us),
         raised=iso(a.raised_us),
         updated=iso(a.updated_us),
         ended=maybe_iso(a.ended_us),
         crossings=a.crossings,
+        past=[_past(name) for name in a.past],
+    )
+
+
+def _past(name: Name) -> models.PastName:
+    return models.PastName(
+        until=iso(name.until_us), stage=name.stage, parameter=name.parameter, direction=name.direction
     )
 
 

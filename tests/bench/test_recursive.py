@@ -4,7 +4,7 @@ A parameter of each record changes by 10 % in its middle.  Scatter is the rms de
 the samples until the mean estimate of the records has moved by 63 % of the change.  One buys the other: with the
 memory, scatter falls like one over its root.  So what counts is scatter times the root of the delay, here as the
 scatter at a delay of 200 samples.  The peers' random walk is the one whose delays are nearest to those of lambda:
-Q = (1 - lambda) diag(P) of the recursion's own steady P.
+Q = (1 - lambda) diag(P) of the recursion's own steady P.  That of our own is the same.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -105,11 +106,15 @@ def records(task: Task, seed: int) -> Records:
 class Ours:
     """The recursion on the records, axes side by side or one alone."""
 
-    def __init__(self, task: Task, of: Records, *, joint: bool) -> None:
+    def __init__(
+        self, task: Task, of: Records, *, joint: bool, drift: bool = False, P: Floats | None = None
+    ) -> None:
+        """``P`` (p,): the variances of the logarithms that parameters have, which drift."""
         self.model = AxisModel(three_mass("speed"), task.values, task.watched)
         K, lam0 = filter_gain(self.model, H, task.torque_noise, task.output_noise)
-        start = tuple((0.01 * self.model.scale) ** 2 / lam0)
-        self.settings = Settings(H, lam0=lam0, K=tuple(K), P0=start, settle_s=0.2, alpha2=1e9, joint=joint)
+        start = tuple((1e-4 if P is None else P) * self.model.scale**2 / lam0)
+        own = Settings(H, lam0=lam0, K=tuple(K), P0=start, settle_s=0.2, alpha2=1e9)
+        self.settings = replace(own, joint=joint, drift=drift)
         self.of = of
 
     def run(self, axes: int) -> tuple[Floats, Floats]:
@@ -181,11 +186,13 @@ def theirs(
 def test_joint_filters_of_others(name: str, seed: int, say: Say, tmp_path: Path) -> None:
     task = TASKS[name]
     of = records(task, seed)
-    ours = {f"axiswatch{', joint_state' if j else ''}": Ours(task, of, joint=j) for j in (False, True)}
+    ours = {"axiswatch": Ours(task, of, joint=False), "axiswatch, joint_state": Ours(task, of, joint=True)}
+    P = ours["axiswatch"].run(len(of.u))[1]
+    ours["axiswatch, joint_state, random_walk"] = Ours(task, of, joint=True, drift=True, P=P)
     times = in_turns({who: it.alone() for who, it in ours.items()}, 9)
     rows: list[tuple[object, ...]] = []
     for who, it in ours.items():
-        theta, P = it.run(len(of.u))
+        theta, _ = it.run(len(of.u))
         rows.append((who, times[who] / SAMPLES * 1e6, *words(outcome(theta, task))))
     for tool in recursive_peers.TOOLS:
         for walk in (LIKE_LAMBDA, COMMON):

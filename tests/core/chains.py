@@ -31,7 +31,9 @@ def chain(masses: int, output: Output, sensor: Sensor = "motor", gravity: bool =
         output=output,
         states=tuple(states),
         inputs=INPUTS if gravity else INPUTS[:4],
-        parameters=tuple(Parameter(name, "?", name, _positive(name)) for name in values(masses, gravity)),
+        parameters=tuple(
+            Parameter(name, _unit(name), name, _positive(name)) for name in values(masses, gravity)
+        ),
         terms=tuple(terms),
         speed_state=masses - 1,
     )
@@ -93,6 +95,14 @@ def values(masses: int, gravity: bool = True) -> dict[str, float]:
         found[f"k{i}"] = (12.0 + 3.0 * i) * (masses - 1) / r**2
         found[f"d{i}"] = 0.02 / i * (masses - 1) / r**2
     return found | ({"gc": 0.8 / r, "gs": 0.5 / r} if gravity else {})
+
+
+def _unit(name: str) -> str:
+    if name in {"kT", "r"}:
+        return "1"
+    if name in {"fc", "fa", "tau0", "gc", "gs"}:
+        return "N m"
+    return {"J": "kg m^2", "k": "N m/rad"}.get(name[0], "N m s/rad")
 
 
 def _positive(name: str) -> bool:

@@ -79,13 +79,24 @@ class Log:
     alarms: list[tuple[int, int, int, int]] = field(default_factory=list)  # way, parameter, time, onset
 
 
+@dataclass
+class _Second:
+    """What is known of a second output, and counted."""
+
+    running: float
+    credit: float = 3.0
+    in_a_row: int = 0
+    missing: int = 0
+    outliers: int = 0
+
+
 class Paper:
     """Recursive identification and CUSUM of one axis."""
 
     def __init__(self, model: AxisModel, s: Settings, P_start: Array | None = None) -> None:
         self.model, self.s = model, s
         n, p, m = len(model.drive.states), len(model.theta0), len(model.drive.inputs)
-        self.theta, self.limits = model.theta0.copy(), stable_limits(model, s.gain(n), s.interval_s)
+        self.theta, self.limits = model.theta0.copy(), stable_limits(model, s.filter(n), s.interval_s)
         self.P = np.diag(s.P0) if P_start is None else P_start.copy()
         self.x, self.z = np.zeros(n), np.zeros((p, n))
         self.u, self.du = np.zeros(m), np.zeros((p, m))
@@ -102,14 +113,16 @@ class Paper:
         self.starved = False
         self.running, self.credit, self.in_a_row = s.lam0, 3.0, 0
         self.outliers = 0
+        self.second = _Second(s.lam0)
         self.log = Log()
 
-    def run(self, t_us: NDArray[np.int64], u: Array, y: Array) -> Log:
-        for sample in zip(t_us, u, y, strict=True):
-            self._sample(int(sample[0]), float(sample[1]), float(sample[2]))
+    def run(self, t_us: NDArray[np.int64], u: Array, y: Array, y2: Array | None = None) -> Log:
+        second = np.full(len(t_us), np.nan) if y2 is None else y2
+        for sample in zip(t_us, u, y, second, strict=True):
+            self._sample(int(sample[0]), *(float(v) for v in sample[1:]))
         return self.log
 
-    def _sample(self, t: int, u: float, y: float) -> None:
+    def _sample(self, t: int, u: float, y: float, y2: float) -> None:
         eps, psi = math.nan, np.full(len(self.theta), math.nan)
         gap = round(self.s.max_gap_s * 1e6)
         unusable = not (math.isfinite(u) and math.isfinite(y))
@@ -118,7 +131,7 @@ class Paper:
             if self.t is None or t < self.t or t - self.t > gap:
                 self._restart(t, u, y)
             else:
-                eps, psi = self._move(t, u, y)
+                eps, psi = self._move(t, u, y, y2)
         self.log.eps.append(eps)
         self.log.psi.append(psi)
         self.log.theta.append(self.theta.copy())
@@ -144,7 +157,7 @@ class Paper:
                 slope = (1 - self.u[c] ** 2) * ratio[c] / self.s.speed_scale
                 self.du[:, c] = slope * (self.z @ sensor_speed(self.model))
 
-    def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
+    def _move(self, t: int, u: float, y: float, y2: float) -> tuple[float, Array]:
         assert self.t is not None
         h = (t - self.t) * 1e-6
         lost = h / self.s.interval_s - 2
@@ -166,20 +179,29 @@ class Paper:
         eps = y - C @ self.x  # (11)
         psi = np.array([C @ z + d[0] @ self.x for z, d in zip(self.z, dC, strict=True)])  # (16)
         self.t = t
-        used = t >= self.settled and not self._starves(psi)
+        K = self._gain(h, self.s.K, self.s.K_after)
+        if self.s.second and math.isnan(y2):
+            K = self._gain(h, self.s.second.alone, self.s.second.alone_after)
+        e2, psi2 = self._beside(y2, eps, psi, K)
+        used = t >= self.settled and not self._starves(psi, psi2)
         if t >= self.settled and not used:
             self.unseen[:], self.starved = True, True
         known = self._expected(psi)
         out, pass_over, believed = self._sift(eps, known)
         used = used and not pass_over
+        corrects = not out or self.in_a_row >= 3
+        if not corrects:  # then the second has the whole error
+            e2, psi2 = self._beside(y2, 0.0, 0 * psi, K)
+        before = self.theta.copy()
         if used:
-            before = self.theta.copy()
             self._update(believed, psi)
-            moved = self.theta - before
             self._follow_variance(eps, known)
-        intervals, gains = np.arange(GAINS), self.s.gains(len(self.x)).T
-        K = np.array([np.interp(h / self.s.interval_s, intervals, gain) for gain in gains])
-        if not out or self.in_a_row >= 3:
+        if self.s.second:
+            self._with_second(h, e2, psi2, self.theta - before, used, pass_over)
+        if used:
+            self._judge()
+        moved = self.theta - before
+        if corrects:
             self.x = self.x + K * eps
             self.z = self.z - np.outer(psi, K)
         if used and self.s.joint:
@@ -188,6 +210,53 @@ class Paper:
             self.x[mean], self.z[:, mean] = 0.0, 0.0
         self._hold(u, y)
         return (eps, psi) if used else (math.nan, psi)
+
+    def _gain(self, h: float, K: tuple[float, ...], after: tuple[tuple[float, ...], ...]) -> Array:
+        """K after an interval, between those after 0, 1, 2 .. intervals."""
+        known = [after[0], K, *after[1:]] if after else [K or (0.0,) * len(self.x)] * GAINS
+        at = h / self.s.interval_s
+        return np.array([np.interp(at, np.arange(GAINS), gain) for gain in np.array(known).T])
+
+    def _beside(self, y2: float, eps: float, psi: Array, K: Array) -> tuple[float, Array]:
+        """Innovation and gradient of the second output after the first one's correction, in its units."""
+        if self.s.second is None:
+            return math.nan, 0 * psi
+        C2 = self.model.drive.matrix("C2", self.model.values(self.theta))[0]
+        slopes = [d[0] for d in derivatives(self.model, "C2", self.theta)]
+        x, z = self.x + K * eps, self.z - np.outer(psi, K)
+        size = math.sqrt(self.s.lam0 / self.s.second.lam0)
+        return size * (y2 - C2 @ x), size * (z @ C2 + np.array([d @ x for d in slopes]))
+
+    def _with_second(
+        self, h: float, e2: float, psi2: Array, moved: Array, used: bool, passed_over: bool
+    ) -> None:
+        """Information adds up, P^-1 + psi2 psi2'; theta's first step is taken off what is left to explain."""
+        assert self.s.second is not None
+        if math.isnan(e2):
+            self.second.missing += 1
+            return
+        left, known = float(e2 - psi2 @ moved), float(1 + psi2 @ self.P @ psi2 / 2)
+        s, believed, out, pass_over = self.second, left, False, False
+        if self.s.outlier:
+            limit = self.s.outlier * math.sqrt(s.running * known)
+            out, s.credit = abs(left) > limit, min(s.credit + 0.02, 3.0)
+            s.in_a_row = s.in_a_row + 1 if out else 0
+            pass_over = out and s.credit >= 1
+            s.credit -= pass_over
+            settled = self.t is not None and self.t >= self.settled
+            s.outliers += pass_over and settled and not passed_over  # the sample is counted once
+            believed = float(np.clip(left, -limit, limit))
+        if used and not pass_over:
+            step = self.P @ psi2 / (1 + psi2 @ self.P @ psi2) * believed
+            self.P = np.linalg.inv(np.linalg.inv(self.P) + np.outer(psi2, psi2))
+            if not self.seeding:
+                self.theta = np.clip(self.theta + np.where(self.unseen, 0.0, step), *self.limits)
+            square = min(left**2 / known, 9 * s.running) / 0.99501
+            s.running += (1 - self.s.lam) / 10 * (square - s.running)
+        if not out or s.in_a_row >= 3:
+            size = math.sqrt(self.s.lam0 / self.s.second.lam0)
+            K2 = self._gain(h, self.s.second.K, self.s.second.K_after) / size
+            self.x, self.z = self.x + K2 * e2, self.z - np.outer(psi2, K2)
 
     def _to_its_own_interval(self, h: float, rest: float) -> tuple[float, float]:
         """What the drive averages a speed over begins so long before its end, after lost samples; else with h."""
@@ -221,22 +290,35 @@ class Paper:
         self.z[late] += B @ step
 
     def _update(self, eps: float, psi: Array) -> None:
-        lam = self.lam
+        walks = self.s.drift and len(self.diagonals) >= self.s.seed_updates
+        lam = 1.0 if walks else self.lam
         S = lam + psi @ self.P @ psi
         L = self.P @ psi / S  # (12)
         self.P = (self.P - np.outer(self.P @ psi, psi @ self.P) / S) / lam  # (13)
-        if len(self.diagonals) < self.s.seed_updates:
+        if not self.seeding:
+            step = np.where(self.unseen, 0.0, L * eps)
+            self.theta = np.clip(self.theta + step, *self.limits)
+
+    @property
+    def seeding(self) -> bool:
+        """P(0) is still being found."""
+        return len(self.diagonals) < self.s.seed_updates
+
+    def _judge(self) -> None:
+        """Once a sample, after all of its outputs."""
+        if self.seeding:
             self._seed()
             return
-        step = np.where(self.unseen, 0.0, L * eps)
-        self.theta = np.clip(self.theta + step, *self.limits)
+        if self.s.drift:
+            self.P = self.P + (1 - self.lam) * np.diag(self.P_nom)
         if self.s.floor or self.s.starved:
             self._look()
         self._cusum()
 
-    def _starves(self, psi: Array) -> bool:
+    def _starves(self, psi: Array, psi2: Array) -> bool:
         """Running mean, over a tenth of the memory, of psi' P psi beside its steady mean p (1 - lambda)."""
-        share = min(float(psi @ self.P @ psi) / (len(psi) * (1 - self.s.lam)), 1.0)
+        both = float(psi @ self.P @ psi + psi2 @ self.P @ psi2)
+        share = min(both / (len(psi) * (1 - self.s.lam)), 1.0)
         if self.s.starved:
             self.plenty += min(10 * (1 - self.s.lam), 1.0) * (share - self.plenty)
         self.starved_samples += self.plenty < self.s.starved
@@ -244,7 +326,8 @@ class Paper:
 
     def _expected(self, psi: Array) -> float:
         """Var eps over lambda_0: 1 + psi' P psi / (1 + lambda)."""
-        return float(1 + psi @ self.P @ psi / (1 + self.lam))
+        walks = self.s.drift and len(self.diagonals) >= self.s.seed_updates
+        return float(1 + psi @ self.P @ psi / (2 if walks else 1 + self.lam))
 
     def _sift(self, eps: float, known: float) -> tuple[bool, bool, float]:
         """Whether it is an outlier, whether it is passed over (three in a row, and one in fifty), what is believed."""
@@ -270,6 +353,8 @@ class Paper:
         self.since += 1
         if self.since >= (self.s.span // 4 if self.starved else self.s.span):
             more = (self.s.lam**-self.since - 1) * self.s.floor
+            if self.s.drift:
+                more = self.since * (1 - self.s.lam) * self.s.floor**2
             self.since, self.looks = 0, self.looks + 1
             self.P = np.linalg.inv(np.linalg.inv(self.P) + np.diag(more / self.P_nom))
             size = np.sqrt(self.P_nom)
@@ -295,13 +380,14 @@ class Paper:
         """(21-23), both directions; after an alarm from zero again."""
         assert self.t is not None
         d = self.theta - self.model.theta0
-        nu = self.s.alpha1 * np.sqrt(self.s.lam0 * np.diag(self.P))
+        alpha1, alpha2, allowance = self.s.tests(len(d))
+        nu = alpha1 * np.sqrt(self.s.lam0 * np.diag(self.P)) + allowance * self.model.scale
         for way, sign in enumerate((1, -1)):
             for i in np.flatnonzero(~self.unseen).tolist():
                 self.g[way, i] = max(0.0, self.g[way, i] + sign * d[i] - nu[i])
                 if self.g[way, i] == 0:
                     self.onset[way, i] = self.t
-                if self.g[way, i] > self.s.alpha2 * self.model.scale[i]:
+                if self.g[way, i] > alpha2[i] * self.model.scale[i]:
                     self.log.alarms.append((way, i, self.t, int(self.onset[way, i])))
                     self.P[i, i] = max(self.P[i, i], self.s.widen * self.P_nom[i])
                     if not self.s.run_on:
@@ -315,6 +401,7 @@ def prediction(
     t_us: NDArray[np.int64],
     u: Array,
     y: Array,
+    y2: Array | None = None,
 ) -> NDArray[np.generic]:
     """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
     values = model.values(theta)  # type: ignore[arg-type]
@@ -338,6 +425,8 @@ def prediction(
         over = 1.0 if mean < 0 else own if lost else h
         yhat.append(C[0] @ x / over)
         x = x + K * (y[j] - yhat[-1])
+        if s.second and y2 is not None:
+            x = x + np.array(s.second.K) * (y2[j] - (model.drive.matrix("C2", values) @ x)[0])
         if mean >= 0:
             x[mean] = 0.0
         before, held = u[j - 1], inputs(model, s, u[j], y[j], x)

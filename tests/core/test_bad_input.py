@@ -6,13 +6,15 @@ from math import inf, nan
 import numpy as np
 import pytest
 
+from monitor_core.alarms.episodes import Episode
+from monitor_core.alarms.saved import episodes_to_array
 from monitor_core.bank import Bank
 from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.model import AxisModel, Term
 from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import MONITORED, experiment, reference_model
-from monitor_core.settings import Settings
+from monitor_core.settings import Settings, Threshold
 
 DRIVE = three_mass("speed")
 MODEL = reference_model()
@@ -97,9 +99,10 @@ def test_bounds_that_do_not_hold_the_nominal_value(bounds: tuple[float, float]) 
         ("K", (0.0, nan, 0.0, 0.0, 0.0)),
         ("P0", (1.0, 0.0, 1.0)),
         ("P0", (1.0, inf, 1.0)),
+        *(("thresholds", (Threshold(*v),)) for v in ((-1.0, 1.0), (1.0, 0.0), (1.0, 1.0, -0.1), (nan, 1.0))),
     ],
 )
-def test_settings_out_of_range(name: str, value: float | tuple[float, ...]) -> None:
+def test_settings_out_of_range(name: str, value: float | tuple[float | Threshold, ...]) -> None:
     with pytest.raises(ValueError, match=f"^{name} = .* is out of range"):
         replace(SETTINGS, **{name: value})  # type: ignore[arg-type]
 
@@ -117,6 +120,11 @@ def test_a_gain_for_another_number_of_states(number: int) -> None:
 def test_P0_for_another_number_of_parameters() -> None:
     with pytest.raises(ValueError, match="P0 has 2 entries, 3 parameters are monitored"):
         Bank([MODEL], [replace(SETTINGS, P0=(1.0, 1.0))])
+
+
+def test_thresholds_for_another_number_of_parameters() -> None:
+    with pytest.raises(ValueError, match="there are 2 thresholds, 3 parameters are monitored"):
+        Bank([MODEL], [replace(SETTINGS, thresholds=(Threshold(3.0, 20.0),) * 2)])
 
 
 def test_a_bank_of_nothing_or_of_unequal_axes() -> None:
@@ -159,10 +167,11 @@ def test_a_saved_state_of_another_model_or_damaged(seed: int) -> None:
     before = [column.copy() for column in fresh.bank.column(0)]
     with pytest.raises(ValueError, match="not finite"):
         fresh.from_arrays({**arrays, "floats": broken})
-    with pytest.raises(ValueError, match="parameter 7, which is not monitored"):
-        fresh.from_arrays(
-            {**arrays, "episodes": np.array([[7, 0, 1, 2, 3, 1]]), "episode_sizes": np.ones((1, 2))}
-        )
+    foreign = Episode("kg", "up", 1, 2, 3, None, size=1.0, size_sd=1.0, crossings=1)
+    with pytest.raises(ValueError, match="an episode of kg, which is not monitored"):
+        fresh.from_arrays({**arrays, "episodes": episodes_to_array([foreign])})
+    with pytest.raises(ValueError, match="no episodes: "):
+        fresh.from_arrays({**arrays, "episodes": np.array([[7, 0, 1, 2, 3, 1]])})
     with pytest.raises(KeyError, match="ints"):
         fresh.from_arrays({name: array for name, array in arrays.items() if name != "ints"})
     assert all((a == b).all() for a, b in zip(before, fresh.bank.column(0), strict=True))
@@ -170,10 +179,11 @@ def test_a_saved_state_of_another_model_or_damaged(seed: int) -> None:
 
 
 def test_key_tells_which_states_are_interchangeable() -> None:
-    def key(model: AxisModel = MODEL, **changes: float | tuple[float, ...]) -> str:
+    def key(model: AxisModel = MODEL, **changes: float | tuple[float | Threshold, ...]) -> str:
         return AxisMonitor.alone(model, replace(SETTINGS, **changes)).key  # type: ignore[arg-type]
 
     assert key(alpha1=1.0, alpha2=5.0, P0=(1.0, 1.0, 1.0), max_gap_s=1.0) == key()
+    assert key(thresholds=(Threshold(1.0, 2.0),) * 3) == key()
     others = [
         key(lam=0.99),
         key(delay_s=0.001),

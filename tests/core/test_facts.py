@@ -1,10 +1,12 @@
 """What a monitor says about its axis, against the design's formulas."""
 
+from dataclasses import replace
 from math import sqrt
 
 import pytest
 
 from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Threshold
 from tests.core.cases import BY_NAME, record
 
 
@@ -25,15 +27,32 @@ def test_numbers_of_a_parameter(seed: int) -> None:
     assert monitor.facts().time_us == 399 * 5000
 
 
+def test_nu_and_h_of_thresholds_of_its_own(seed: int) -> None:
+    case = BY_NAME["speed-zero-nominals"]
+    own = (Threshold(0.7, 0.9), Threshold(0.5, 2.0, 0.1), Threshold(1.0, 3.0, 0.2))
+    settings = replace(case.settings(), thresholds=own)
+    monitor = AxisMonitor.alone(case.model, settings)
+    monitor.run(*record(seed, case, 10))
+    for i, p in enumerate(monitor.facts().parameters):
+        size = case.model.scale[i]
+        expected = own[i].alpha1 * sqrt(settings.lam0 * p.p_diagonal) + own[i].allowance * size
+        assert p.nu == pytest.approx(expected)
+        assert p.h == pytest.approx(own[i].alpha2 * size)
+
+
 def test_an_alarm_tells_its_size_with_standard_deviation(seed: int) -> None:
     case = BY_NAME["paper"]
     settings = case.settings(alpha1=0.5, alpha2=0.5)
     monitor = AxisMonitor.alone(case.model, settings)
     rec = record(seed, case, 600, true={**case.values, "kT": 1.3})
     episodes, trace = monitor.run_traced(*rec)
+    before, checked = 0.0, 0
     for e in episodes:
-        if e.ended_us is None:
+        # A crossing of another parameter leaves the size; the one at the naming is that of all evidence (test_naming).
+        if e.ended_us is None and e.stage == "changed" and e.size != before:
+            before, checked = e.size, checked + 1
             k, i = e.updated_us // 5000, case.monitored.index(e.parameter)
             assert e.size == pytest.approx(trace.theta[k, i] - case.model.theta0[i])
             assert e.size_sd == pytest.approx(sqrt(settings.lam0 * trace.P[k, i] / 1.995))
+    assert checked
     assert "kT" in {e.parameter for e in episodes}

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.alarms.episodes import Crossing
 from monitor_core.bank import Bank
-from monitor_core.episodes import Crossing
 from monitor_core.excitation import multisine
 from monitor_core.kalman import filter_gain
 from monitor_core.library import REFERENCE_VALUES, three_mass

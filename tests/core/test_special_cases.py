@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from monitor_core.excitation import multisine
 from monitor_core.facts import Status
 from monitor_core.kalman import filter_gain

@@ -43,7 +43,7 @@ def moved(case: Case, u: Floats, rng: np.random.Generator) -> Record:
 
 
 @pytest.mark.parametrize("shape", ["scalar", "lanes"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [*CASES, "speed-drift", "angle-drift"])
 def test_the_kernel_is_the_transcription(
     name: str, shape: str, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -57,7 +57,7 @@ def test_the_kernel_is_the_transcription(
     _, trace = Bank([case.model], [settings]).run_traced(*as_columns(rec))
     differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
     assert max(differences.values()) < 1e-7, differences
-    assert paper.starved_samples > 100 or "tau0" in case.monitored  # an offset shows at rest, too
+    assert paper.starved_samples > 30 or "tau0" in case.monitored  # an offset shows at rest, too
     assert paper.looks > 20
 
 

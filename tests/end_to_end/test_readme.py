@@ -52,7 +52,19 @@ def test_every_command_shown_is_run_here() -> None:
     starts = {
         " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
     }
-    commands = ("check", "listen", "run", "simulate", "replay", "play", "model", "demo", "excite", "identify")
+    commands = (
+        "check",
+        "listen",
+        "run",
+        "simulate",
+        "replay",
+        "play",
+        "model",
+        "demo",
+        "excite",
+        "identify",
+        "calibrate",
+    )
     assert starts == {"curl", *(f"axiswatch {name}" for name in commands)}
 
 
@@ -84,6 +96,7 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
     (play,) = shown("axiswatch play")
     assert run_program(*arguments(replay, tmp_path)).returncode == 0
     assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["axes"]
+    assert "<svg" in (tmp_path / "replay.html").read_text(encoding="utf-8")
     assert run_program(*arguments(play, tmp_path)).returncode == 0
 
 
@@ -120,6 +133,28 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     assert done.returncode == 0, done.stderr
     (slope,) = tomllib.loads((tmp_path / "nominal-warm.toml").read_text(encoding="utf-8"))["varying"]
     assert abs(slope["slope"]) < 5 * slope["standard_deviation"] + 0.001 * values["fm"]
+
+
+def test_thresholds_are_found_and_used(tmp_path: Path, seed: int) -> None:
+    """Two records of half a minute; with the thresholds a third one is quiet, and a fault is named."""
+    config = demo_config(tmp_path, axes=1)
+    for number, (name, faults) in enumerate(
+        {"healthy": (), "second": (), "third": (), "faulty": (FAULT,)}.items()
+    ):
+        write_log(tmp_path / f"{name}.log", load(config, {}), 30, seed + number, faults)
+    (calibrate,) = shown("axiswatch calibrate")
+    output = ("--output", tmp_path / "thresholds.toml", "--onsets", 5, "--sizes", "20")
+    done = run_program(*arguments(calibrate, tmp_path), *map(str, output), patience_s=300)
+    assert done.returncode == 0, done.stderr
+    assert "one false alarm in" in done.stdout
+    assert (tmp_path / "report.html").stat().st_size > 20_000
+    text = re.sub(r"^alpha_[12] = .*\n", "", config.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    (snippet,) = (block for block in TOML if "thresholds_file" in block)
+    config.write_text(text.replace("[robot.axis.model]\n", snippet), encoding="utf-8")
+    assert run_program("check", "--config", config).returncode == 0
+    assert alarms_in(config, "third") == []
+    found = alarms_in(config, "faulty")
+    assert [(alarm["parameter"], alarm["direction"]) for alarm in found] == [("fm", "up")]
 
 
 def test_an_axis_is_identified_and_watched(tmp_path: Path, seed: int) -> None:

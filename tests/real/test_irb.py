@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monitor_core.alarms.episodes import Episode
 from monitor_core.bank import standard_deviation
-from monitor_core.episodes import Episode
 from monitor_core.kernel.tables import Floats
 from monitor_core.monitor import AxisMonitor
 from tests.real.fit_irb import (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.record import Record
 from monitor_core.kernel.block import Trace

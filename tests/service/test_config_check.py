@@ -6,7 +6,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from service.axes import axis_model, axis_settings
 from service.commands.check import check
+from service.config import load
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
@@ -81,3 +83,16 @@ def test_a_memory_that_is_short_is_noted(memory_s: float, noted: bool, tmp_path:
     result = CliRunner().invoke(app, ["--config", str(with_memory(tmp_path, memory_s))])
     assert result.exit_code == 0
     assert ("Note: demo.axis1: a memory of 1 s is short beside 0.9 s" in result.stdout) == noted
+
+
+def test_where_it_is_short_the_state_moves_with_the_estimates_unless_told_otherwise(tmp_path: Path) -> None:
+    def joint(memory_s: float, said: str = "") -> bool:
+        file = with_memory(tmp_path, memory_s)
+        text = file.read_text(encoding="utf-8")
+        file.write_text(text.replace("[robot.axis.estimator]", f"[robot.axis.estimator]\n{said}", 1))
+        axis = load(file).axes[0]
+        return axis_settings(axis, axis_model(axis.config)).joint
+
+    assert (joint(1.0), joint(3.0)) == (True, False)
+    assert (joint(1.0, "joint_state = false"), joint(3.0, "joint_state = true")) == (False, True)
+    assert joint(0.2, "joint_state = true")  # refused where nothing is said

@@ -16,7 +16,8 @@ BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
 EXAMPLE = re.sub(
     r"^#(?=[\w\[])", "", (SHIPPED / "axiswatch.toml").read_text(encoding="utf-8"), flags=re.MULTILINE
 )
-EXAMPLE = EXAMPLE.replace('nominal_file = "nominal.toml"\n', "")  # it needs a file that fits
+for file_that_fits in ('nominal_file = "nominal.toml"\n', 'thresholds_file = "thresholds.toml"\n'):
+    EXAMPLE = EXAMPLE.replace(file_that_fits, "")
 TEXTS = (BASE, EXAMPLE)
 
 ENTRY = re.compile(r'(?P<key>[\w"/]+) = (?P<value>.+)')

@@ -207,14 +207,6 @@ MISTAKES = [
         "must be below half of sample_interval_s = 0.005",
         18,
     ),
-    Mistake(
-        SPEED,
-        SPEED + SPEED.replace("Axis2Speed", "Axis2Angle").replace("Speed", "Angle").replace("speed", "angle"),
-        f"{SECOND}.speed",
-        '{message = "Axis2Speed", signal = "Speed"}',
-        "either angle or speed",
-        40,
-    ),
     # the estimator
     Mistake(
         NOISES,

@@ -14,6 +14,7 @@ from service.config.positions import Keys, positions
 from service.config.tables import Table
 from service.config.wording import table_in
 from service.ingest.dbc import find_message, read_dbc
+from tests.service.calibration.thresholds_texts import thresholds_text
 from tests.service.identification.nominal_texts import nominal_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -47,11 +48,10 @@ def everything(tmp_path: Path) -> Config:
     (tmp_path / "robot.dbc").symlink_to(CONFIG / "robot.dbc")
     (tmp_path / "a.toml").write_text(EVERYTHING, encoding="utf-8")
     axis = load(CONFIG / "axiswatch.toml", {}).axes[0].config
-    written = {key: tomllib.loads(EVERYTHING)["robot"][0]["axis"][0]["estimator"][key] for key in ("gain",)}
-    estimator = axis.estimator.model_copy(update=written)
     drawn = axis.model.model_copy(update={"drive_model": "ThreeMass"})
-    filed = axis.model_copy(update={"model": drawn, "estimator": estimator})
+    filed = axis.model_copy(update={"model": drawn})
     (tmp_path / "nominal.toml").write_text(nominal_text(filed), encoding="utf-8")
+    (tmp_path / "thresholds.toml").write_text(thresholds_text(axis), encoding="utf-8")
     return load(tmp_path / "a.toml", {})
 
 
@@ -93,7 +93,8 @@ def test_robot_dbc(axis: int) -> None:
         assert (message.frame_id, message.length) == (base + axis, 8)
         assert (value.length, value.scale, value.unit, value.is_signed) == (bits, scale, unit, True)
         assert (counter.length, counter.is_signed) == (16, False)
-        data = message.encode({name: -12.345, "Counter": 513})
+        beside = {"Speed": 1.0} if name == "Angle" else {}  # in the same frame
+        data = message.encode({name: -12.345, "Counter": 513, **beside})
         assert data[bits // 8 : bits // 8 + 2] == b"\x01\x02"  # little endian
         assert message.decode_simple(data)[name] == pytest.approx(-12.345)
 

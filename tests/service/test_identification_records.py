@@ -121,7 +121,7 @@ def test_rows_that_are_no_samples_are_dropped_by_reason(tmp_path: Path, seed: in
     kept = np.delete(np.arange(100), [3, 4, 5, 6, 7, 9, 11])
     assert np.array_equal(found.record.u, columns["torque_one"][kept])
     assert np.array_equal(found.record.signals["speed"], 2 * columns["w"][kept] + 1)
-    assert "1 not finite, 1 repeated, 1 out of order, 7 missing, 4 absurd" in found.source.words
+    assert "1 not finite, 4 absurd, 1 repeated, 1 out of order, 7 missing" in found.source.words
 
 
 def nameless(folder: Path) -> Config:

@@ -44,7 +44,7 @@ def record(folder: Path, config: Config, seed: int, late_s: float) -> Path:
     for moment in SimulatedRobot(config, seed, [Fault("demo.axis1", {"delay": late_s}, FAULT_S)]).moments():
         if moment.time_s > END_S:
             break
-        u, phi, _ = moment.readings["demo.axis1"]
+        u, phi, *_ = moment.readings["demo.axis1"]
         rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
     (folder / "late.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     return folder / "late.csv"

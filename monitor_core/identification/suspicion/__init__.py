@@ -6,7 +6,7 @@ at.  Thresholds are set so that a healthy record gives no finding: each constant
 
 from monitor_core.identification.suspicion.finding import Finding, Known, Severity
 from monitor_core.identification.suspicion.known import known_of
-from monitor_core.identification.suspicion.outliers import LIMITS, outliers
+from monitor_core.identification.suspicion.outliers import outliers
 from monitor_core.identification.suspicion.report import suspicions
 
-__all__ = ["LIMITS", "Finding", "Known", "Severity", "known_of", "outliers", "suspicions"]
+__all__ = ["Finding", "Known", "Severity", "known_of", "outliers", "suspicions"]

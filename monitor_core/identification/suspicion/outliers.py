@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -10,10 +10,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from monitor_core.identification.record import Bools, Record
 from monitor_core.identification.suspicion.finding import Finding
 from monitor_core.kernel.tables import Floats
+from monitor_core.plausible import LIMITS
 
-LIMITS: Mapping[str, float] = {"torque": 1e6, "speed": 1e5, "angle": 1e8}
-"""N m, rad/s and rad, above which no motor has ever been: a number like that comes from a broken file.  A million
-newton metres is a ship's propeller; 1e5 rad/s is a million revolutions per minute, and 1e8 rad a day of them."""
 _HALF = 2
 """Samples on either side of the running median: a peak of one or two samples stands out."""
 _STANDS_OUT = 10.0

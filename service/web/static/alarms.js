@@ -1,10 +1,10 @@
 // The alarm table: the active ones first, then the last ones that have ended.
 
 import { el, text } from "./dom.js";
-import { count, moment, percent, unit, withDeviation } from "./format.js";
+import { count, moment, percent, span, unit, withDeviation } from "./format.js";
 
 let shown = null;
-let announced = null; // ids of the active alarms that have been read out
+let announced = null; // of the active alarms that have been read out: stage and name by id
 
 /** Shows two answers of /api/v1/alarms: those that are active and those that have ended. */
 export function showAlarms(active, ended) {
@@ -26,7 +26,7 @@ function row(alarm) {
   const cell = (label, ...children) => el("td", { role: "cell", "data-label": label }, ...children);
   const arrow = alarm.direction === "up" ? "▲" : "▼";
   const said = el("small", { className: "words" }, alarm.words);
-  const parameter = cell("Parameter", el("b", {}, alarm.parameter), ` ${arrow} ${alarm.direction}`, said);
+  const parameter = cell("Parameter", el("b", {}, alarm.parameter), ` ${arrow} ${alarm.direction}`, ...namesOf(alarm), said);
   return el(
     "tr",
     { role: "row", className: alarm.active ? "active" : "ended" },
@@ -34,10 +34,25 @@ function row(alarm) {
     cell("Axis", alarm.axis),
     parameter,
     cell("Size", sizeOf(alarm)),
-    cell("Onset", time(alarm.onset)),
+    cell("Onset", time(alarm.onset), ...withinOf(alarm)),
     cell("Raised", time(alarm.raised)),
     cell("Ended", alarm.ended === null ? "–" : time(alarm.ended)),
   );
+}
+
+/** That it has no name yet, or what it was called before it had this one. */
+function namesOf(alarm) {
+  if (alarm.stage === "changed") return alarm.active ? [el("span", { className: "quiet" }, " not yet named")] : [];
+  const before = [...new Set(alarm.past.map((name) => name.parameter))].filter((name) => name !== alarm.parameter);
+  return before.length === 0 ? [] : [el("span", { className: "quiet" }, ` at first ${before.join(", ")}`)];
+}
+
+/** Half the length of the interval in which the onset lies. */
+function withinOf(alarm) {
+  if (alarm.onset_low === null || alarm.onset_high === null) return [];
+  const seconds = (Date.parse(alarm.onset_high) - Date.parse(alarm.onset_low)) / 2000;
+  const title = `from ${moment(alarm.onset_low)} to ${moment(alarm.onset_high)} with a probability of 90 %`;
+  return [el("small", { className: "words", title }, `± ${span(seconds)}`)];
 }
 
 const shareOf = (alarm) => (alarm.nominal ? ` (${percent(alarm.size / Math.abs(alarm.nominal))})` : "");
@@ -46,9 +61,9 @@ const sizeOf = (alarm) => `${withDeviation(alarm.size, alarm.size_sd, true)} ${u
 const time = (iso) => el("time", { dateTime: iso, title: iso, className: "nowrap" }, moment(iso));
 
 function announce(active) {
-  const fresh = active.filter((alarm) => announced !== null && !announced.has(alarm.id));
-  announced = new Set(active.map((alarm) => alarm.id));
-  if (fresh.length === 0) return;
-  const words = fresh.map((alarm) => `${alarm.axis}: ${alarm.words}`);
-  text(document.getElementById("news"), `New alarm: ${words.join("; ")}`);
+  const nameOf = (alarm) => `${alarm.stage} ${alarm.parameter}`;
+  const fresh = active.filter((alarm) => announced !== null && announced.get(alarm.id) !== nameOf(alarm));
+  const news = fresh.map((alarm) => `${announced.has(alarm.id) ? "Alarm" : "New alarm"}: ${alarm.axis}: ${alarm.words}`);
+  announced = new Map(active.map((alarm) => [alarm.id, nameOf(alarm)]));
+  if (news.length > 0) text(document.getElementById("news"), news.join("; "));
 }

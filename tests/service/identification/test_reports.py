@@ -25,8 +25,9 @@ from service.reports.identification_html import as_html
 from service.reports.identification_json import as_json
 from service.reports.identification_text import print_text
 from service.reports.identification_toml import as_toml
-from service.reports.identification_words import percent, plain, residual_words
+from service.reports.identification_words import residual_words
 from service.reports.plot_style import thinned
+from service.reports.words import percent, plain
 from tests.service.identification.conftest import PROVENANCE
 
 _WITHOUT_END = {"meta", "br", "img", "link"}

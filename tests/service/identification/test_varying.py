@@ -52,7 +52,7 @@ def write(path: Path, config: Config, seconds: float, seed: int) -> None:
         if factor != before:
             plant.break_down({"fm": factor / before})
             before = factor
-        u, y, _ = plant.sample(k)
+        u, y, *_ = plant.sample(k)
         rows.append(f"{k * h:.6f},{u:.10g},{y:.13g},{temperature(k * h) / 10},{(k // 300 % 5) / 2},")
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from service.monitoring.alarms import RETRY_S, Alarms, Quantity
 from service.monitoring.banks import Change
 from service.store import database

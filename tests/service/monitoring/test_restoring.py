@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.episodes import Calm, Crossing, Episode, EpisodeBook
+from monitor_core.alarms.book import EpisodeBook
+from monitor_core.alarms.episodes import Calm, Crossing, Episode, Name
 from monitor_core.monitor import AxisMonitor
 from service.monitoring.banks import Change, Monitors
 from service.monitoring.core import Core
@@ -131,6 +132,22 @@ def test_the_journal_is_newer_than_the_checkpoint(
     assert found[AXIS].book.open == (newer,)
     (updated,) = found[AXIS].apply(Crossing("fm", "up", 70, 65, 0.02, 0.001))
     assert updated.crossings == 10
+
+
+def test_an_alarm_that_got_another_name_after_the_checkpoint_is_the_same(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    monitors[AXIS].book = EpisodeBook([OPEN])
+    save(monitors, checkpoints)
+    named = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))
+    journal.record(AXIS, "N m s/rad", 0.06, OPEN)
+    journal.record(AXIS, "1", 1.0, named)
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert restored.unrecorded == ()
+    assert found[AXIS].book.open == (named,)
+    journal.record(AXIS, "1", 1.0, replace(named, ended_us=50))
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert (restored.open, restored.unrecorded, found[AXIS].book.open) == ((), (), ())
 
 
 def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(

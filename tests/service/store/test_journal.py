@@ -1,6 +1,7 @@
 """The journal: what was acknowledged is there, whatever happens."""
 
 import math
+import sqlite3
 import subprocess
 import sys
 import threading
@@ -10,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.episodes import Direction, Episode
+from monitor_core.alarms.episodes import Cause, Direction, Episode, Name
 from service.store.database import StoreError, StoreInUseError
-from service.store.journal import Entry, Journal
+from service.store.journal import MIGRATIONS, Entry, Journal
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -54,6 +55,62 @@ def test_an_alarm_is_inserted_then_updated_then_ended(journal: Journal) -> None:
     assert (alarm.unit, alarm.nominal, alarm.size, alarm.crossings) == ("N m s/rad", 0.06, 0.02, 2)
     assert (alarm.onset_us, alarm.raised_us, alarm.ended_us) == (1_500_000, 2_000_000, 9_000_000)
     assert not alarm.active
+
+
+def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Journal) -> None:
+    first = raised(journal, episode("fm"))
+    past = (Name(5_000_000, "changed", "fm", "up"),)
+    causes = (Cause("kT", 0.6), Cause("fm", 0.4))
+    named = replace(
+        episode("kT", "down"),
+        stage="named",
+        causes=causes,
+        doubt="several",
+        kind="step",
+        onset_low_us=1_000_000,
+        onset_high_us=1_900_000,
+        past=past,
+    )
+    assert journal.record("demo.axis1", "1", 1.0, named) == first
+    assert journal.open_episodes("demo.axis1") == [named]
+    (alarm,), total = journal.query()
+    assert (total, alarm.parameter, alarm.direction, alarm.unit, alarm.nominal) == (1, "kT", "down", "1", 1.0)
+    assert (alarm.causes, alarm.past, alarm.stage, alarm.doubt, alarm.kind) == (
+        causes,
+        past,
+        "named",
+        "several",
+        "step",
+    )
+    ended = replace(named, ended_us=9_000_000)
+    assert journal.record("demo.axis1", "1", 1.0, ended) == first
+    assert journal.open_episodes("demo.axis1") == []
+
+
+def test_two_alarms_whose_first_crossing_was_the_same_stay_two(journal: Journal) -> None:
+    """The first was of fm and is called kT by now; fm crosses anew."""
+    past = (Name(5_000_000, "changed", "fm", "up"),)
+    named = replace(episode("kT"), stage="named", past=past)
+    first = raised(journal, named)
+    second = raised(journal, episode("fm", raised_us=6_000_000))
+    assert first != second
+    assert raised(journal, replace(named, size=0.3)) == first
+    assert [e.parameter for e in journal.open_episodes("demo.axis1")] == ["kT", "fm"]
+
+
+def test_a_journal_of_before_the_two_stages_is_read_and_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "alarms.sqlite"
+    with sqlite3.connect(path) as old:
+        old.executescript(f"{MIGRATIONS[0]}; PRAGMA user_version=1;")
+        columns = "axis, parameter, direction, unit, nominal, onset_us, raised_us, updated_us, size, size_sd, crossings"
+        values = "'demo.axis1', 'fm', 'up', 'N m s/rad', 0.06, 1500000, 2000000, 2000000, 0.018, 0.002, 1"
+        old.execute(f"INSERT INTO alarm ({columns}) VALUES ({values})")
+    old.close()
+    journal = Journal(path)
+    assert journal.open_episodes("demo.axis1") == [episode()]
+    number = raised(journal, replace(episode(), stage="named", causes=(Cause("fm", 1.0),)))
+    assert [(a.id, a.stage) for a in journal.query()[0]] == [(number, "named")]
+    journal.close()
 
 
 def test_other_axes_parameters_and_directions_are_other_alarms(journal: Journal) -> None:
@@ -187,7 +244,7 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
 _WRITER = """
 import sys
 from pathlib import Path
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from service.store.journal import Journal
 journal = Journal(Path(sys.argv[1]))
 k = journal.query()[1]

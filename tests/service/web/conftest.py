@@ -8,7 +8,7 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Cause, Episode, Name
 from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
 from service.ingest.stamps import NOT_KNOWN, Stamps
 from service.monitoring.snapshot import (
@@ -35,6 +35,12 @@ FM_ALARM = Episode(
     size=0.01832,
     size_sd=0.0021,
     crossings=4,
+    stage="named",
+    causes=(Cause("fm", 0.97), Cause("kT", 0.03)),
+    onset_low_us=NOON_US - 9_600_000,
+    onset_high_us=NOON_US - 8_800_000,
+    kind="step",
+    past=(Name(NOON_US - 4_000_000, "changed", "kT", "up"),),
 )
 
 PARAMETERS = (

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
@@ -187,6 +187,10 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
             "axis": "demo.axis1",
             "parameter": "fm",
             "direction": "up",
+            "stage": "named",
+            "causes": [{"parameter": "fm", "probability": 0.97}, {"parameter": "kT", "probability": 0.03}],
+            "doubt": "",
+            "kind": "step",
             "words": "fm is 0.018 N m s/rad (31 %) above its nominal value",
             "active": True,
             "unit": "N m s/rad",
@@ -194,10 +198,20 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
             "size": 0.01832,
             "size_sd": 0.0021,
             "onset": "2026-03-01T11:59:51.000000Z",
+            "onset_low": "2026-03-01T11:59:50.400000Z",
+            "onset_high": "2026-03-01T11:59:51.200000Z",
             "raised": "2026-03-01T11:59:53.000000Z",
             "updated": "2026-03-01T11:59:59.500000Z",
             "ended": None,
             "crossings": 4,
+            "past": [
+                {
+                    "until": "2026-03-01T11:59:56.000000Z",
+                    "stage": "changed",
+                    "parameter": "kT",
+                    "direction": "up",
+                }
+            ],
         }
     ]
     assert get(client, f"/api/v1/alarms/{number}") == body["alarms"][0]

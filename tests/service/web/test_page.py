@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from monitor_core.episodes import Episode
+from monitor_core.alarms.episodes import Episode
 from monitor_core.facts import Status
 from service.monitoring.snapshot import Snapshot
 from service.store.journal import Journal
@@ -114,6 +114,32 @@ def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Episod
     expect(rows.nth(2)).to_contain_text("ended")
     expect(page.locator("#news")).to_have_text(f"New alarm: demo.axis1: {said}")
     expect(page).to_have_title("(1) axiswatch")
+
+
+def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_alarm: Episode) -> None:
+    changed = replace(
+        fm_alarm,
+        parameter="kT",
+        stage="changed",
+        causes=(),
+        kind="",
+        past=(),
+        onset_low_us=None,
+        onset_high_us=None,
+    )
+    page.goto("/")
+    expect(page.get_by_text("No alarm has been raised.")).to_be_visible()
+    stage.journal.record("demo.axis1", "1", 1.0, changed)
+    row = page.get_by_role("table", name="Alarms").get_by_role("row").nth(1)
+    expect(row).to_contain_text("kT ▲ up not yet named")
+    expect(row).to_contain_text("something has changed, at first sight kT")
+    stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    expect(row).to_contain_text("fm ▲ up at first kT")
+    expect(row.get_by_role("cell").nth(4)).to_contain_text("± 0.4 s")
+    expect(page.locator("#news")).to_have_text(
+        "Alarm: demo.axis1: fm is 0.018 N m s/rad (31 %) above its nominal value"
+    )
+    expect(page.get_by_role("table", name="Alarms").get_by_role("row")).to_have_count(2)
 
 
 def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:

@@ -1,6 +1,6 @@
-"""How the report of an identification looks: light and dark as the reader's system is, and on paper."""
+"""How the reports that are pages look: light and dark as the reader's system is, and on paper."""
 
-STYLE = """
+COLOURS = """
 :root {
   color-scheme: light dark;
   --page: #f4f6f8; --panel: #ffffff; --line: #d9dfe6; --ink: #17202b; --quiet: #5a6775;
@@ -14,11 +14,16 @@ STYLE = """
     --measured: #6b7886; --found: #6ea8fe; --simulated: #f59e5b; --other: #6cd49c; --before: #b9a5e8;
   }
 }
+"""
+"""Of everything, by name: what says something has the same colour wherever it is."""
+STYLE = (
+    COLOURS
+    + """
 * { box-sizing: border-box; }
 body { margin: 0 auto; padding: 28px 20px 40px; max-width: 1120px; background: var(--page); color: var(--ink);
   font: 15px/1.5 system-ui, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif; }
 h1 { margin: 0; font-size: 26px; letter-spacing: -0.01em; line-height: 1.25; }
-h2 { margin: 0 0 10px; font-size: 17px; }
+h2 { margin: 0 0 10px; font-size: 17px; } h3 { margin: 20px 0 4px; font-size: 15px; }
 p { margin: 0 0 8px; }
 .sub { color: var(--quiet); margin: 4px 0 18px; }
 section, .tile { background: var(--panel); border: 1px solid var(--line); border-radius: 10px; }
@@ -38,7 +43,8 @@ tbody tr:last-child > * { border-bottom: 0; }
 tbody th { font-weight: 600; white-space: nowrap; }
 .number { text-align: right; white-space: nowrap; }
 .unit, .meaning { color: var(--quiet); font-size: 13.5px; } .unit { white-space: nowrap; }
-.meaning { min-width: 180px; }
+.meaning { min-width: 180px; } .when { white-space: nowrap; }
+.when span { font-size: 12.5px; } .scroll + ul { margin-top: 12px; }
 .held td, .held th { color: var(--quiet); font-weight: 400; }
 .bar { position: relative; display: block; width: 90px; height: 10px; border-radius: 5px; background: var(--line); }
 .bar i { position: absolute; inset: 0 auto 0 0; border-radius: 5px; background: var(--found); }
@@ -53,13 +59,14 @@ figure img { width: auto; max-width: 100%; border-radius: 8px; }
 .matrix td.minus i { background: var(--simulated); }
 .matrix td b { position: relative; font-weight: 400; } .matrix .strong b { font-weight: 700; }
 .why { white-space: nowrap; font-size: 13.5px; }
+td.alarmed { color: var(--bad); font-weight: 600; }
 .quiet { color: var(--quiet); }
 ul { margin: 0; padding-left: 20px; } li { margin: 0 0 6px; }
 pre { margin: 0; padding: 12px 14px; border-radius: 8px; background: var(--page); font-size: 13px;
   white-space: pre-wrap; overflow-wrap: anywhere; }
 .hash { font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: var(--quiet); overflow-wrap: anywhere; }
 @media print {
-  @page { size: A4; margin: 14mm; }
+  @page { size: A4; margin: 14mm; } :root { color-scheme: light; }
   body { max-width: none; padding: 0; background: none; font-size: 12px; }
   section { border: 0; padding: 0; margin-top: 18px; } figure, .tile, tr, .verdict { break-inside: avoid; }
   .tiles { grid-template-columns: repeat(4, 1fr); } .tile { padding: 8px 10px; } .tile b { font-size: 17px; }
@@ -68,3 +75,4 @@ pre { margin: 0; padding: 12px 14px; border-radius: 8px; background: var(--page)
   h2 { break-after: avoid; } .scroll { overflow: visible; } * { print-color-adjust: exact; }
 }
 """
+)

@@ -1,0 +1,81 @@
+"""What the kernel notes for the name of a change, as evidence with its covariance."""
+
+import numpy as np
+
+from monitor_core.alarms.episodes import Evidence
+from monitor_core.alarms.onset import Past, lately, past_of
+from monitor_core.kalman import slowest_time_constant
+from monitor_core.kernel.evidence import NAMING, Noted
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+SINCE = 12
+"""Quarters of a memory from the first crossing to the evidence."""
+
+HELD = 0.1
+"""Of the way from the nominal value to a bound: an estimate that is held scatters by so much."""
+
+
+class Judge:
+    """Evidence of one axis.
+
+    Args:
+        model: of the axis.
+        settings: of the axis.
+        lower: bounds of theta (p,).
+        upper: (p,).
+        P_nom: diagonal of P(0) (p,), as it is when there is evidence.
+    """
+
+    def __init__(
+        self, model: AxisModel, settings: Settings, lower: Floats, upper: Floats, P_nom: Floats
+    ) -> None:
+        self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
+        alpha1, _, allowance = settings.tests(len(self._names))
+        self._tolerance = float(alpha1.max() * np.sqrt(settings.divisor))
+        self._allowed = np.diag((allowance * model.scale) ** 2)
+        K = settings.gain(len(model.drive.states))
+        K = K if settings.second is None else np.vstack([K, settings.second.K])
+        lag_s = slowest_time_constant(model, K, settings.interval_s)
+        self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
+
+    def evidence(self, noted: Noted, c: int) -> Evidence:
+        """Column c of what was noted."""
+        s, p, value = self._s, len(self._names), noted.value[:, c]
+        theta, d, P = value[1 : 1 + p], value[1 + p : 1 + 2 * p], value[1 + 2 * p :].reshape(p, p)
+        V = s.lam0 * P / s.divisor
+        naming = noted.what[0, c] == NAMING
+        held = tuple(int(way) for way in self._held(theta, theta - d))
+        past = self._past(noted, c) if naming else None
+        found = None if past is None else lately(past, SINCE)
+        since, since_V = (d, V) if found is None else found
+        return Evidence(
+            time_us=int(noted.what[2, c]),
+            parameters=self._names,
+            deviation=tuple(map(float, d)),
+            covariance=_rows(V + self._allowed),
+            since=tuple(map(float, since)),
+            since_covariance=_rows(since_V + self._allowed),
+            tolerance=self._tolerance,
+            excess=float(value[0]) / s.lam0,
+            held=held,
+            past=past,
+        )
+
+    def _past(self, noted: Noted, c: int) -> Past:
+        s, p = self._s, len(self._names)
+        lam = 1.0 if s.drift else s.lam**s.span
+        walk = s.span * (1 - s.lam) * self._P_nom if s.drift else np.zeros(p)
+        return past_of(noted.t[c], noted.before[c], p, lam, walk, s.lam0, self._lag_us)
+
+    def _held(self, theta: Floats, nominal: Floats) -> Floats:
+        """-1, 1 where the lower, the upper bound holds theta (p,)."""
+        lower, upper = self._bounds
+        down = np.abs(theta - lower) <= HELD * np.abs(nominal - lower)
+        up = np.abs(theta - upper) <= HELD * np.abs(nominal - upper)
+        return np.where(down, -1.0, np.where(up, 1.0, 0.0))
+
+
+def _rows(V: Floats) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, row)) for row in V)

@@ -1,0 +1,175 @@
+"""Thresholds that keep a false-alarm budget, and the rate that they will have, with its uncertainty."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from monitor_core.calibration.run_length import log_mean_time
+from monitor_core.calibration.scatter import Scatter
+from monitor_core.calibration.surrogate import LEAST, Excursions
+from monitor_core.kernel.tables import Floats
+from monitor_core.settings import Threshold
+
+CONFIDENCE = 0.90
+LOWER, UPPER = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
+LEAST_H, LEAST_NU, MOST_NU = 0.5, 0.3, 2.5
+"""Thresholds over sigma times memory, and nu over sigma, for which run lengths are known."""
+ENOUGH, FEW = 150, 15
+"""Excursions above a threshold that tell its rate; with fewer than the second the formula is taken as it is."""
+_OFF, _FARTHER = 0.1, 0.03
+"""Standard deviation, logarithmic, of what the shape of the run length is off by: so much, and so much for each
+factor e by which it is extrapolated."""
+
+
+@dataclass(frozen=True)
+class Tail:
+    """Rates of false alarms of one parameter by threshold: the run length formula, made to fit what was simulated."""
+
+    k: float
+    """nu over sigma with which it was simulated, and is meant to be used"""
+    sigma: float
+    """Of the records, in sizes"""
+    tau: tuple[float, float]
+    """Memories with which the formula gives the simulated rates of an increase and of a decrease"""
+    log_known: float
+    """Logarithm of the least rate, of one direction and per sample, that was simulated well"""
+
+    @property
+    def nu(self) -> float:
+        """In sizes."""
+        return self.k * self.sigma
+
+    def log_rate(self, h: float, offset: Floats, power: Floats) -> Floats:
+        """Logarithm of the false alarms per sample of both directions.
+
+        Args:
+            h: threshold, in sizes times samples.
+            offset: of the mean of the deviation, in sizes.
+            power: variance of the deviation over that of the records.
+        """
+        sigma = self.sigma * np.sqrt(power)
+        one = [
+            -log_mean_time((self.nu - sign * offset) / sigma, h / (sigma * tau), np.array(tau))
+            for sign, tau in zip((1, -1), self.tau, strict=True)
+        ]
+        return np.asarray(np.logaddexp(*one))
+
+
+@dataclass(frozen=True)
+class Rates:
+    """False alarms per sample: of the tests of each parameter (p,), of all, and the bounds of a 90 % interval."""
+
+    parameters: Floats
+    whole: float
+    lower: float
+    upper: float
+    beyond: float
+    """By which factor, at most, a rate is below what was simulated"""
+
+
+def best_nu(log_time: float, within: float) -> float:
+    """nu over sigma with which the smallest fault is found ``within`` so many memories.
+
+    A change of delta sigma is found after (h + delta) / (delta - k) memories, where h = A / k - c holds the budget,
+    A = log of the mean time between false alarms in memories; the delta with which that is ``within`` is least at
+    k^2 = A / (within - 0.25), as c grows by 0.25 k.
+    """
+    return float(np.clip(math.sqrt(log_time / max(within - 0.25, 0.1)), LEAST_NU, MOST_NU))
+
+
+def nu_over_sigma(parameters: int, memory: float, samples: float, within: float) -> float:
+    """``best_nu`` of each test, for a budget of one false alarm of the axis in so many samples."""
+    return best_nu(math.log(max(2 * parameters * samples / memory, math.e)), within)
+
+
+def tails(scatter: Scatter, found: Excursions) -> tuple[Tail, ...]:
+    """How often the sums go how far, of each parameter."""
+    return tuple(_tail(i, scatter, found) for i in range(len(scatter.sigma)))
+
+
+def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
+    k, sigma, memory = float(found.k[i]), float(found.sigma[i]), scatter.memory
+    off = float(found.mean[i]) / sigma
+    fits = [
+        _fitted(max(k - sign * off, LEAST_NU / 3), sigma, memory, ways[i], found.samples)
+        for sign, ways in zip((1, -1), found.largest, strict=True)
+    ]
+    return Tail(k, float(scatter.sigma[i]), (fits[0][0], fits[1][0]), max(fits[0][1], fits[1][1]))
+
+
+def _fitted(k: float, sigma: float, memory: float, largest: Floats, samples: float) -> tuple[float, float]:
+    """Memory with which the formula gives the rate of the excursions that go farthest, and that rate's logarithm."""
+    if len(largest) < FEW:  # hardly anything goes so far: the formula alone
+        return memory, -float(log_mean_time(np.array(k), np.array(LEAST), np.array(memory)))
+    rank = min(ENOUGH, len(largest)) - 1
+    known, log_rate = float(largest[rank]), math.log((rank + 1) / samples)
+
+    def off(log_tau: float) -> float:
+        tau = math.exp(log_tau)
+        return -float(log_mean_time(np.array(k), np.array(known / (sigma * tau)), np.array(tau))) - log_rate
+
+    low, high = math.log(memory) - 3, math.log(memory) + 3
+    return (math.exp(brentq(off, low, high)) if off(low) * off(high) < 0 else memory), log_rate
+
+
+def thresholds(
+    scatter: Scatter,
+    tails: tuple[Tail, ...],
+    allowance: Floats,
+    samples: float,
+    rng: np.random.Generator,
+    sure: float = UPPER,
+) -> tuple[Threshold, ...]:
+    """Thresholds with which an axis has on the average no more than one false alarm in so many samples.
+
+    Every parameter gets the same share of the budget, and keeps it with the certainty ``sure``.  The allowance
+    (p,), in sizes, is for what estimates are off by beside their scatter: it buys no lower threshold.
+    """
+    log_share = -math.log(samples * len(tails))
+    found = []
+    for i, tail in enumerate(tails):
+        least = LEAST_H * tail.sigma * scatter.memory
+        draws = rng.standard_normal((2, len(scatter.power)))
+
+        def excess(log_h: float, i: int = i, draws: Floats = draws) -> float:
+            return float(np.quantile(_drawn(scatter, tails, i, math.exp(log_h), draws), sure)) - log_share
+
+        low = math.log(least)
+        high = low + 12
+        h = (
+            least
+            if excess(low) <= 0
+            else math.exp(brentq(excess, low, high))
+            if excess(high) < 0
+            else math.inf
+        )
+        alpha1 = tail.nu / float(scatter.mean_s[i])
+        found.append(Threshold(alpha1, h, float(allowance[i])))
+    return tuple(found)
+
+
+def _drawn(scatter: Scatter, tails: tuple[Tail, ...], i: int, h: float, draws: Floats) -> Floats:
+    """Logarithms of the rate of a parameter in the resampled records (B,)."""
+    tail = tails[i]
+    offset = scatter.mean_d[i] + scatter.mean_sd[i] * draws[0]
+    rate = tail.log_rate(h, offset, scatter.power[:, i])
+    sd = _OFF + _FARTHER * max(0.0, tail.log_known - float(np.median(rate)))
+    return np.asarray(rate + sd * draws[1])
+
+
+def rates(
+    scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator
+) -> Rates:
+    """How often these thresholds will alarm on axes that are like the healthy records, off by the allowance."""
+    one, drawn, beyond = [], [], []
+    for i, (tail, threshold) in enumerate(zip(tails, own, strict=True)):
+        log_rate = float(tail.log_rate(threshold.alpha2, scatter.mean_d[i], np.array(1.0)))
+        one.append(log_rate)
+        beyond.append(tail.log_known - log_rate)
+        draws = rng.standard_normal((2, len(scatter.power)))
+        drawn.append(_drawn(scatter, tails, i, threshold.alpha2, draws))
+    lower, upper = np.exp(np.quantile(np.logaddexp.reduce(drawn, axis=0), [LOWER, UPPER]))
+    parameters = np.exp(one)
+    return Rates(parameters, float(parameters.sum()), float(lower), float(upper), math.exp(max(0.0, *beyond)))

@@ -1,0 +1,185 @@
+"""What would have been found of faults that begin anywhere in a healthy record: when, and under which name."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.alarms.episodes import Crossing
+from monitor_core.assembly import Assembly
+from monitor_core.bank import Bank
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.injection import Load, changed, load_of, torque
+from monitor_core.calibration.plants import Plants, innovations
+from monitor_core.kernel.tables import Floats, Ints
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Settings
+
+LANES = 64
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A monitored parameter changes by so many of its sizes."""
+
+    parameter: str
+    size: float
+
+
+@dataclass(frozen=True)
+class Caught:
+    """What became of a fault, at each onset.
+
+    ``exact``: put into the record by the torque that the same motion would have needed; else simulated with the
+    identified model.  ``torque_peak``: the largest torque that it needs, where it is exact.
+    """
+
+    fault: Fault
+    exact: bool
+    delay_s: Floats  # (onsets,) until the first alarm, inf: none
+    first: tuple[str, ...]  # (onsets,) whose alarm came first, "" for none
+    direction: tuple[str, ...]  # (onsets,) "up", "down" or ""
+    torque_peak: float
+
+    def found_within(self, seconds: float) -> float:
+        """Share of the onsets with an alarm by then."""
+        return float(np.mean(self.delay_s <= seconds))
+
+    def delay(self, share: float) -> float:
+        """By then so large a share has an alarm; inf: not within what was looked at."""
+        ordered = np.sort(self.delay_s)
+        return float(ordered[min(len(ordered) - 1, max(0, int(np.ceil(share * len(ordered))) - 1))])
+
+
+def catch(
+    model: AxisModel,
+    settings: Settings,
+    one: Samples,
+    faults: Sequence[Fault],
+    onsets: int,
+    seconds: float,
+    progress: Callable[[float], None] = lambda _: None,
+) -> tuple[list[Caught], int]:
+    """Let each fault begin at so many places of the record, and watch for so many seconds.
+
+    Returns what became of them, and how many onsets were possible.
+
+    Raises:
+        ValueError: the record is too short for that.
+    """
+    N = round(seconds / settings.interval_s)
+    monitor = AxisMonitor.alone(model, settings)
+    first = _ready(monitor, one)
+    last = len(one.t_us) - N - 1
+    if last <= first:
+        raise ValueError("the record is too short")
+    at = np.unique(np.linspace(first, last, onsets).astype(np.int64))
+    columns = _columns(model, settings, one, at)
+    states = innovations(model, settings, one, at.tolist())
+    u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
+    bank = Bank([model] * LANES, [settings] * LANES)
+    found = []
+    for number, fault in enumerate(faults):
+        values = changed(model, fault.parameter, fault.size)
+        load = load_of(model, values)
+        u, y = one.u, None
+        if load is not None:
+            u = torque(model, settings, one, load, u_scale)
+        else:
+            y = _faulty_outputs(model, settings, one, values, at, N, states.eps, states.x)
+        outcome = _watched(bank, one, u, y, at, N, columns)
+        found.append(_caught(fault, load, u, outcome, settings.interval_s))
+        progress((number + 1) / len(faults))
+    return found, len(at)
+
+
+def _ready(monitor: AxisMonitor, one: Samples) -> int:
+    """From where on the tests run, some memories behind the start."""
+    st, step = monitor.bank.state, monitor.settings.span
+    for k in range(0, len(one.t_us), step):
+        part = one.part(k, k + step)
+        monitor.run(part.t_us, part.u, part.y, part.shift, part.gate)
+        if not st.seed_left[0] and st.t[0] >= st.settled[0]:
+            return min(k + step + round(3 * monitor.settings.memory), len(one.t_us))
+    return len(one.t_us)
+
+
+def _columns(model: AxisModel, settings: Settings, one: Samples, at: Ints) -> list[tuple[Floats, Ints]]:
+    """The state of the healthy monitor just before each of these samples."""
+    monitor, done, found = AxisMonitor.alone(model, settings), 0, []
+    for end in at.tolist():
+        part = one.part(done, end)
+        monitor.run(part.t_us, part.u, part.y, part.shift, part.gate)
+        found.append(monitor.bank.column(0))
+        done = end
+    return found
+
+
+def _faulty_outputs(
+    model: AxisModel,
+    settings: Settings,
+    one: Samples,
+    values: dict[str, float],
+    at: Ints,
+    N: int,
+    eps: Floats,
+    states: Floats,
+) -> Floats:
+    """The record's outputs (N, onsets), changed by what the model says that the fault changes."""
+    rows = np.arange(N)[:, np.newaxis] + at
+    u, e = one.u[rows], np.nan_to_num(eps[rows])
+    plants, W = Plants(model, settings, [model.nominal, values]), len(at)
+    healthy, before = np.zeros(W, np.int64), one.u[at - 1]
+    # Up to the onset the torque of the sample before acts, on the healthy drive.
+    older = one.u[np.maximum(at - 2, 0)]
+    _, x = plants.run(healthy, states, older, before[np.newaxis], np.zeros((1, W)))
+    without, _ = plants.run(healthy, x, before, u, e)
+    with_fault, _ = plants.run(healthy + 1, x, before, u, e)
+    return np.asarray(one.y[rows] + with_fault - without)
+
+
+def _watched(
+    bank: Bank,
+    one: Samples,
+    u: Floats,
+    y: Floats | None,
+    at: Ints,
+    N: int,
+    columns: Sequence[tuple[Floats, Ints]],
+) -> list[Crossing | None]:
+    """The first alarm after each onset."""
+    found: list[Crossing | None] = [None] * len(at)
+    for begin in range(0, len(at), LANES):
+        here = at[begin : begin + LANES]
+        lanes = np.minimum(np.arange(LANES), len(here) - 1)  # lanes to spare repeat the last one
+        rows = np.arange(N)[:, np.newaxis] + here[lanes]
+        for a in range(LANES):
+            bank.restore(a, *columns[begin + lanes[a]])
+        outputs = one.y[rows] if y is None else y[:, begin + lanes]
+        shift = None if one.shift is None else np.moveaxis(one.shift[rows], 1, 2)
+        gate = None if one.gate is None else one.gate[rows]
+        for a, event in bank.run(one.t_us[rows], u[rows], outputs, shift=shift, gate=gate):
+            if a < len(here) and found[begin + a] is None and isinstance(event, Crossing):
+                found[begin + a] = event
+    return [None if e is None else _since(e, one, int(k)) for e, k in zip(found, at, strict=True)]
+
+
+def _since(event: Crossing, one: Samples, onset: int) -> Crossing:
+    """With its time counted from the onset."""
+    return Crossing(
+        event.parameter, event.direction, event.time_us - int(one.t_us[onset]), 0, event.size, event.size_sd
+    )
+
+
+def _caught(
+    fault: Fault, load: Load | None, u: Floats, outcome: Sequence[Crossing | None], interval_s: float
+) -> Caught:
+    return Caught(
+        fault,
+        load is not None,
+        np.array([np.inf if e is None else e.time_us * 1e-6 + interval_s for e in outcome]),
+        tuple("" if e is None else e.parameter for e in outcome),
+        tuple("" if e is None else e.direction for e in outcome),
+        float(np.abs(u).max()) if load is not None else float("nan"),
+    )

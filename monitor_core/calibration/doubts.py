@@ -1,0 +1,182 @@
+"""Records that thresholds cannot be had from, in words: too short, without excitation, or with a change inside."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from monitor_core.calibration.budget import Rates
+from monitor_core.calibration.healthy import Deviations
+from monitor_core.calibration.scatter import BINS, Scatter, binned
+from monitor_core.directions import untold
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+FEWEST = 20
+"""Memories of tested samples."""
+LEAST_TESTED = 0.5
+"""Of the samples after P(0) was found."""
+STEP = 5.0
+"""Standard deviations of the estimate by which it changes inside a record, or is off all along, where it is faulty."""
+_SURE = 6.0
+"""And of the difference of two means: chance does not make it."""
+_EDGE = 5
+"""Memories at each end in which no change is looked for."""
+WIDEST = 1000.0
+"""Times the rate that is most likely: if it may be more, nothing can be promised."""
+_NEARLY = 0.05
+
+
+class CalibrationError(Exception):
+    """Records from which no thresholds can be had; the text says why, with numbers, and what would be right."""
+
+
+def check_settings(settings: Settings) -> None:
+    """That anything is tested, of an axis with one output.
+
+    Raises:
+        CalibrationError: the nominal values do not allow it; there are two outputs.
+    """
+    if settings.second is not None:
+        raise CalibrationError(
+            "an axis that is measured by angle and speed cannot be calibrated yet: leave out one of the two, or set"
+            " alpha_1 and alpha_2 yourself"
+        )
+    for words in untold(settings.untold):
+        raise CalibrationError(words)
+
+
+def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
+    """That the records are long enough, and move the axis.
+
+    Raises:
+        CalibrationError: they do not.
+    """
+    h, memory = settings.interval_s, settings.memory
+    tested = np.concatenate([one.tested for one in found])
+    after = len(tested) - sum(one.seeding for one in found)
+    if not tested.any() and after < memory:
+        raise CalibrationError(
+            f"the records hold {len(tested) * h:.3g} s, and P(0) was not found in them: that takes ten memories of"
+            f" {memory * h:.3g} s of motion; give at least {(10 + FEWEST) * memory * h:.3g} s that move the axis, or"
+            " initial_p"
+        )
+    for i, name in enumerate(model.monitored):
+        share = tested[:, i].sum() / max(after, 1)
+        if share < LEAST_TESTED:
+            said = "".join(f"; {words}" for one in found for words in one.confounded[:2])
+            raise CalibrationError(
+                f"{name} is observed in {100 * share:.0f} % of the time after the start, {tested[:, i].sum() * h:.3g}"
+                f" of {after * h:.3g} s{said}: give records that move the axis as in operation"
+            )
+    whole = tested.all(axis=1).sum()
+    if whole < FEWEST * memory:
+        raise CalibrationError(
+            f"{whole * h:.3g} s of the records can be used, {whole / memory:.0f} memories of {memory * h:.3g} s:"
+            f" at least {FEWEST} are needed, {FEWEST * memory * h:.3g} s"
+        )
+
+
+def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
+    """That nothing changes inside a record, and the nominal values are those of the axis.
+
+    Raises:
+        CalibrationError: something does.
+    """
+    for one in found:
+        _no_change(model, settings, one)
+    _no_offset(model, settings, found)
+
+
+def _no_change(model: AxisModel, settings: Settings, one: Deviations) -> None:
+    q = max(1, round(settings.memory / BINS))
+    use = np.flatnonzero(one.tested.all(axis=1))[q - 1 :: q]
+    d = one.d[use]
+    n, edge = len(d), _EDGE * BINS
+    if n < 4 * edge:
+        return
+    worst: tuple[float, int, int, float, float] | None = None
+    for i in range(d.shape[1]):
+        k, step, sd = _largest_step(d[:, i], edge)
+        sure = abs(step) / (sd * math.sqrt(2 * BINS * (1 / k + 1 / (n - k))))
+        if abs(step) > STEP * sd and sure > _SURE and (worst is None or abs(step) / sd > worst[0]):
+            worst = abs(step) / sd, i, k, step, sd
+    if worst is None:
+        return
+    ratio, i, k, step, _ = worst
+    # The estimate has changed by half within a memory of the fault.
+    at = max(0, k - round(0.7 * BINS))
+    seconds = (one.t_us[use[at]] - one.t_us[0]) * 1e-6
+    unit = model.parameters[i].unit
+    raise CalibrationError(
+        f"{one.name}: {model.monitored[i]} changes by {step * model.scale[i]:+.3g}{'' if unit == '1' else f' {unit}'}"
+        f" ({100 * step:+.1f} % of its size, {ratio:.0f} standard deviations of the estimate) about {seconds:.4g} s"
+        f" after the beginning: this is no healthy record. Leave that out, as with"
+        f" {one.name}@0:{max(seconds - 1, 0):.0f}"
+    )
+
+
+def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
+    """Where the means before and after differ most surely, by how much, and the standard deviation on either side."""
+    n = len(d)
+    k = np.arange(edge, n - edge)
+    total = np.cumsum(d)
+    before, after = total[k - 1] / k, (total[-1] - total[k - 1]) / (n - k)
+    best = int(np.argmax(np.abs(after - before) * np.sqrt(k * (n - k))))
+    at = int(k[best])
+    ends = np.concatenate(
+        [d[: max(at - BINS, 2)] - d[: max(at - BINS, 2)].mean(), d[at + BINS :] - d[at + BINS :].mean()]
+    )
+    return at, float(after[best] - before[best]), float(ends.std())
+
+
+def _no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
+    q = max(1, round(settings.memory / BINS))
+    d = np.concatenate([binned(one, q)[:, 0] for one in found])
+    mean, sd = d.mean(axis=0), d.std(axis=0)
+    for i in np.argsort(-abs(mean) / sd).tolist():
+        if abs(mean[i]) > STEP * sd[i]:
+            raise CalibrationError(
+                f"{model.monitored[i]} is off its nominal value all along, by {100 * mean[i]:+.1f} % of its size,"
+                f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values are not those of"
+                " these records; identify the axis with them first"
+            )
+
+
+def check_promise(scatter: Scatter, rates: Rates, samples: float, interval_s: float) -> None:
+    """That the budget can be promised from records of that length.
+
+    Raises:
+        CalibrationError: it cannot.
+    """
+    most = rates.upper / rates.whole
+    if most <= WIDEST and math.isfinite(rates.upper) and rates.upper * samples <= 1.5:
+        return
+    seconds = scatter.memories * scatter.memory * interval_s
+    # The logarithm's uncertainty goes like the logarithm of the budget over the root of the length.
+    log = math.log(max(samples / scatter.memory, math.e))
+    width = max(math.log(max(most, 1.0 + 1e-9)), 1e-9) if math.isfinite(most) else 2 * math.log(WIDEST)
+    longer = seconds * max(1.5, (width / math.log(WIDEST)) ** 2)
+    budget = scatter.memory * interval_s * math.exp(log * min(0.9, math.log(WIDEST) / width))
+    raise CalibrationError(
+        f"{seconds:.3g} s of the records can be used, {scatter.memories:.0f} memories: too short to promise one false"
+        f" alarm in {duration(samples * interval_s)}. The rate might be {_times(most)} times what is most likely. Give"
+        f" about {duration(longer)}, or a budget of one in {duration(budget)}"
+    )
+
+
+def _times(most: float) -> str:
+    return f"{float(f'{most:.1g}'):,.0f}" if math.isfinite(most) else "any number of"
+
+
+def duration(seconds: float) -> str:
+    """In words: 90 s, 10 min, 3 hours, 2 years."""
+    for one, size in (("a year", 31557600.0), ("a day", 86400.0), ("an hour", 3600.0)):
+        if abs(seconds / size - 1) < _NEARLY:
+            return one
+    for unit, size in (("years", 31557600.0), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
+        if seconds >= 1.5 * size:
+            number = seconds / size
+            return f"{number:.2g} {unit}" if number < 100 else f"{float(f'{number:.2g}'):,.0f} {unit}"
+    return f"{seconds:.3g} s"

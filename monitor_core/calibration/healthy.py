@@ -1,0 +1,103 @@
+"""The project's own recursion over healthy records: how far the estimates are from nominal, and what P says of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.kernel.state import UNSEEN
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Settings
+
+Times = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+OUT_OF_REACH = 1e30
+"""alpha_2 of a test that never alarms."""
+
+
+class Samples(NamedTuple):
+    """A record of one axis, as for ``AxisMonitor.run``."""
+
+    name: str
+    t_us: Times  # (N,)
+    u: Floats  # (N,) motor torque, N m
+    y: Floats  # (N,) motor speed, rad/s, or angle, rad
+    shift: Floats | None = None  # (N, p) of the nominal values
+    gate: Bools | None = None  # (N,)
+
+    def part(self, start: int, end: int) -> "Samples":
+        """Samples ``start`` to ``end``."""
+        here = slice(start, end)
+        shift = None if self.shift is None else self.shift[here]
+        gate = None if self.gate is None else self.gate[here]
+        return Samples(self.name, self.t_us[here], self.u[here], self.y[here], shift, gate)
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Of one record: deviations of the estimates and sqrt(lambda_0 P_ii), in sizes of the parameters.
+
+    ``tested`` says at which samples the tests of a parameter ran.
+    """
+
+    name: str
+    t_us: Times  # (N,)
+    d: Floats  # (N, p)
+    s: Floats  # (N, p)
+    tested: Bools  # (N, p)
+    seeding: int
+    """Samples before P(0) was found"""
+    confounded: tuple[str, ...]
+    """What could not be told apart at the end, in words"""
+
+
+def untested(settings: Settings) -> Settings:
+    """The settings with tests that never alarm, and so change nothing."""
+    return replace(settings, thresholds=(), alpha2=OUT_OF_REACH, widen=0.0, run_on=False)
+
+
+def deviations(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    progress: Callable[[float], None] = lambda _: None,
+) -> list[Deviations]:
+    """Run all records, one after the other in the life of the axis, as the daemon would."""
+    monitor = AxisMonitor.alone(model, untested(settings))
+    whole, done, found = sum(len(one.t_us) for one in records), 0, []
+    for one in records:
+        found.append(_deviations(monitor, one, lambda part, at=done: progress((at + part) / whole)))  # type: ignore[misc]
+        done += len(one.t_us)
+    return found
+
+
+def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], None]) -> Deviations:
+    model, lam0, st = monitor.model, monitor.settings.lam0, monitor.bank.state
+    N, p, step = len(one.t_us), len(model.scale), monitor.settings.span
+    d, s, tested, seeding = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_), 0
+    # In pieces as short as the looks at P, which say what is observed.
+    for k in range(0, N, step):
+        part = one.part(k, k + step)
+        before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])
+        _, trace = monitor.run_traced(part.t_us, part.u, part.y, part.shift, part.gate)
+        moved = _held(part.shift, before) if part.shift is not None else before
+        here = slice(k, k + step)
+        d[here] = (trace.theta - model.theta0 - moved) / model.scale
+        s[here] = np.sqrt(lam0 * trace.P) / model.scale
+        learned = np.isfinite(trace.eps)[:, np.newaxis] & (st.observed[:, 0] != UNSEEN)
+        tested[here] = learned & (not seeds)
+        seeding += len(part.t_us) if seeds else 0
+        progress(min(k + step, N))
+    return Deviations(one.name, one.t_us, d, s, tested, seeding, monitor.facts().confounded)
+
+
+def _held(shift: Floats, before: Floats) -> Floats:
+    """The last known shift (N, p) at each sample."""
+    out = np.vstack([before, shift])
+    at = np.maximum.accumulate(np.where(np.isfinite(out), np.arange(len(out))[:, np.newaxis], 0), axis=0)
+    return np.asarray(np.take_along_axis(out, at, axis=0)[1:])

@@ -1,0 +1,133 @@
+"""Faults put into a healthy record: exactly, where the same motion would only have needed another torque.
+
+The motor torque enters the drive by a vector b: x' = A x + b u + ...  A fault that changes A, and the columns of the
+other inputs, by -b times something that is known from the measurement (friction of the motor: its speed), or b itself
+by a factor (the torque constant), leaves the motion as it was if the torque is  u' = (u + load) / factor.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.calibration.healthy import Samples
+from monitor_core.drive import DELAY, split_name
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, Floats
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+_SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class Load:
+    """u' = (u + viscous speed + sum of (coefficient, input) ) / factor, in N m at the motor."""
+
+    factor: float
+    viscous: float
+    inputs: Mapping[int, float]
+    """Coefficient of each further input"""
+
+
+def changed(model: AxisModel, name: str, change: float) -> dict[str, float]:
+    """Values with a monitored parameter changed by so many of its sizes.
+
+    Raises:
+        ValueError: it would leave its bounds.
+    """
+    i = model.monitored.index(name)
+    theta = model.theta0.copy()
+    theta[i] += change * model.scale[i]
+    lower, upper = model.limits[:, i]
+    if not lower <= theta[i] <= upper:
+        raise ValueError(f"{name} would leave its bounds")
+    return model.values(theta)
+
+
+def load_of(model: AxisModel, values: Mapping[str, float]) -> Load | None:
+    """How the torque changes for the same motion with these values; None: that is not known exactly."""
+    if values.get(DELAY, 0.0) != model.nominal.get(DELAY, 0.0):
+        return None
+    drive = model.drive
+    (A, B, C), (A1, B1, C1) = model.matrices(), (drive.matrix(w, values) for w in ("A", "B", "C"))
+    torque = drive.inputs.index(TORQUE)
+    b, size = B[:, torque], float(np.abs(B[:, torque]).max())
+    speed = C[0] if drive.output == "speed" else (C @ A)[0]
+    factor = _share(B1[:, torque], b)
+    viscous = _outer(A1 - A, b, speed)
+    loads = {c: _share(B[:, c] - B1[:, c], b) for c in range(len(drive.inputs)) if c != torque}
+    if size == 0 or factor is None or viscous is None or None in loads.values() or not np.array_equal(C, C1):
+        return None
+    return Load(factor, viscous, {c: v for c, v in loads.items() if v})
+
+
+def _share(of: Floats, b: Floats) -> float | None:
+    """The number that b is multiplied by to give a vector; None: there is none."""
+    share = float(of @ b / (b @ b))
+    return share if np.allclose(of, share * b, rtol=_SAME, atol=_SAME * np.abs(of).max(initial=0.0)) else None
+
+
+def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:
+    """v with change = -v b speed'; None: there is none."""
+    shape = np.outer(b, speed)
+    v = float(-(change * shape).sum() / (shape * shape).sum())
+    fits = np.allclose(change, -v * shape, rtol=1e-6, atol=_SAME * max(1e-300, np.abs(change).max()))
+    return v if fits else None
+
+
+def torque(model: AxisModel, settings: Settings, one: Samples, load: Load, u_scale: Floats) -> Floats:
+    """The torque u' (N,) that the motion of the record would have needed.
+
+    A load acts with its mean over the interval in which the torque is held.  ``u_scale`` (m,) is what angles are
+    multiplied by for gravity.
+    """
+    needed, speed = one.u.copy(), _mean_speed(model, one, settings)
+    if load.viscous:
+        needed += load.viscous * _held(speed, settings)
+    for c, coefficient in load.inputs.items():
+        needed += coefficient * _held(_input(model, settings, one, c, u_scale[c], speed), settings)
+    return np.asarray(needed / load.factor)
+
+
+def _input(model: AxisModel, settings: Settings, one: Samples, c: int, scale: float, speed: Floats) -> Floats:
+    """Mean of a further input over the interval that begins with each sample (N,)."""
+    kind, output = model.drive.inputs[c], model.drive.output
+    if kind == ONE:
+        return np.ones(len(one.u))
+    if kind == COULOMB:
+        ratio = float(model.drive.matrix("ratio", model.nominal)[c, 0]) / settings.speed_scale
+        return _middle(np.tanh(ratio * one.y)) if output == "speed" else np.tanh(ratio * speed)
+    return _middle(np.cos(scale * one.y) if kind == COSINE else np.sin(scale * one.y))
+
+
+def _mean_speed(model: AxisModel, one: Samples, settings: Settings) -> Floats:
+    """Mean of the speed over the interval that begins with each sample (N,)."""
+    if model.drive.output == "speed":
+        return _middle(one.y)
+    after = np.append(one.y[1:], one.y[-1])
+    if model.drive.output == "mean speed":
+        return after
+    h = np.diff(one.t_us, append=one.t_us[-1] + round(settings.interval_s * 1e6)) * 1e-6
+    return np.asarray((after - one.y) / h)
+
+
+def _middle(values: Floats) -> Floats:
+    return np.asarray((values + np.append(values[1:], values[-1])) / 2)
+
+
+def _held(mean: Floats, settings: Settings) -> Floats:
+    """A torque that acts late acts in part over the next interval."""
+    late = min(settings.delay_s / settings.interval_s, 1.0)
+    return np.asarray((1 - late) * mean + late * np.append(mean[1:], mean[-1]))
+
+
+def exact_names(model: AxisModel) -> tuple[str, ...]:
+    """The monitored parameters whose faults can be put into a record exactly."""
+    return tuple(name for name in model.monitored if split_name(name)[0] != DELAY and _is_exact(model, name))
+
+
+def _is_exact(model: AxisModel, name: str) -> bool:
+    try:
+        return load_of(model, changed(model, name, 0.01)) is not None
+    except ValueError:
+        return False

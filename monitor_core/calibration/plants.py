@@ -1,0 +1,90 @@
+"""Axes simulated with the identified model and the innovations of a record: healthy ones, and faulty ones."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monitor_core.assembly import Assembly
+from monitor_core.calibration.healthy import Samples, untested
+from monitor_core.discretize import zero_order_hold
+from monitor_core.drive import DELAY
+from monitor_core.kernel.plant import measured
+from monitor_core.kernel.tables import COULOMB, Floats, Ints
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Settings
+
+_ENDLESS = 1 - 1e-6
+"""lambda of a run that looks for P(0) so long that theta stays nominal over any record."""
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Of the predictor at nominal, along a record: eps (N,), NaN where nothing was learned, and states.
+
+    ``x`` (len(at), n) are the states after the sample before each of ``at``.
+    """
+
+    eps: Floats
+    x: Floats
+
+
+def innovations(model: AxisModel, settings: Settings, one: Samples, at: Sequence[int] = ()) -> Innovations:
+    """Innovations of the predictor at nominal, and its state just before the samples ``at``, in rising order."""
+    frozen = replace(untested(settings), lam=_ENDLESS, P0=(), starved=0.0, floor=0.0, outlier=0.0)
+    monitor = AxisMonitor.alone(model, frozen)
+    eps, states, done = [], [], 0
+    for end in (*at, len(one.t_us)):
+        part = one.part(done, end)
+        eps.append(monitor.run_traced(part.t_us, part.u, part.y, part.shift, part.gate)[1].eps)
+        states.append(monitor.bank.state.x[:, 0].copy())
+        done = end
+    return Innovations(np.concatenate(eps), np.array(states[:-1]).reshape(len(at), -1))
+
+
+class Plants:
+    """Drives of one structure, each with its own values, in innovations form with the gain of the monitor.
+
+    Args:
+        model: the nominal one.
+        settings: of its monitor.
+        values: parameter values of each drive, the torque's delay among them where it is a parameter.
+    """
+
+    def __init__(self, model: AxisModel, settings: Settings, values: Sequence[Mapping[str, float]]) -> None:
+        drive, h = model.drive, settings.interval_s
+        assembly = Assembly(drive, model.monitored)
+        matrices = [_held(model, one, h) for one in values]
+        self._Ad, self._Bd, self._C = (np.array([one[k] for one in matrices]) for k in range(3))
+        self._late = np.array([one.get(DELAY, settings.delay_s) / h for one in values])
+        self._K, self._kind = settings.gain(len(drive.states)), assembly.tables.kind
+        self._u_scale = assembly.model_constants(model, settings.speed_scale)["u_scale"]
+        self._speed_state, self._mean = drive.speed_state, drive.mean_state
+        self._filtered = drive.output != "speed" and COULOMB in drive.inputs
+
+    def run(self, which: Ints, x: Floats, u_before: Floats, u: Floats, eps: Floats) -> tuple[Floats, Floats]:
+        """Outputs y (N, W) and the states (W, n) at the end of drives ``which`` (W,).
+
+        Args:
+            which: number of the drive.
+            x: states (W, n) at the first sample.
+            u_before: torques (W,) of the sample before.
+            u: torques (N, W).
+            eps: innovations (N, W).
+        """
+        y, x = np.empty(u.shape), np.ascontiguousarray(x).copy()
+        measured(
+            self._Ad, self._Bd, self._C, which, self._K, self._kind, self._u_scale, self._speed_state,
+            self._filtered, self._mean, self._late, x, np.array(u_before, float),
+            np.ascontiguousarray(u), np.ascontiguousarray(eps), y,
+        )  # fmt: skip
+        return y, x
+
+
+def _held(model: AxisModel, values: Mapping[str, float], h: float) -> tuple[Floats, Floats, Floats]:
+    drive, d = model.drive, model.balance()
+    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    Ad, Bd = zero_order_hold(A / d[:, np.newaxis] * d, B / d[:, np.newaxis], h)
+    Ad, Bd = Ad * d[:, np.newaxis] / d, Bd * d[:, np.newaxis]
+    return Ad, Bd, C[0] / h if drive.mean_state >= 0 else C[0]

@@ -1,0 +1,62 @@
+"""Mean time between false alarms of a CUSUM test on an estimate with exponential forgetting.
+
+The deviation of such an estimate is autocorrelated like lambda^l: with its standard deviation sigma as the unit, and
+the memory tau, the test  g = max(0, g + d - k),  alarm at  g > h tau,  has the mean time between alarms
+
+    tau / k^2 (e^a - 1 - a),      a = k (h + c)
+
+which is that of Brownian motion with a boundary moved out by c, for the overshoot at both ends.  Far out c is close to
+twice Milne's length, 2.92; for low thresholds, which the deviation may cross within its own correlation time, it is
+smaller.  Both were fitted to simulations (k 0.3 to 2.5, h 0.5 to 14, lambda 0.98 and 0.99): right within 15 %.
+"""
+
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from monitor_core.kernel.tables import Floats
+
+LEAST_K = 0.02
+"""A test with less drift than that, or the wrong way, alarms all the time."""
+SIEGMUND = 1.166
+_HIGHEST = 1e6
+
+
+def boundary(k: Floats, h: Floats) -> Floats:
+    """c: by how much the boundary seems farther away, in the unit of h."""
+    return np.asarray(2.9 + 0.25 * k + 0.02 * k**2 - 1.7 * np.exp(-(0.13 + 0.96 * k) * h))
+
+
+def log_mean_time(k: Floats, h: Floats, tau: Floats) -> Floats:
+    """Logarithm of the mean number of samples between two alarms of one test.
+
+    Args:
+        k: drift nu over the standard deviation sigma of what is tested.
+        h: threshold over sigma tau.
+        tau: memory, in samples: the long-run variance is 2 sigma^2 tau.
+    """
+    k = np.maximum(k, LEAST_K)
+    a = k * (h + boundary(k, h))
+    # e^a - 1 - a, which overflows and, for small a, cancels.
+    grown = np.where(a < 30, np.log(np.maximum(np.expm1(np.minimum(a, 30)) - a, 1e-300)), a)
+    return np.asarray(np.log(tau) - 2 * np.log(k) + grown)
+
+
+def threshold(k: float, log_samples: float, tau: float) -> float:
+    """h, over sigma tau, with which the mean time between alarms is e^log_samples samples; 0 where any gives more."""
+
+    def excess(h: float) -> float:
+        return float(log_mean_time(np.array(k), np.array(h), np.array(tau))) - log_samples
+
+    return 0.0 if excess(0.0) >= 0 else float(brentq(excess, 0.0, _HIGHEST))
+
+
+def white_noise_log_mean_time(k: float, h: float) -> float:
+    """What textbooks give for white noise (Siegmund's formula), threshold h over sigma: the wrong one here.
+
+    -log rate of one side at  E = (e^(2 k b) - 2 k b - 1) / (2 k^2),  b = h + 1.166.
+    """
+    x = 2 * k * (h + SIEGMUND)
+    grown = math.log(math.expm1(x) - x) if x < 30 else x
+    return grown - math.log(2 * k**2)

@@ -1,0 +1,81 @@
+"""How estimates scatter about their nominal values in healthy records, and how well the records tell.
+
+The size of the deviations is the recorded one, whatever P says: colour of the innovations and an imperfect model are
+in it.  How well a record tells it, its blocks, several memories long, say: resampled (block bootstrap; Kuensch 1989)
+they give another variance each time.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.calibration.healthy import Deviations
+from monitor_core.kernel.tables import Floats
+
+BINS = 50
+"""In a memory: of so many samples one is looked at."""
+LONGEST, MOST_BLOCKS = 5, 30
+"""Memories in a block, and how many blocks there are at least, where the record is long enough for both."""
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What healthy records say of p parameters, in sizes of the parameters; times in samples.
+
+    ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii); ``mean_sd`` what chance makes
+    of the mean.  ``power`` (B, p): the variance of resampled records, over that of this one.
+    """
+
+    mean_d: Floats  # (p,)
+    mean_sd: Floats  # (p,)
+    mean_s: Floats  # (p,)
+    sigma: Floats  # (p,)
+    power: Floats  # (B, p)
+    memories: float
+    memory: float
+
+
+def scatter(
+    deviations: Sequence[Deviations], memory: float, rng: np.random.Generator, times: int = 1000
+) -> Scatter:
+    """What the records say, with ``times`` resamplings of their blocks.
+
+    Raises:
+        ValueError: there is nothing in them.
+    """
+    q = max(1, round(memory / BINS))
+    parts = [part for one in deviations if len(part := binned(one, q)) > BINS]
+    if not parts:
+        raise ValueError("no sample was tested")
+    d, s = np.swapaxes(np.concatenate(parts), 0, 1)
+    starts = np.cumsum([0] + [len(part) for part in parts])[:-1].tolist()
+    memories = len(d) * q / memory
+    mean = d.mean(axis=0)
+    squares = (d - mean) ** 2
+    sums, count = _blocks(squares, starts, max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS))))
+    weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=times)
+    variance = squares.mean(axis=0)
+    power = (weights @ sums) / (weights @ count)[:, np.newaxis] / variance
+    variance *= 1 + 2 / memories  # the mean is of the same record
+    by_chance = 2 * variance / memories
+    # Far from zero the mean is what it is; nearby it is chance, and to count it would be to count chance twice.
+    mean = mean * np.maximum(0.0, 1 - by_chance / np.maximum(mean**2, 1e-300))
+    return Scatter(mean, np.sqrt(by_chance), s.mean(axis=0), np.sqrt(variance), power, memories, memory)
+
+
+def binned(one: Deviations, q: int) -> Floats:
+    """Deviation and s (n, 2, p) at every q-th of the tested samples."""
+    use = np.flatnonzero(one.tested.all(axis=1))[q - 1 :: q]
+    return np.stack([one.d[use], one.s[use]], axis=1)
+
+
+def _blocks(values: Floats, starts: Sequence[int], length: int) -> tuple[Floats, Floats]:
+    """Sums (blocks, p) over blocks, within each record, and their lengths (blocks,)."""
+    ends = [*starts[1:], len(values)]
+    edges = [
+        edge
+        for start, end in zip(starts, ends, strict=True)
+        for edge in range(start, max(start + 1, end - length // 2), length)
+    ]
+    return np.add.reduceat(values, edges, axis=0), np.diff([*edges, len(values)]).astype(float)

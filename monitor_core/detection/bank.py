@@ -1,0 +1,310 @@
+"""A bank of hypotheses of one axis: samples in; something changed, it is this, it is over: out."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.detection.alike import told_apart
+from monitor_core.detection.candidates import candidates, change
+from monitor_core.detection.events import Changed, Event, Named, Onset, Over
+from monitor_core.detection.hypotheses import HEALTHY, NOW, Hypothesis
+from monitor_core.detection.lanes import lanes_of, memory_of
+from monitor_core.detection.naming import Share, shares
+from monitor_core.kalman import slowest_time_constant
+from monitor_core.kernel.hypotheses import (
+    CHECKS,
+    LAST,
+    PENDING,
+    PHASE,
+    REFINING,
+    SETTLED,
+    WAIT,
+    WATCHING,
+    BankTrace,
+    Block,
+    Memory,
+    run_hypotheses,
+)
+from monitor_core.kernel.likelihood import FIRST_MARK, LATE, MARKS, ONSET, G
+from monitor_core.kernel.predictors import LIMIT, SETTLES
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+SURE_ENOUGH = 0.998
+"""Share of the likeliest cause from which on it is named."""
+MEMORIES = 3
+"""Without such a share the likeliest causes are named after so many memory lengths."""
+LOOKS = 20
+"""Looks at the shares in each of them."""
+SECOND = 0.01
+"""How likely a second cause is beforehand, beside a change of the first."""
+GONE = 2.0
+"""Standard deviations: a cause whose whole size is below so many of them is over."""
+
+
+class HypothesisBank:
+    """Predictors of one axis, one for each hypothesis.
+
+    When a cause has been named, the bank starts anew around the changed axis, so that a second change is seen, and the
+    end of the first.
+
+    Args:
+        model: nominal values; the monitored parameters are the causes, beside faults of the sensors.
+        settings: predictor, gaps, lambda_0, memory.
+        hypotheses: what is looked for; default ``candidates``.
+        h: thresholds, one or (len(hypotheses),).
+        allowance: taken from each log-likelihood ratio, for what healthy records differ by; one or as many.
+        sure: the share from which on a cause is named.
+
+    Raises:
+        ValueError: thresholds that do not fit, a hypothesis that the drive cannot be in, two outputs, or a predictor
+            that is not stable.
+    """
+
+    def __init__(
+        self,
+        model: AxisModel,
+        settings: Settings,
+        hypotheses: Sequence[Hypothesis] | None = None,
+        h: float | Floats = math.inf,
+        allowance: float | Floats = 0.0,
+        sure: float = SURE_ENOUGH,
+    ) -> None:
+        self.model, self.settings, self.sure = model, settings, sure
+        self.hypotheses = default_hypotheses(model, settings) if hypotheses is None else tuple(hypotheses)
+        many = len(self.hypotheses)
+        self._h, self._allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
+        if many == 0 or not (self._h > 0).all() or not np.isfinite(self._allowance).all():
+            raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
+        self._last_resort = {of.cause for of in self.hypotheses if of.weight < 1}
+        self._build_up_us = round(5e5 * _time_constant(model, settings))
+        self.standing: dict[str, Hypothesis] = {}
+        """What has been named and is not over."""
+        self._build()
+        self._lanes = np.arange(self._predictors.own.shape[1])
+        self._memory = memory_of(self._tables, len(self._lanes))
+
+    def reset(self) -> None:
+        """As if it had seen nothing."""
+        if self.standing:
+            self.standing = {}
+            self._build()
+        self._memory = memory_of(self._tables, len(self._lanes))
+
+    def _build(self) -> None:
+        """Now; what may change from here; the way back.  These fill the lanes."""
+        base = NOW
+        for of in self.standing.values():
+            base = of.after(base)
+        back, back_h = self._way_back()
+        self._hypotheses = (
+            replace(base, cause=HEALTHY),
+            *(self._now_likely(of).after(base) for of in self.hypotheses),
+            back,
+        )
+        h = np.concatenate([[np.inf], self._h, [back_h]])
+        allowance = np.concatenate([[0.0], self._allowance, [0.0]])
+        self._tables, self._predictors = lanes_of(self.model, self.settings, self._hypotheses, h, allowance)
+
+    def _now_likely(self, of: Hypothesis) -> Hypothesis:
+        """That more of what stands, or less of it, is to be seen, is likelier than something else beside it."""
+        return (
+            replace(of, weight=of.weight * SECOND) if self.standing and of.cause not in self.standing else of
+        )
+
+    def _way_back(self) -> tuple[Hypothesis, float]:
+        """All is as it was; h."""
+        if not self.standing:
+            return replace(NOW, weight=1e-300), math.inf
+        (cause, of), *others = self.standing.items()
+        alone = not others and not math.isnan(of.size)
+        return (Hypothesis(cause, -of.size) if alone else NOW), float(np.median(self._h))
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The whole state, to be saved: arrays by name."""
+        causes = list(dict.fromkeys(of.cause for of in self.hypotheses))
+        named = {f"memory_{name}": array.copy() for name, array in self._memory._asdict().items()}
+        stands = [(causes.index(cause), of.size) for cause, of in self.standing.items()]
+        return named | {"standing": np.array(stands, float).reshape(-1, 2)}
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Go on from a saved state.
+
+        Raises:
+            KeyError: an array is missing.
+            ValueError: it does not belong to these hypotheses, or is damaged.
+        """
+        saved = {name: np.asarray(arrays[f"memory_{name}"]) for name in self._memory._fields}
+        for name, array in self._memory._asdict().items():
+            if saved[name].shape != array.shape or not np.isfinite(saved[name]).all():
+                raise ValueError(f"{name} of shape {saved[name].shape} does not fit, or is not finite")
+        causes = list(dict.fromkeys(of.cause for of in self.hypotheses))
+        rows = [(int(k), float(size)) for k, size in np.asarray(arrays["standing"], float)]
+        if any(not 0 <= k < len(causes) for k, _ in rows):
+            raise ValueError("a cause that these hypotheses do not have")
+        self.standing = {causes[k]: self._of_size(causes[k], size) for k, size in rows}
+        self._build()
+        self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
+
+    def run(
+        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None = None
+    ) -> list[Event]:
+        """Samples (N,) in the order of their receipt: times in us, torque in N m, output.
+
+        ``gate`` (N,): test where True.
+
+        Raises:
+            ValueError: shapes that do not fit.
+        """
+        return self._run(t_us, u, y, gate, BankTrace(*(np.empty((0, 0)) for _ in range(3))))
+
+    def run_traced(
+        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None = None
+    ) -> tuple[list[Event], BankTrace]:
+        """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each."""
+        N, many = len(t_us), len(self.hypotheses)
+        trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
+        events = self._run(t_us, u, y, gate, trace)
+        return events, BankTrace(*(of[:, 1 : many + 1] for of in trace))
+
+    def _run(
+        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None, trace: BankTrace
+    ) -> list[Event]:
+        block = _block(t_us, u, y, gate)
+        at, events = 0, list[Event]()
+        while at < len(block.t):
+            at = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, at, trace)
+            if self._memory.whole[WAIT, 0] == 0:
+                events += self._decide(int(block.t[at - 1]))
+        return events
+
+    def _decide(self, now_us: int) -> Iterator[Event]:
+        """Something has changed, or it is time to look at what, or what was named is known well by now."""
+        whole, memory = self._memory.whole, self.settings.memory
+        if whole[PHASE, 0] == REFINING:
+            yield from self._settle(now_us)
+            return
+        if whole[PHASE, 0] == WATCHING:
+            whole[PHASE, 0], whole[CHECKS, 0] = PENDING, 0
+            self._turn_round()
+            yield Changed(now_us, self.onset(), self._shares())
+        whole[CHECKS, 0] += 1
+        whole[WAIT, 0] = max(1, round(memory / LOOKS))
+        found, last = self._shares(), whole[CHECKS, 0] >= LOOKS * MEMORIES
+        if last and not self._lasts():
+            self._start(0)
+            yield Over(now_us, HEALTHY)
+        elif last or (found[0].probability >= self.sure and found[0].cause not in self._last_resort):
+            whole[PHASE, 0], whole[WAIT, 0] = REFINING, round(MEMORIES * memory)
+            yield Named(now_us, self.onset(), self._whole_of(found), found[0].probability >= self.sure)
+
+    def _turn_round(self) -> None:
+        """Predictors with a sign swapped have moved the other way until now: they begin where the axis was."""
+        for k, of in enumerate(self._hypotheses):
+            if of.torque.scale < 0 or of.output.scale < 0:
+                self._memory.x[:, k] = self._memory.x[:, 0]
+
+    def _lasts(self) -> bool:
+        """There is still evidence of a change."""
+        many = len(self._hypotheses)
+        return bool((self._memory.sums[G, :many] > 0.5 * self._predictors.own[LIMIT, :many]).any())
+
+    def _settle(self, now_us: int) -> Iterator[Event]:
+        """The likeliest cause joins what stands, with its size; from now on what differs from that is a change."""
+        found, onset = self._shares(), self.onset()
+        best, lane = found[0], self._lane_of(found[0])
+        over = self._ended(best) if self._lasts() else [HEALTHY]
+        if best.cause != HEALTHY and not over:
+            yield Named(now_us, onset, self._whole_of(found), best.probability >= self.sure)
+            self.standing[best.cause] = self._standing_as(best, lane)
+        for cause in over:
+            self.standing.pop(cause, None)
+            yield Over(now_us, cause)
+        self._start(lane if self._lasts() else 0)
+
+    def _whole_of(self, found: tuple[Share, ...]) -> tuple[Share, ...]:
+        """The shares, with what stood before of a cause in its size."""
+        before = {cause: of.size for cause, of in self.standing.items() if not math.isnan(of.size)}
+        return tuple(replace(share, size=share.size + before.get(share.cause, 0.0)) for share in found)
+
+    def _shares(self) -> tuple[Share, ...]:
+        return shares(self._hypotheses[1:], self._memory.sums[G, 1 : len(self._hypotheses)])
+
+    def onset(self) -> Onset:
+        """Of the likeliest hypothesis: when its g was last zero, and from when on and until when that may have been.
+
+        It predicts as if the change had always been there, and gains nothing while the state of the axis still is that
+        of before: so the change may be earlier by half the slowest time constant.
+        """
+        k = int(self._memory.sums[G, : len(self._hypotheses)].argmax())
+        when = self._memory.when[:, k]
+        earliest = int(when[FIRST_MARK + MARKS - 1]) - self._build_up_us
+        return Onset(int(when[ONSET]), earliest, int(max(when[LATE], when[ONSET])))
+
+    def _lane_of(self, best: Share) -> int:
+        """The hypothesis of a cause that has most evidence."""
+        g = self._memory.sums[G]
+        own = [k for k, of in enumerate(self._hypotheses) if k > 0 and of.cause == best.cause]
+        return max(own, key=lambda k: float(g[k]))
+
+    def _ended(self, best: Share) -> list[str]:
+        if best.cause == HEALTHY:
+            return list(self.standing)
+        before = self.standing.get(best.cause)
+        if before is None or math.isnan(before.size):
+            return []
+        return [best.cause] if abs(before.size + best.size) < GONE * best.size_sd else []
+
+    def _standing_as(self, best: Share, lane: int) -> Hypothesis:
+        """All that stands of a cause: what stood before and this."""
+        of, before = self._hypotheses[lane], self.standing.get(best.cause)
+        size = of.size if of.K is not None else best.size
+        return self._of_size(best.cause, size + (before.size if before and of.K is None else 0.0))
+
+    def _of_size(self, cause: str, size: float) -> Hypothesis:
+        """One of the hypotheses, or one of their kind of another size."""
+        own = [of for of in self.hypotheses if of.cause == cause]
+        same = (of for of in own if of.size == size or math.isnan(of.size))
+        return next(same, None) or replace(change(self.model, self.settings, cause, size), alike=own[0].alike)
+
+    def _start(self, lane: int) -> None:
+        """Anew around what stands now, from the state of a hypothesis."""
+        M = self._memory
+        self._build()
+        M.x[:] = M.x[:, lane : lane + 1]
+        M.sums[:], M.when[:] = 0.0, M.whole[LAST, 0]
+        M.whole[PHASE, 0], M.whole[WAIT, 0], M.whole[CHECKS, 0] = WATCHING, 1, 0
+        M.whole[SETTLED, 0] = M.whole[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
+
+
+def _time_constant(model: AxisModel, s: Settings) -> float:
+    """The predictor's slowest [s].
+
+    Raises:
+        ValueError: there are two outputs, or the predictor is not stable.
+    """
+    if model.drive.both:
+        raise ValueError(f"the drive {model.drive.name!r} has two outputs: hypotheses predict one")
+    found = slowest_time_constant(model, s.gain(len(model.drive.states)), s.interval_s)
+    if not math.isfinite(found):
+        raise ValueError("the predictor is not stable: hypotheses need a filter gain K")
+    return found
+
+
+def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
+    """Those candidates that change the data, each told from the others by them."""
+    return told_apart(model, settings, candidates(model, settings))
+
+
+def _block(t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None) -> Block:
+    t = np.ascontiguousarray(t_us, dtype=np.int64)
+    opened = (
+        np.empty((0, 1), np.bool_) if gate is None else np.ascontiguousarray(gate, np.bool_)[:, np.newaxis]
+    )
+    if t.ndim != 1 or np.shape(u) != t.shape or np.shape(y) != t.shape or len(opened) not in {0, len(t)}:
+        raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N,) each")
+    return Block(t, np.ascontiguousarray(u, float), np.ascontiguousarray(y, float), opened)

@@ -1,0 +1,93 @@
+"""What a hypothesis is: a cause, a size, and what that makes of the model, of the torque and of the output."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+_NOTHING: Mapping[str, float] = MappingProxyType({})
+
+HEALTHY = ""
+"""The cause of what holds now."""
+
+
+@dataclass(frozen=True, slots=True)
+class Distortion:
+    """What became of a signal before it was measured:  scale * true value + offset."""
+
+    scale: float = 1.0
+    offset: float = 0.0
+
+    def after(self, before: "Distortion") -> "Distortion":
+        """Both, ``before`` first."""
+        return Distortion(self.scale * before.scale, self.scale * before.offset + self.offset)
+
+
+_AS_IT_IS = Distortion()
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One change.
+
+    ``size`` orders the hypotheses of a cause: the logarithm of a factor, or a difference in units of a scale; NaN where
+    a cause has no size.  ``factors`` and ``shifts`` are of parameters of the drive, by their names.  ``torque`` makes
+    the torque that acts of the measured one, ``delay_s`` is how much later it acts than now; ``output`` makes the
+    measured output of the true one.  ``frozen``: the output repeats itself, in every digit.  ``still``: holds only
+    while the measured torque does so.  ``K`` is a filter gain of its own, ``variance`` that of its innovations over
+    lambda_0.  ``weight`` is how likely it is beforehand beside others, ``alike`` names causes that make the same data.
+
+    Raises:
+        ValueError: a number that makes no sense.
+    """
+
+    cause: str
+    size: float = math.nan
+    factors: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
+    shifts: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
+    torque: Distortion = _AS_IT_IS
+    delay_s: float = 0.0
+    output: Distortion = _AS_IT_IS
+    frozen: bool = False
+    still: bool = False
+    K: tuple[float, ...] | None = None
+    variance: float = 1.0
+    weight: float = 1.0
+    alike: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        numbers = [self.torque.scale, self.torque.offset, self.delay_s, self.output.offset, *(self.K or ())]
+        numbers += [*self.factors.values(), *self.shifts.values()]
+        positive = [self.variance, self.weight, abs(self.output.scale)]
+        if not (all(map(math.isfinite, numbers + positive)) and min(positive) > 0):
+            raise ValueError(
+                f"a hypothesis of {self.cause!r} with numbers that are not finite, or not positive"
+            )
+
+    def after(self, base: "Hypothesis") -> "Hypothesis":
+        """This change when ``base`` holds already."""
+        factors = {
+            n: self.factors.get(n, 1.0) * base.factors.get(n, 1.0) for n in {**base.factors, **self.factors}
+        }
+        shifts = {
+            n: self.shifts.get(n, 0.0) + base.shifts.get(n, 0.0) for n in {**base.shifts, **self.shifts}
+        }
+        return Hypothesis(
+            cause=self.cause,
+            size=self.size,
+            factors=factors,
+            shifts=shifts,
+            torque=self.torque.after(base.torque),
+            delay_s=self.delay_s + base.delay_s,
+            output=self.output.after(base.output),
+            frozen=self.frozen or base.frozen,
+            still=self.still,
+            K=base.K if self.K is None else self.K,
+            variance=self.variance * base.variance,
+            weight=self.weight,
+            alike=self.alike,
+        )
+
+
+NOW = Hypothesis(HEALTHY)
+"""Nothing has changed."""

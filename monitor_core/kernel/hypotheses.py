@@ -1,0 +1,210 @@
+"""A bank of fixed predictors of one axis, hypotheses side by side, each with its CUSUM of log-likelihood ratios.
+
+    e_i = y - yhat_i,     x_i = x_i + K_i e_i,     then over the interval:  x_i = Ad_i x_i + Bd_i u
+    l_i = 1/2 log(lam_0 / lam_i) + e_0^2 / (2 lam_0) - e_i^2 / (2 lam_i) - allowance_i
+    g_i = max(0, g_i + l_i),     alarm when g_i > h_i
+
+Hypothesis 0 is what holds now.  As the mean of exp(l_i) is 1 while it holds (without allowance), the mean time between
+false alarms of each is at least exp(h_i) samples (Lorden).  theta is fixed, so the nominal interval is discretised
+once; any other one goes the way of the recursion (propagate.py).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.kernel.admission import DOUBTED, RESTART, SETTLE, SKIP, TRACK, admit, hold, rest
+from monitor_core.kernel.admission import GATED as CLOSED
+from monitor_core.kernel.columns import floats, ints, table
+from monitor_core.kernel.compile import aside, entry, kernel
+from monitor_core.kernel.conditions import close
+from monitor_core.kernel.likelihood import G, accumulate, begin, likelihoods
+from monitor_core.kernel.mean import begin_again, mean
+from monitor_core.kernel.outliers import sift
+from monitor_core.kernel.predictors import (
+    GAP,
+    INTERVAL,
+    LAM,
+    LAM0,
+    LOST,
+    OFFSET,
+    OUTLIER,
+    SCALE,
+    SETTLES,
+    Predictors,
+    correct,
+    corrects,
+    cross,
+    errors,
+    leap,
+)
+from monitor_core.kernel.recursion import predict
+from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
+from monitor_core.kernel.state import OUTLIER as OUTLIER_COUNT
+from monitor_core.kernel.tables import Floats, Ints, Tables
+
+_SAME_S = 1e-6
+"""An interval that differs from the nominal one by less is taken for it."""
+
+TORQUE_BEFORE, TORQUE_HELD, LAST_OUTPUT, CREDIT = range(4)
+LAST, SETTLED, IN_A_ROW, PHASE, WAIT, CHECKS, COUNTS = range(7)
+WATCHING, PENDING, REFINING = 0, 1, 2
+"""Phases: the first g > h stops a run; something has changed, and the WAIT-th tested sample from now stops it; so, too,
+when it is known what has changed, and only its size is to become more certain."""
+
+
+class Memory(NamedTuple):
+    """State of a bank."""
+
+    x: Floats  # (n, H) at the last sample, after its correction
+    u: Floats  # (m, H) inputs held since
+    sums: Floats  # (2, H) g; by how much its path has fallen since the last mark
+    when: NDArray[np.int64]  # (2 + MARKS, H) us: g last 0; g last below SURE; marks, the latest first
+    numbers: (
+        Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
+    )
+    whole: NDArray[
+        np.int64
+    ]  # (COUNTS + len(COUNTERS), 1) time of the last sample; time settled; outliers in a row; phase; wait;
+    #                          what became of samples
+
+
+class Block(NamedTuple):
+    """Samples of one axis."""
+
+    t: NDArray[np.int64]  # (N,) us
+    u: Floats  # (N,) N m
+    y: Floats  # (N,)
+    gate: NDArray[np.bool_]  # (N, 1) whether to test; (0, 1): always
+
+
+class BankTrace(NamedTuple):
+    """What happened at each sample; arrays of length 0 where it is not wanted."""
+
+    eps: Floats  # (N, H) innovations
+    llr: Floats  # (N, H) l_i; NaN: not tested
+    g: Floats  # (N, H)
+
+
+@kernel
+def _stops(crossed: bool, whole: Ints) -> None:
+    """WAIT becomes 0 where the run is to stop."""
+    if whole[PHASE, 0] == WATCHING:
+        whole[WAIT, 0] = 0 if crossed else 1
+    else:
+        whole[WAIT, 0] = max(whole[WAIT, 0] - 1, 0)
+
+
+@kernel
+def _tally(does: int, counts: Ints) -> None:
+    counts[USED, 0] += does == TRACK
+    counts[SETTLING, 0] += does == SETTLE
+    counts[GATED, 0] += does == CLOSED
+    counts[OUTLIER_COUNT, 0] += does == DOUBTED
+
+
+@aside
+def _record(k: int, moved: bool, tested: bool, eps: Floats, llr: Floats, sums: Floats, to: BankTrace) -> None:
+    for a in range(to.g.shape[1]):
+        to.eps[k, a] = eps[a] if moved else math.nan
+        to.llr[k, a] = llr[a] if tested else math.nan
+        to.g[k, a] = sums[G, a]
+
+
+@entry
+def run_hypotheses(
+    lanes: Any, T: Tables, P: Predictors, M: Memory, block: Block, start: int, trace: BankTrace
+) -> int:
+    """Samples from ``start`` on through the bank, until something is to be decided; returns how many were taken.
+
+    ``lanes``: an array of H numbers.
+    """
+    one = (0,)
+    n, m, H = T.n, T.m, len(lanes)
+    x, u, own, axis = M.x, M.u, P.own, P.axis
+    X, flat_u, new = x.reshape(x.size), u.reshape(u.size), floats(n * H)
+    move, taps, constant, acts = (
+        P.move.reshape(P.move.size), P.taps.reshape(P.taps.size), P.constant.reshape(P.constant.size),
+        P.acts.reshape(P.acts.size),
+    )  # fmt: skip
+    psi, du, no_torque, motion = table(0, H), np.zeros((0, m, H)), floats(H), floats(H)
+    over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
+    doing, last = ints(H), ints(H)
+    t, ut, y, does, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
+    moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
+    e0, believed, S = floats(1), floats(1), floats(1)
+    numbers, whole = M.numbers, M.whole
+    counts = whole[COUNTS:]
+    interval = axis[INTERVAL, 0]
+    nominal_K = P.K[n : 2 * n]
+    gains = corrects(P.K)
+    # fmt: off
+    for k in range(start, block.t.size):
+        t[0], ut[0], y[0], does[0] = block.t[k], block.u[k], block.y[k], TRACK
+        admit(one, t, ut, y, axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST], whole[LAST], whole[SETTLED],
+              seed_left, counts, does, h)
+        if block.gate.shape[0]:
+            close(one, k, 0, block.gate, does)
+        tested = False
+        if does[0] >= SETTLE:
+            for a in range(H):
+                over[a] = h[0]
+            if abs(h[0] - interval) <= _SAME_S:
+                leap(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
+                      numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
+                K_now = nominal_K
+            else:
+                cross(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], u, x, over, K)
+                K_now = K
+            predict(lanes, T.out_slot, T.out_src, T.out_par, P.V0, x, yhat, psi)
+            if T.mean >= 0:
+                mean(lanes, over, yhat, psi)
+                for a in range(H):
+                    doing[a] = 1
+                begin_again(lanes, T.mean, n, doing, x)
+            if not errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, eps) < math.inf:
+                counts[DIVERGED, 0] += 1
+                whole[LAST, 0] = NEVER
+                does[0] = SKIP
+                for e in range(X.size):
+                    X[e] = 0.0
+            else:
+                moves[0], learns[0], tracks[0] = 1, does[0] == TRACK, does[0] == TRACK
+                lam[0] = S[0] = axis[LAM, 0]
+                e0[0] = eps[0]
+                sift(one, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], whole[IN_A_ROW], does, moves, learns,
+                     tracks, believed)
+                if moves[0] and gains:
+                    correct(lanes, K_now, eps, x)
+                if tracks[0]:
+                    tested = True
+                    likelihoods(lanes, own, ut[0] != numbers[TORQUE_HELD, 0], y[0] != numbers[LAST_OUTPUT, 0], eps,
+                                llr)
+                    crossed = accumulate(lanes, own, t[0], llr, M.sums, M.when)
+                    _stops(crossed, whole)
+        if does[0] == RESTART:
+            for a in range(H):
+                motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
+                doing[a] = RESTART
+            rest(lanes, doing, P.rest, motion, x)
+            begin(t[0], M.when)
+            numbers[TORQUE_HELD, 0] = ut[0]
+        if does[0] != SKIP:
+            if P.moving.size:
+                for a in range(H):
+                    motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
+                    doing[a] = TRACK
+                hold(lanes, T.kind, T.speed_state, T.filtered_speed, P.u_scale, last, motion, motion,
+                     doing, x, last, u, du, no_torque)
+            whole[LAST, 0] = t[0]
+            numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
+            numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = ut[0], y[0]
+        _tally(does[0], counts)
+        if trace.g.shape[0]:
+            _record(k, does[0] >= SETTLE, tested, eps, llr, M.sums, trace)
+        if tested and whole[WAIT, 0] == 0:
+            return k + 1
+    # fmt: on
+    return block.t.size

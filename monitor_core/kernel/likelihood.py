@@ -1,0 +1,70 @@
+"""Likelihood ratios of a bank of hypotheses, their CUSUMs, and since when these have been rising."""
+
+import math
+from typing import Any
+
+from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.predictors import FROZEN, LEVEL, LIMIT, PRECISION, STILL
+from monitor_core.kernel.state import NEVER
+from monitor_core.kernel.tables import Floats, Ints
+
+SURE = math.log(2 / 0.1)
+"""A change lies where the CUSUM's path is within this of its least value, in 90 of 100 at least: that the path of the
+true hypothesis goes so far below its value at the change is, before it and after it, less likely than exp(-SURE)."""
+MARKS = 6
+"""Times in the past by which the path had fallen by steps of SURE / (MARKS - 1)."""
+_STEP = SURE / (MARKS - 1)
+_CLIP = 36.0
+"""Squared innovations over their variance count as so much at most."""
+
+G, FALLEN = 0, 1
+"""Rows of the sums: g; by how much its path has fallen since the last mark."""
+ONSET, LATE, FIRST_MARK = 0, 1, 2
+"""Rows of the times: g was last 0; g was last below SURE; marks, the latest first."""
+
+
+@kernel
+def likelihoods(lanes: Any, own: Floats, moved: bool, turned: bool, eps: Floats, llr: Floats) -> None:
+    """l_i (H,): minus infinity where torque or output are said to be stuck and move, in whatever digit."""
+    here = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
+    for a in range(len(lanes)):
+        there = min(eps[a] * eps[a] * own[PRECISION, a], _CLIP)
+        alive = not (moved and own[STILL, a] > 0.0) and not (turned and own[FROZEN, a] > 0.0)
+        llr[a] = 0.5 * (here - there) + own[LEVEL, a] if alive else -math.inf
+
+
+@kernel
+def accumulate(lanes: Any, own: Floats, t: int, llr: Floats, sums: Floats, when: Ints) -> bool:
+    """g = max(0, g + l), with the times that an onset and its interval need; True if any g > h."""
+    crossed, marked = False, False
+    for a in range(len(lanes)):
+        free = sums[G, a] + llr[a]
+        g = max(0.0, free)
+        sums[G, a] = g
+        sums[FALLEN, a] += max(0.0, -free)
+        when[ONSET, a] = t if g == 0.0 else when[ONSET, a]
+        when[LATE, a] = t if g < SURE else when[LATE, a]
+        marked |= sums[FALLEN, a] >= _STEP
+        crossed |= g > own[LIMIT, a]
+    if marked:
+        _mark(t, sums, when)
+    return crossed
+
+
+@aside
+def _mark(t: int, sums: Floats, when: Ints) -> None:
+    """The path of a hypothesis has fallen by a step more."""
+    for a in range(sums.shape[1]):
+        if sums[FALLEN, a] >= _STEP:
+            sums[FALLEN, a] = 0.0
+            for j in range(when.shape[0] - 1, FIRST_MARK, -1):
+                when[j, a] = when[j - 1, a]
+            when[FIRST_MARK, a] = t
+
+
+@aside
+def begin(t: int, when: Ints) -> None:
+    """A predictor that starts has no past."""
+    for a in range(when.shape[1]):
+        for j in range(when.shape[0]):
+            when[j, a] = t if when[j, a] == NEVER else when[j, a]

@@ -1,0 +1,157 @@
+"""The predictors of a bank of hypotheses, side by side: over an interval, their errors, their corrections."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.kernel.columns import floats, ints, table, times
+from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.interval import for_interval
+from monitor_core.kernel.mean import begin_again, own_interval
+from monitor_core.kernel.propagate import drive, propagate, split
+from monitor_core.kernel.series import SECTIONS
+from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
+from monitor_core.kernel.vector import EIGHT, load8, spread8, store
+
+DELAY, TORQUE_SCALE, TORQUE_OFFSET, SCALE, OFFSET, FROZEN, STILL, PRECISION, LEVEL, LIMIT = range(10)
+"""Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +
+offset; 1: the output repeats itself; 1: holds only while the measured torque does; 1 / lam_i; 1/2 log(lam_0 / lam_i) -
+allowance; h."""
+INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER = range(7)
+"""Rows of ``axis``."""
+
+
+class Predictors(NamedTuple):
+    """Constants of the hypotheses, H of them, a multiple of eight; those of the axis have one column."""
+
+    V0: Floats  # (slots + 1, H) entries of A, B, C, and a zero
+    weight: Floats  # (entries of A, H) d_col / d_row of the balancing diagonal d
+    K: Floats  # (GAINS n, H) filter gain after 0, 1, 2 .. intervals, over the scale of the output
+    rest: Floats  # (n, H)
+    u_scale: Floats  # (m, H)
+    move: Floats  # (n n, H) Ad over the nominal interval
+    taps: Floats  # (3 n, H) what a torque of 1 adds over it: the one before, the held one, the one at its end
+    constant: Floats  # (n, H) what is added always
+    acts: Floats  # (n m, H) Bd of the inputs that depend on the motion
+    moving: NDArray[np.int64]  # (..,) which of these act
+    own: Floats  # (10, H)
+    axis: Floats  # (7, 1)
+
+
+@kernel
+def leap(
+    n: int, m: int, move: Floats, taps: Floats, constant: Floats, acts: Floats, moving: Ints,
+    before: float, held: float, now: float, u: Floats, x: Floats, new: Floats,
+) -> None:  # fmt: skip
+    """x = Ad x + Bd u over the nominal interval; all flat, H numbers a row; ``new`` is scratch."""
+    H = x.size // n
+    for a in range(0, H, EIGHT):
+        for r in range(n):
+            total = load8(constant, r * H + a) + load8(taps, (n + r) * H + a) * spread8(held)
+            total = total + load8(taps, r * H + a) * spread8(before)
+            total = total + load8(taps, (2 * n + r) * H + a) * spread8(now)
+            for c in range(n):
+                total = total + load8(move, (r * n + c) * H + a) * load8(x, c * H + a)
+            for q in range(moving.size):
+                total = total + load8(acts, (r * m + moving[q]) * H + a) * load8(u, moving[q] * H + a)
+            store(new, r * H + a, total)
+    for e in range(x.size):
+        x[e] = new[e]
+
+
+@kernel
+def _torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) -> None:
+    """The torque that acts by each hypothesis, of the measured one."""
+    for c in range(kind.size):
+        if kind[c] == TORQUE:
+            for a in range(len(lanes)):
+                u[c, a] = own[TORQUE_SCALE, a] * torque + own[TORQUE_OFFSET, a]
+
+
+@kernel
+def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now: Floats) -> None:
+    """The interval h in parts (H,): under the torque before, the held one, and the one of its end."""
+    for a in range(len(lanes)):
+        delay = own[DELAY, a]
+        before[a] = min(max(delay, 0.0), h)
+        now[a] = min(max(-delay, 0.0), h)
+        held[a] = h - before[a] - now[a]
+
+
+@aside
+def _over(
+    lanes: Any, T: Tables, P: Predictors, torque: float, h: Floats, u: Floats, X: Floats, work: Floats, more: Floats
+) -> None:  # fmt: skip
+    """X over h (H,) under one torque, exactly (propagate.py)."""
+    n, H, longest = T.n, len(lanes), 0.0
+    for a in range(H):
+        longest = max(longest, h[a])
+    if longest == 0.0:
+        return
+    GX, du = table(n, H), np.zeros((0, T.m, H))
+    steps, terms, norm, total = ints(H), ints(H), floats(H), floats(H)
+    _torque(lanes, T.kind, P.own, torque, u)
+    drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, P.V0, u, du, GX)
+    split(lanes, T.A_row, P.weight, P.V0, h, steps, terms, norm, total)
+    propagate(
+        lanes, None, n, 0, T.blocks, T.A_start, times(T.A_at, EIGHT), T.more_start, times(T.more_col, EIGHT),
+        T.more_slot, T.part_start, times(T.part_place, EIGHT), times(T.part_col, EIGHT), times(T.part_slot, H),
+        P.V0.reshape(P.V0.size), GX.reshape(GX.size), h, steps, terms, X.reshape(X.size), work, more,
+    )  # fmt: skip
+
+
+@aside
+def cross(
+    lanes: Any, T: Tables, P: Predictors, h: float, torque_before: float, torque_held: float, torque_now: float,
+    u: Floats, x: Floats, over: Floats, K: Floats,
+) -> None:  # fmt: skip
+    """X over an interval h of its own, in parts; K (n, H) is the gain behind it, ``over`` (H,) what a mean is of."""
+    n, H, wide = T.n, len(lanes), EIGHT
+    before, held, now, cut = floats(H), floats(H), floats(H), floats(H)
+    intervals, lams, lam, lost = floats(H), floats(H), floats(H), ints(H)
+    work, more = floats(SECTIONS * n * T.blocks * wide), floats(4 * wide)
+    for a in range(H):
+        intervals[a], lams[a], over[a] = P.axis[INTERVAL, 0], P.axis[LAM, 0], h
+    for_interval(lanes, intervals, lams, P.K, over, lam, K)
+    _parts(lanes, P.own, h, before, held, now)
+    _over(lanes, T, P, torque_before, before, u, x, work, more)
+    if T.mean >= 0:
+        for a in range(H):
+            held[a] += now[a]
+        if own_interval(lanes, intervals, before, held, cut, over, lost):
+            _over(lanes, T, P, torque_held, cut, u, x, work, more)
+            begin_again(lanes, T.mean, n, lost, x)
+        for a in range(H):
+            held[a] = max(held[a] - now[a], 0.0)
+    _over(lanes, T, P, torque_held, held, u, x, work, more)
+    _over(lanes, T, P, torque_now, now, u, x, work, more)
+
+
+@kernel
+def errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: Floats) -> float:
+    """e_i (H,); returns their sum, which is a number only if all are."""
+    total = 0.0
+    for a in range(len(lanes)):
+        e = y - own[OFFSET, a] - own[SCALE, a] * yhat[a]
+        eps[a] = y - before if own[FROZEN, a] > 0.0 else e
+        total += abs(eps[a])
+    return total
+
+
+@kernel
+def corrects(K: Floats) -> bool:
+    """Whether there is a gain."""
+    some = False
+    for r in range(K.shape[0]):
+        for a in range(K.shape[1]):
+            some |= K[r, a] != 0.0
+    return some
+
+
+@kernel
+def correct(lanes: Any, K: Floats, eps: Floats, x: Floats) -> None:
+    """The innovations form: x_i = x_i + K_i e_i."""
+    for r in range(K.shape[0]):
+        for a in range(len(lanes)):
+            x[r, a] += K[r, a] * eps[a]

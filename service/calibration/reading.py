@@ -1,0 +1,85 @@
+"""Records for calibration: through the very pipeline of the daemon, with operating conditions."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.calibration.healthy import Samples
+from monitor_core.model import AxisModel
+from monitor_core.operating import Operating
+from service.config import Config, NamedAxis, conditions_of
+from service.ingest.errors import RecordError
+from service.ingest.identification_records import wanted
+from service.ingest.records import read_record
+from service.ingest.table_record import SampleBlock
+from service.ingest.turns import turns_of
+
+
+class Source(NamedTuple):
+    """Where samples come from."""
+
+    text: str
+    """As on the command line: a file, and seconds in it"""
+    sha256: str
+    samples: int
+    seconds: float
+
+
+def read(
+    texts: Sequence[str],
+    config: Config,
+    axis: NamedAxis,
+    model: AxisModel,
+    progress: Callable[[float], None] = lambda _: None,
+) -> tuple[list[Samples], list[Source]]:
+    """All records of an axis.
+
+    Raises:
+        RecordError: a file cannot be read, or has no samples of the axis.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+    samples, sources = [], []
+    for number, text in enumerate(texts):
+        want = wanted(text)
+        blocks = []
+        for step in read_record(want.path, config).steps():
+            if axis.id in step.samples:
+                blocks.append(step.samples[axis.id])
+            progress((number + step.done) / len(texts))
+        if not blocks:
+            raise RecordError(f"{want.path}: no samples of axis {axis.id}")
+        one = _samples(want.path.name, _joined(blocks), axis, model)
+        since = (one.t_us - one.t_us[0]) * 1e-6
+        start, end = np.searchsorted(
+            since, [want.start_s or 0.0, np.inf if want.end_s is None else want.end_s]
+        )
+        one = one.part(int(start), int(end))
+        if len(one.t_us) < 2:
+            raise RecordError(f"{text}: {len(one.t_us)} samples of axis {axis.id} in that range")
+        samples.append(one)
+        digest = hashlib.sha256(want.path.read_bytes()).hexdigest()
+        sources.append(Source(text, digest, len(one.t_us), float(one.t_us[-1] - one.t_us[0]) * 1e-6))
+    return samples, sources
+
+
+def _joined(blocks: Sequence[SampleBlock]) -> SampleBlock:
+    t_us, torque, motion = (np.concatenate([block[k] for block in blocks]) for k in range(3))
+    signals = [block.signals for block in blocks if block.signals is not None]
+    return SampleBlock(t_us, torque, motion, np.concatenate(signals) if signals else None)
+
+
+def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -> Samples:
+    turns = turns_of(axis.config)
+    if turns is not None:
+        angle, sure = turns.take(block.t_us, block.motion)
+        signals = None if block.signals is None else block.signals[sure]
+        block = SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals)
+    conditions = conditions_of(axis)
+    shift = gate = None
+    if conditions:
+        shift, gate = Operating(model, conditions).take(block.t_us, block.motion, block.signals)
+    return Samples(name, block.t_us, block.torque, block.motion, shift, gate)

@@ -1,0 +1,175 @@
+"""The whole way from healthy records to thresholds, and what they find."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from monitor_core.calibration.budget import nu_over_sigma, rates, tails, thresholds
+from monitor_core.calibration.catch import Caught, Fault, catch
+from monitor_core.calibration.doubts import (
+    CalibrationError,
+    check_healthy,
+    check_promise,
+    check_records,
+    check_settings,
+    duration,
+)
+from monitor_core.calibration.healthy import Samples, deviations
+from monitor_core.calibration.injection import changed
+from monitor_core.calibration.scatter import scatter
+from monitor_core.calibration.spread import allowance
+from monitor_core.calibration.surrogate import SAMPLES, simulated
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+from service.axes import axis_model, axis_settings
+from service.calibration.found import Calibration, Provenance
+from service.calibration.reading import read
+from service.config import Config, NamedAxis
+
+WITHIN = 10.0
+"""Memories within which faults are to be found, unless told otherwise."""
+LEAST_WITHIN = 2.0
+LOOKED_AT = 2.0
+"""Of that time each fault is watched."""
+_DOUBTFUL, _EXTRAPOLATED = 2.0, 30.0
+"""Scatter beside what P says; and rate below those that were simulated, from which it is said."""
+
+Progress = Callable[[str, float, float], None]
+"""What is going on, how much of it is done, and how much there is."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user wants; times in seconds.
+
+    ``sizes``: changes of the parameters, as parts of their sizes, tried upwards and downwards.  ``within_s`` None: ten
+    memories.  ``onsets``: at how many places of the record each begins.  ``copies``: samples of
+    healthy records that are simulated.
+    """
+
+    budget_s: float
+    within_s: float | None
+    sizes: tuple[float, ...]
+    onsets: int
+    seed: int = 1
+    copies: int = SAMPLES
+
+
+def calibrate(
+    config: Config,
+    axis: NamedAxis,
+    texts: Sequence[str],
+    wishes: Wishes,
+    provenance: Provenance,
+    progress: Progress = lambda _, __, ___: None,
+) -> Calibration:
+    """Thresholds for the axis from healthy records of it.
+
+    Raises:
+        CalibrationError: from these records no thresholds can be had.
+        AxisError: the axis cannot be monitored as configured.
+        RecordError, DbcError, IngestError: a record cannot be read.
+    """
+    model = axis_model(axis.config)
+    settings = axis_settings(axis, model)
+    memory_s = settings.memory * settings.interval_s
+    within_s = wishes.within_s or WITHIN * memory_s
+    if within_s < LEAST_WITHIN * memory_s:
+        raise CalibrationError(
+            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
+            f" {LEAST_WITHIN * memory_s:.3g} s; give at least that, or a shorter memory_s"
+        )
+    check_settings(settings)
+    records, sources = read(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
+    found = deviations(model, settings, records, lambda part: progress("healthy records", part, 1.0))
+    check_records(model, settings, found)
+    check_healthy(model, settings, found)
+    rng = np.random.default_rng(wishes.seed)
+    memory, samples = settings.memory, wishes.budget_s / settings.interval_s
+    scattered = scatter(found, memory, rng)
+    allowed = allowance(found, scattered)
+    k = nu_over_sigma(len(model.scale), memory, samples, within_s / memory_s)
+    copies = simulated(
+        model,
+        settings,
+        records,
+        k,
+        rng,
+        wishes.copies,
+        lambda part: progress("copies of the records", part, 1.0),
+    )
+    tail = tails(scattered, copies)
+    own = thresholds(scattered, tail, allowed, samples, rng)
+    rate = rates(scattered, tail, own, rng)
+    check_promise(scattered, rate, samples, settings.interval_s)
+    calibrated = replace(settings, thresholds=own)
+    caught, onsets = _caught(model, calibrated, records, wishes, within_s, progress)
+    result = Calibration(
+        axis, model, calibrated, wishes.budget_s, within_s, scattered, rate, allowed, caught, onsets, sources, (),
+        provenance,
+    )  # fmt: skip
+    return replace(result, warnings=tuple(_warnings(result)))
+
+
+def _caught(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    wishes: Wishes,
+    within_s: float,
+    progress: Progress,
+) -> tuple[list[Caught], int]:
+    """Of faults in the longest record; nothing where it is too short for that."""
+    longest = max(records, key=lambda one: len(one.t_us))
+    faults = [
+        Fault(name, sign * size)
+        for name in model.monitored
+        for sign in (1, -1)
+        for size in wishes.sizes
+        if _possible(model, name, sign * size)
+    ]
+    told: Callable[[float], None] = lambda part: progress("faults", part, 1.0)  # noqa: E731
+    for share in (LOOKED_AT, 1.0):
+        try:
+            return catch(model, settings, longest, faults, wishes.onsets, share * within_s, told)
+        except ValueError:
+            continue
+    return [], 0
+
+
+def _possible(model: AxisModel, name: str, change: float) -> bool:
+    try:
+        changed(model, name, change)
+    except (ValueError, ZeroDivisionError):
+        return False
+    return True
+
+
+def _warnings(of: Calibration) -> Iterator[str]:
+    """What to know, in words."""
+    _, low, high = of.between_s
+    if of.rates.beyond > _EXTRAPOLATED:
+        yield (
+            f"One false alarm in {duration(of.budget_s)} cannot be observed in"
+            f" {duration(sum(s.seconds for s in of.sources))} of records: the rate is extrapolated by a factor of"
+            f" {float(f'{of.rates.beyond:.1g}'):,.0f} beyond what was simulated, and the interval, one in"
+            f" {duration(low)} to one in {duration(high)}, is that wide."
+        )
+    p_says = of.scatter.mean_s / np.sqrt(of.settings.divisor)
+    for name, ratio in zip(of.model.monitored, of.scatter.sigma / p_says, strict=True):
+        if ratio > _DOUBTFUL:
+            yield (
+                f"{name} scatters {ratio:.2g} times as much as P says (innovations that are not white, or a model that"
+                " is not the axis): alpha_1 makes up for it."
+            )
+    for name, allowed in zip(of.model.monitored, of.allowance, strict=True):
+        if allowed > 0:
+            yield (
+                f"{name} differs between parts of the records beyond chance: nu allows for {100 * allowed:.2g} % of"
+                " its size."
+            )
+    if not of.caught:
+        yield "The records are too short to let faults begin in them: what would be found was not tried."

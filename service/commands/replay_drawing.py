@@ -1,0 +1,77 @@
+"""The report of a replay: courses collected while it runs, the page written afterwards."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import typer
+
+from monitor_core.alarms.episodes import Crossing
+from monitor_core.fleet import Block
+from monitor_core.kernel.block import Trace
+from monitor_core.monitor import AxisMonitor
+from service.commands.exits import MISTAKE
+from service.commands.replay_report import Report, remarks_of
+from service.commands.writing import page_in, write
+from service.config import NamedAxis
+from service.reports.course import Course
+from service.reports.replayed import Replayed, ReplayedAxis
+
+
+class Drawing:
+    """Looks on while records are run, and writes the page.
+
+    Raises:
+        typer.Exit: the page could not be written where it is wanted.
+    """
+
+    def __init__(self, where: Path, monitors: Mapping[str, AxisMonitor]) -> None:
+        self._path = page_in(where, "replay.html")
+        self._courses = {axis_id: Course(monitor) for axis_id, monitor in monitors.items()}
+
+    def see(self, axis_id: str, block: Block, trace: Trace, crossings: Sequence[Crossing]) -> None:
+        """What the recursion did at samples of an axis."""
+        self._courses[axis_id].take(block.t_us, trace, crossings)
+
+    def write(self, report: Report, config: Path, records: Sequence[Path]) -> None:
+        """The page.
+
+        Raises:
+            typer.Exit: there is nothing to draw, or the file cannot be written.
+        """
+        from service.reports.replay_html import as_html
+
+        if not any(course.used for course in self._courses.values()):
+            names = ", ".join(map(str, records))
+            print(f"axiswatch: no sample of any axis in {names}: there is nothing to draw", file=sys.stderr)
+            raise typer.Exit(MISTAKE)
+        axes = [self._axis(report, axis) for axis in report.config.axes]
+        command = shlex.join(["axiswatch", *sys.argv[1:]])
+        date = datetime.now(UTC).isoformat(timespec="seconds")
+        of = [record.name for record in records]
+        write(
+            self._path,
+            as_html(
+                Replayed(axes, report.frames_dropped, of, str(config), command, version("axiswatch"), date)
+            ),
+        )
+        print(f"written: {self._path}", file=sys.stderr)
+
+    def _axis(self, report: Report, axis: NamedAxis) -> ReplayedAxis:
+        monitor = report.monitors.by_id[axis.id]
+        facts = monitor.facts()
+        return ReplayedAxis(
+            id=axis.id,
+            drive=monitor.model.drive.name,
+            facts=facts,
+            course=self._courses[axis.id],
+            alarms=report.alarms(axis.id),
+            dropped=report.dropped_of(axis.id),
+            clock=report.clock[axis.id],
+            notes=[*(f"{axis.id}: {words}" for words in facts.confounded), *remarks_of(report, axis)],
+        )

@@ -1,0 +1,49 @@
+"""What files written by `axiswatch identify` and `axiswatch calibrate` have in common, as they are read."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+NotNegative = Annotated[Real, Field(ge=0)]
+
+
+class FoundTable(BaseModel):
+    """What the daemon does not need (fits, rates, provenance) is passed over."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+_F = TypeVar("_F", bound=FoundTable)
+
+
+def content_of(path: Path, refusal: type[Exception]) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises:
+        refusal: it is none.
+        OSError: it cannot be read.
+    """
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except ValueError as error:
+        raise refusal(f"{path} is no TOML: {error}") from None
+
+
+def validated(whole: type[_F], content: dict[str, Any], path: Path, refusal: type[Exception]) -> _F:
+    """The content as the type of the whole file.
+
+    Raises:
+        refusal: something in it is wrong; the text names the key.
+    """
+    try:
+        return whole.model_validate({**content, "path": path})
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(map(str, first["loc"]))
+        raise refusal(f"{path}: {key}: {first['msg']}") from None

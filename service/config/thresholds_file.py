@@ -1,0 +1,78 @@
+"""thresholds.toml: what `axiswatch calibrate` found of an axis, as the configuration and the daemon read it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from service.config.found_file import FoundTable, NotNegative, Positive, Real, content_of, validated
+from service.config.schema import AxisConfig
+from service.config.tables import Absent
+
+FORMAT = 1
+"""Of the file; a later one may mean something else."""
+KIND = "thresholds"
+
+
+class ThresholdsError(Exception):
+    """A file of thresholds that cannot be used; the text names it and says why."""
+
+
+class ThresholdTable(FoundTable):
+    """[[threshold]]: nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size, h = alpha_2 * size."""
+
+    parameter: str
+    alpha_1: NotNegative
+    alpha_2: Positive
+    allowance: NotNegative
+
+
+class ThresholdsFile(FoundTable):
+    """The whole file.  ``made_with`` and ``nominal`` are of the monitor that the thresholds belong to."""
+
+    path: Path
+    format: Literal[1]
+    kind: Literal["thresholds"]
+    axis: str
+    date: str
+    made_with: dict[str, bool | float | str | list[float] | list[str]]
+    nominal: dict[str, Real]
+    threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
+
+
+def thresholds_file_of(axis: AxisConfig) -> ThresholdsFile | None:
+    """The file of thresholds of an axis, None if it has none.
+
+    Raises:
+        Absent: it cannot be used, which a rule of the configuration says.
+    """
+    if axis.model.thresholds_file is None:
+        return None
+    try:
+        return read_thresholds(axis.model.thresholds_file)
+    except ThresholdsError:
+        raise Absent("thresholds_file") from None
+
+
+def read_thresholds(path: Path) -> ThresholdsFile:
+    """The file, kept until it changes.
+
+    Raises:
+        ThresholdsError: it cannot be read, or is no such file.
+    """
+    try:
+        state = path.stat()
+        return _read(path, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise ThresholdsError(f"cannot read {path}: {error.strerror}") from None
+
+
+@lru_cache(maxsize=256)
+def _read(path: Path, _mtime_ns: int, _size: int) -> ThresholdsFile:
+    content = content_of(path, ThresholdsError)
+    if (content.get("format"), content.get("kind")) != (FORMAT, KIND):
+        raise ThresholdsError(f"{path}: a file of thresholds is what `axiswatch calibrate` writes")
+    return validated(ThresholdsFile, content, path, ThresholdsError)

@@ -1,0 +1,171 @@
+"""The course of one axis over a record of any length, in bounded memory: least and largest values in short bins.
+
+Nothing that crosses a line between two bins' ends is lost.  When the bins are full, two of them become one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.alarms.episodes import Crossing
+from monitor_core.bank import standard_deviation
+from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
+from monitor_core.kernel.block import Trace
+from monitor_core.kernel.state import UNSEEN
+from monitor_core.kernel.tables import Floats
+from monitor_core.monitor import AxisMonitor
+from service.reports.timeline import Timeline, Times
+
+MOST_BINS = 1600
+SIGMAS = 2.0
+"""Half the width of the band around an estimate, in reported standard deviations."""
+Counts = NDArray[np.int64]
+_T = TypeVar("_T", bound=np.generic)
+FATES = (RESTART, SETTLE, SEED, GATED, IDLE, DOUBTED, TRACK)
+ESTIMATE, BELOW, NOMINAL, TOLERATED_BELOW, ABOVE, TOLERATED_ABOVE, UP, DOWN = range(8)
+"""Rows of ``Course.low`` and ``Course.high``: theta, ends of its band, theta_0(s), theta_0(s) -+ nu, g of both
+directions."""
+_ROWS = 8
+
+
+class Course:
+    """What the recursion of one axis did, bin by bin."""
+
+    def __init__(self, monitor: AxisMonitor, most: int = MOST_BINS) -> None:
+        s, self._most = monitor.settings, most - most % 2
+        p = len(monitor.model.monitored)
+        self._names = monitor.model.monitored
+        self._theta0 = monitor.model.theta0
+        self._lam0, self._sd_of_one = s.lam0, standard_deviation(s, 1.0)
+        self._alpha1, _, allowance = s.tests(p)
+        self._allowance = allowance * monitor.model.scale
+        self.h: Floats = monitor.bank.thresholds[:, monitor.axis].copy()
+        """Thresholds (p,)"""
+        self.timeline = Timeline()
+        self._width = max(1, round(s.interval_s * 1e6))
+        self._low, self._high = (
+            np.full((_ROWS, p, self._most), np.inf),
+            np.full((_ROWS, p, self._most), -np.inf),
+        )
+        self._sum = np.zeros((p, self._most))
+        self._fates = np.zeros((len(FATES), self._most), np.int64)
+        self._unseen = np.zeros((p, self._most), np.int64)
+        self._gaps = np.zeros(self._most, np.bool_)
+
+    # --- while it runs ---------------------------------------------------------------------------------
+
+    def take(self, t_us: Times, trace: Trace, crossings: Iterable[Crossing]) -> None:
+        """Samples of the axis (N,) with what the recursion did at each, and their crossings of h."""
+        took = trace.does != SKIP
+        if not took.any():
+            return
+        before, fresh = self.timeline.end_us, self.timeline.start_us is None
+        t, does = t_us[took], trace.does[took]
+        where = self.timeline.take(t)
+        while where[-1] // self._width >= self._most:
+            self._merge()
+        bins = where // self._width
+        starts = np.flatnonzero(np.diff(bins, prepend=-1))
+        self._add(bins[starts], starts, self._rows(trace, took))
+        self._sum[:, bins[starts]] += np.add.reduceat(trace.theta[took].T, starts, axis=1)
+        fates = np.stack([does == fate for fate in FATES])
+        self._fates[:, bins[starts]] += np.add.reduceat(fates, starts, axis=1, dtype=np.int64)
+        unseen = trace.observed[took].T == UNSEEN
+        self._unseen[:, bins[starts]] += np.add.reduceat(unseen, starts, axis=1, dtype=np.int64)
+        since = np.concatenate(([before], where[:-1])) // self._width
+        for k in np.flatnonzero(does == RESTART)[fresh:].tolist():
+            self._gaps[since[k] : bins[k] + 1] = True
+        for one in crossings:  # at that very sample g has started again
+            row, i = UP if one.direction == "up" else DOWN, self._names.index(one.parameter)
+            at = bins[int(np.argmax(t == one.time_us))]
+            self._high[row, i, at] = max(self._high[row, i, at], self.h[i])
+
+    def _rows(self, trace: Trace, took: NDArray[np.bool_]) -> Floats:
+        """All that is followed (rows, p, N), in the order of the rows."""
+        theta, P, g = trace.theta[took], trace.P[took], trace.g[took]
+        nominal = self._theta0 + trace.shift[took]
+        band = SIGMAS * self._sd_of_one * np.sqrt(P)
+        nu = self._alpha1 * np.sqrt(self._lam0 * P) + self._allowance
+        rows = (theta, theta - band, nominal, nominal - nu, theta + band, nominal + nu, g[:, 0], g[:, 1])
+        return np.stack([row.T for row in rows])
+
+    def _add(self, bins: Counts, starts: Counts, rows: Floats) -> None:
+        for which, least in ((self._low, np.minimum), (self._high, np.maximum)):
+            which[..., bins] = least(which[..., bins], least.reduceat(rows, starts, axis=-1))
+
+    def _merge(self) -> None:
+        """Two bins become one, twice as wide."""
+        self._width *= 2
+        self._low = _pairs(self._low, np.minimum, np.inf)
+        self._high = _pairs(self._high, np.maximum, -np.inf)
+        self._sum = _pairs(self._sum, np.add, 0)
+        self._fates, self._unseen = (_pairs(c, np.add, 0) for c in (self._fates, self._unseen))
+        self._gaps = _pairs(self._gaps, np.logical_or, 0)
+
+    # --- afterwards ------------------------------------------------------------------------------------
+
+    @property
+    def used(self) -> int:
+        """Bins up to the last sample."""
+        return 0 if self.timeline.start_us is None else self.timeline.end_us // self._width + 1
+
+    @property
+    def middles(self) -> Floats:
+        """Of the bins [s], since the first sample."""
+        return (np.arange(self.used, dtype=float) + 0.5) * (1e-6 * self._width)
+
+    @property
+    def edges(self) -> Floats:
+        """Of the bins [s]: one more than there are bins."""
+        return np.arange(self.used + 1, dtype=float) * (1e-6 * self._width)
+
+    def low(self, row: int, i: int) -> Floats:
+        """The least values in each bin; NaN: none."""
+        return _known(self._low[row, i, : self.used])
+
+    def high(self, row: int, i: int) -> Floats:
+        """The largest values in each bin; NaN: none."""
+        return _known(self._high[row, i, : self.used])
+
+    def mean(self, i: int) -> Floats:
+        """Of the estimates in each bin; NaN: none."""
+        count = self._fates[:, : self.used].sum(axis=0)
+        mean: Floats = self._sum[i, : self.used] / np.maximum(count, 1)
+        mean[count == 0] = np.nan
+        return mean
+
+    def largest_g(self, i: int) -> float:
+        """Of both directions; h where it was crossed and g started again."""
+        values = np.concatenate([self.high(UP, i), self.high(DOWN, i)])
+        return float(np.nanmax(values, initial=0.0))
+
+    def fate(self, fate: int) -> Counts:
+        """How many samples of each bin had that fate, one of FATES."""
+        return self._fates[FATES.index(fate), : self.used]
+
+    def unseen(self, i: int) -> Counts:
+        """At how many samples of each bin a parameter was not observed."""
+        return self._unseen[i, : self.used]
+
+    @property
+    def gaps(self) -> NDArray[np.bool_]:
+        """Which bins have a part without samples after which the predictor started anew."""
+        return self._gaps[: self.used]
+
+
+def _known(values: Floats) -> Floats:
+    known = values.copy()
+    known[~np.isfinite(known)] = np.nan
+    return known
+
+
+def _pairs(values: NDArray[_T], join: np.ufunc, empty: float) -> NDArray[_T]:
+    """Neighbours along the last axis joined in its first half, the second one empty."""
+    half = values.shape[-1] // 2
+    out = np.full_like(values, empty)
+    out[..., :half] = join(values[..., : 2 * half : 2], values[..., 1 : 2 * half : 2])
+    return out

@@ -1,0 +1,112 @@
+"""What a replay found, as one page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from service.reports.course import SIGMAS
+from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
+from service.reports.replay_plots import axis_pictures
+from service.reports.replay_tables import alarm_table, counter_table, frame_table, parameter_table
+from service.reports.replay_words import dated, duration
+from service.reports.replayed import Replayed, ReplayedAxis
+from service.reports.words import escaped
+
+_LEGEND = (
+    f"Estimate with a band of ± {SIGMAS:g} reported standard deviations, √(λ₀ P<sub>ii</sub> / (1 + λ)). Between the"
+    " dotted lines, nominal ± ν with ν = α₁ √(λ₀ P<sub>ii</sub>) and an allowance, if there is one, g falls; outside it"
+    " grows, and the alarm is raised where it crosses h, then g starts again from zero. Of a long"
+    " record each point stands for a short stretch: of estimates the mean, shaded from the least to the largest, of g"
+    " both, so that no crossing is lost. Grey: nothing was learned, estimates and tests wait."
+)
+
+
+def as_html(found: Replayed) -> str:
+    """The whole page."""
+    title = f"Replay of {_names(found)}"
+    subtitle = f"{escaped(found.config)}<br>{escaped(found.date[:10])}, axiswatch {escaped(found.version)}"
+    return document(title, subtitle, _verdict(found), _tiles(found), *_sections(found))
+
+
+def _names(found: Replayed) -> str:
+    first, more = found.records[0], len(found.records) - 1
+    return f"{first} and {more} more" if more else first
+
+
+def _verdict(found: Replayed) -> str:
+    count = sum(len(axis.alarms) for axis in found.axes)
+    silent = [axis.id for axis in found.axes if not axis.facts.samples]
+    idle = [axis.id for axis in found.axes if axis.facts.samples and not axis.facts.counters["used"]]
+    rest = f" No samples of {', '.join(silent)}." if silent else ""
+    rest += f" Nothing was learned of {', '.join(idle)}." if idle else ""
+    if count:
+        of = [axis.id for axis in found.axes if axis.alarms]
+        return verdict("bad", f"{count} alarm{_s(count)}", f"of {', '.join(of)}.{rest}")
+    if rest:
+        return verdict("warn", "No alarm.", rest.strip())
+    return verdict("good", "No alarm.", "")
+
+
+def _tiles(found: Replayed) -> str:
+    samples = sum(axis.facts.samples for axis in found.axes)
+    used = sum(axis.facts.counters["used"] for axis in found.axes)
+    longest = max((1e-6 * axis.course.timeline.end_us for axis in found.axes), default=0.0)
+    dropped = sum(_without_missing(axis.dropped) for axis in found.axes)
+    dropped += sum(map(_without_missing, found.frames_dropped.values()))
+    alarms, axes = sum(len(axis.alarms) for axis in found.axes), len(found.axes)
+    return tiles(
+        (
+            (str(alarms), f"alarm{_s(alarms)}, on {axes} ax{'e' if axes > 1 else 'i'}s"),
+            (duration(longest), "of samples; pauses do not count"),
+            (f"{100 * used / samples:.1f} %", f"of {samples} samples were learned from"),
+            (str(dropped), "frames, values or rows came and gave no sample"),
+        )
+    )
+
+
+def _without_missing(dropped: Mapping[str, int]) -> int:
+    """What came and gave no sample: in a pause millions may never have come."""
+    return sum(count for reason, count in dropped.items() if reason != "missing")
+
+
+def _s(count: int) -> str:
+    return "" if count == 1 else "s"
+
+
+def _sections(found: Replayed) -> Iterator[str]:
+    notes = [words for axis in found.axes for words in axis.notes]
+    if notes:
+        yield section("What to look at", sentences(notes))
+    alarms = alarm_table(found)
+    if alarms:
+        yield section("Alarms", alarms)
+    for number, axis in enumerate(found.axes):
+        yield section(escaped(axis.id), *_axis(axis, f"axis{number}"))
+    if found.frames_dropped:
+        yield section("Frames that gave nothing", frame_table(found.frames_dropped))
+    yield section("Where it comes from", _origin(found))
+
+
+def _axis(axis: ReplayedAxis, salt: str) -> Iterator[str]:
+    if axis.facts.samples:
+        yield f"<p>{escaped(_span(axis))}</p>"
+        yield parameter_table(axis)
+    if axis.course.used:
+        yield from (f"<figure>{picture}</figure>" for picture in axis_pictures(axis, salt))
+        yield legend(_LEGEND)
+    else:
+        yield "<p>No sample of this axis.</p>"
+    yield f"<h3>What became of the samples</h3>{counter_table(axis)}"
+
+
+def _span(axis: ReplayedAxis) -> str:
+    line = axis.course.timeline
+    words = f"Drive {axis.drive}. {duration(1e-6 * line.end_us)} of samples"
+    start, end = (dated(t) for t in (line.start_us, axis.facts.time_us))
+    words += f", from {start} to {end} UTC" if start and end else ""
+    return f"{words}, with {line.pauses} pause{_s(line.pauses)} cut out." if line.pauses else f"{words}."
+
+
+def _origin(found: Replayed) -> str:
+    program = f"<p>axiswatch {escaped(found.version)}, {escaped(found.date)}. To do it again:</p>"
+    return f"{listed(map(escaped, found.records))}{program}<pre>{escaped(found.command)}</pre>"

@@ -1,0 +1,256 @@
+"""The paper's Figures 5 and 6 of a record: estimates with their bands, g with h, and what became of the samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.facts import ParameterFacts
+from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK
+from monitor_core.kernel.tables import Floats
+from service.reports import course as rows
+from service.reports.course import SIGMAS, Course
+from service.reports.plot_style import ALARM, BEFORE, FOUND, GRID, INK, QUIET, SIMULATED, as_svg, figure
+from service.reports.replay_words import TimeUnit, duration, time_unit
+from service.reports.replayed import ReplayedAxis
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_TOGETHER = 4
+"""Parameters in one picture: more would not fit a page of paper."""
+_MOST_PAUSES, _MOST_NAMED = 60, 8
+_ESTIMATE, _G, _FATE, _LEGEND = 1.75, 1.05, 0.2, 0.9
+"""Heights, inches."""
+_NARROWEST = 0.003
+"""Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
+_LINES = (
+    *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "nominal ± ν"),
+    *("g of an increase", "g of a decrease", "h", "onset"),
+    *("alarm raised", "alarm open", "nothing learned", "pause, cut out"),
+)
+"""In the order of the legend."""
+(
+    _ESTIMATED,
+    _BAND,
+    _NOMINAL,
+    _TOLERATED,
+    _INCREASE,
+    _DECREASE,
+    _H,
+    _ONSET,
+    _RAISED,
+    _OPEN,
+    _NOTHING,
+    _PAUSE,
+) = _LINES
+_FATES = (
+    (SETTLE, "settling"),
+    (SEED, "finding P(0)"),
+    (GATED, "gated"),
+    (IDLE, "nothing to learn"),
+    (DOUBTED, "outliers"),
+)
+Marks = NDArray[np.bool_]
+
+
+class _Fate(NamedTuple):
+    name: str
+    where: Marks
+
+
+def axis_pictures(axis: ReplayedAxis, salt: str) -> Iterator[str]:
+    """Of each parameter theta with its band and g with h, below them what became of the samples; SVG elements."""
+    parameters = range(len(axis.facts.parameters))
+    for first in parameters[::MOST_TOGETHER]:
+        yield _picture(axis, parameters[first : first + MOST_TOGETHER], f"{salt}-{first}")
+
+
+def _picture(axis: ReplayedAxis, chosen: Sequence[int], salt: str) -> str:
+    course, unit = axis.course, time_unit(1e-6 * axis.course.timeline.end_us)
+    fates = list(_fates(axis, chosen))
+    below = _FATE * (len(fates) + 1)
+    with figure((_ESTIMATE + _G) * len(chosen) + below * bool(fates) + _LEGEND) as drawn:
+        heights = [_ESTIMATE, _G] * len(chosen) + [below] * bool(fates)
+        grid = drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
+        panels: list[Axes] = list(grid[:, 0])
+        for k, i in enumerate(chosen):
+            estimate, g = panels[2 * k : 2 * k + 2]
+            _draw_estimate(estimate, course, i, axis.facts.parameters[i], unit)
+            _draw_g(g, course, i, unit)
+            _mark_alarms((estimate, g), axis, axis.facts.parameters[i].name, unit)
+            for axes in (estimate, g):
+                _shade(axes, course, unit)
+        if fates:
+            _draw_fates(panels[-1], course, fates, unit)
+        for axes in panels:
+            _mark_pauses(axes, course, unit, named=axes is panels[0])
+        panels[-1].set(xlabel=f"time since the first sample [{unit.name}]", xlim=_ends(course, unit))
+        _legend(drawn, panels)
+        names = ", ".join(axis.facts.parameters[i].name for i in chosen)
+        return as_svg(drawn, f"{axis.id}: course of the estimates of {names}, and of g", salt)
+
+
+def _ends(course: Course, unit: TimeUnit) -> tuple[float, float]:
+    return 0.0, max(float(course.edges[-1]), 1e-6) / unit.seconds
+
+
+# --- estimates and g ---------------------------------------------------------------------------------
+
+
+def _draw_estimate(axes: Axes, course: Course, i: int, p: ParameterFacts, unit: TimeUnit) -> None:
+    t = course.middles / unit.seconds
+    band = course.low(rows.BELOW, i), course.high(rows.ABOVE, i)
+    axes.fill_between(t, *band, color=FOUND, alpha=0.2, lw=0, label=_BAND)
+    below, above = course.low(rows.TOLERATED_BELOW, i), course.high(rows.TOLERATED_ABOVE, i)
+    axes.plot(t, below, color=BEFORE, lw=0.9, ls=(0, (1, 2)))
+    axes.plot(t, above, color=BEFORE, lw=0.9, ls=(0, (1, 2)), label=_TOLERATED)
+    axes.plot(
+        *_ups_and_downs(course, rows.NOMINAL, i, unit), color=INK, lw=1, ls=(0, (5, 3)), label="nominal"
+    )
+    between = course.low(rows.ESTIMATE, i), course.high(rows.ESTIMATE, i)
+    axes.fill_between(t, *between, color=FOUND, alpha=0.45, lw=0)
+    axes.plot(t, course.mean(i), color=FOUND, lw=1.3, label=_ESTIMATED)
+    axes.set(ylabel=_with_unit(p), ylim=_limits(course, i))
+    axes.set_title(f"{p.name}: {p.meaning}")
+    if p.nominal:
+        _add_percent(axes, p.nominal)
+
+
+def _draw_g(axes: Axes, course: Course, i: int, unit: TimeUnit) -> None:
+    h = float(course.h[i])
+    top = h
+    for which, colour, dashes, name in (
+        (rows.UP, FOUND, "-", _INCREASE),
+        (rows.DOWN, SIMULATED, (0, (3, 1)), _DECREASE),
+    ):
+        t, g = _ups_and_downs(course, which, i, unit)
+        axes.plot(t, g / h, color=colour, lw=1.2, ls=dashes, label=name)
+        top = max(top, float(np.nanmax(g, initial=0.0)))
+    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=_H)
+    axes.set(ylabel="g / h", ylim=(0, 1.15 * top / h))
+
+
+def _ups_and_downs(course: Course, which: int, i: int, unit: TimeUnit) -> tuple[Floats, Floats]:
+    """A line through the least and the largest value of each bin, down one, up the next."""
+    low, high = course.low(which, i), course.high(which, i)
+    both = np.stack([low, high], axis=1)
+    both[1::2] = both[1::2, ::-1]
+    return np.repeat(course.middles / unit.seconds, 2), both.ravel()
+
+
+def _limits(course: Course, i: int) -> tuple[float, float]:
+    """Of the panel: all of theta and theta_0, and of the bands what is usual (while P(0) is sought they are wide)."""
+    learned = course.fate(TRACK) > 0
+    usual: list[float] = []
+    if learned.any():
+        for row, values, share in (
+            (rows.BELOW, course.low, 3),
+            (rows.TOLERATED_BELOW, course.low, 10),
+            (rows.ABOVE, course.high, 97),
+            (rows.TOLERATED_ABOVE, course.high, 90),
+        ):
+            usual.append(float(np.nanpercentile(values(row, i)[learned], share)))
+    for row in (rows.ESTIMATE, rows.NOMINAL):
+        usual += [float(np.nanmin(course.low(row, i))), float(np.nanmax(course.high(row, i)))]
+    low, high = min(usual), max(usual)
+    room = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def _add_percent(axes: Axes, nominal: float) -> None:
+    def share(value: Any) -> Any:
+        return 100 * (value / nominal - 1)
+
+    def value(share: Any) -> Any:
+        return nominal * (1 + share / 100)
+
+    right = axes.secondary_yaxis("right", functions=(share, value))
+    right.set_ylabel("change [%]")
+
+
+def _with_unit(p: ParameterFacts) -> str:
+    return p.name if p.unit == "1" else f"{p.name} [{p.unit}]"
+
+
+# --- alarms, pauses, what was not learned from -------------------------------------------------------
+
+
+def _mark_alarms(panels: Sequence[Axes], axis: ReplayedAxis, name: str, unit: TimeUnit) -> None:
+    line = axis.course.timeline
+    for alarm in (one for one in axis.alarms if one.parameter == name):
+        onset, raised, ended = (line.find(t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us))
+        for axes in panels:
+            if onset is not None:
+                axes.axvline(onset / unit.seconds, color=ALARM, lw=1.1, ls=(0, (1, 1.5)), label=_ONSET)
+            if raised is not None:
+                axes.axvline(raised / unit.seconds, color=ALARM, lw=1.3, label=_RAISED)
+                end = 1e-6 * line.end_us if ended is None else ended
+                span = raised / unit.seconds, max(end, raised) / unit.seconds
+                axes.axvspan(*span, color=ALARM, alpha=0.07, lw=0, label=_OPEN)
+
+
+def _mark_pauses(axes: Axes, course: Course, unit: TimeUnit, named: bool) -> None:
+    stretches = course.timeline.stretches[1:]
+    for one in stretches if len(stretches) <= _MOST_PAUSES else ():
+        at = 1e-6 * one.at / unit.seconds
+        axes.axvline(at, color=QUIET, lw=1, ls=(0, (4, 2, 1, 2)), label=_PAUSE)
+        if named and len(stretches) <= _MOST_NAMED:
+            words = f"pause of {duration(one.pause_s)}" if one.pause_s > 0 else "clock set back"
+            above = axes.get_xaxis_transform()
+            axes.annotate(words, (at, 1.02), xycoords=above, fontsize=8, color=QUIET, ha="center")
+
+
+def _shade(axes: Axes, course: Course, unit: TimeUnit) -> None:
+    """Where nothing was learned: bins with samples, none of which was used."""
+    runs = list(_runs(course.fate(TRACK) == 0, course, unit))
+    if runs:
+        whole = axes.get_xaxis_transform()
+        axes.broken_barh(
+            runs, (0, 1), color=GRID, alpha=0.55, lw=0, transform=whole, zorder=0, label=_NOTHING
+        )
+
+
+def _fates(axis: ReplayedAxis, chosen: Sequence[int]) -> Iterator[_Fate]:
+    """What kept from learning, of which there was any."""
+    course = axis.course
+    all_of_them = [_Fate("no samples", course.gaps)]
+    all_of_them += [_Fate(name, course.fate(fate) > 0) for fate, name in _FATES]
+    all_of_them += [
+        _Fate(f"{axis.facts.parameters[i].name} not observed", course.unseen(i) > 0) for i in chosen
+    ]
+    yield from (one for one in all_of_them if one.where.any())
+
+
+def _draw_fates(axes: Axes, course: Course, fates: Sequence[_Fate], unit: TimeUnit) -> None:
+    for k, one in enumerate(fates):
+        axes.broken_barh(list(_runs(one.where, course, unit)), (k - 0.32, 0.64), color=QUIET, lw=0)
+    axes.set_yticks(range(len(fates)), [one.name for one in fates], fontsize=8.5)
+    axes.set(ylim=(len(fates) - 0.4, -0.6), title="What kept from learning")
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="y", visible=False)
+
+
+def _runs(where: Marks, course: Course, unit: TimeUnit) -> Iterator[tuple[float, float]]:
+    """Start and width of each run of marked bins."""
+    steps = np.diff(np.concatenate(([0], where.astype(np.int8), [0])))
+    edges = course.edges / unit.seconds
+    for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
+        yield float(edges[start]), max(float(edges[end] - edges[start]), _NARROWEST * float(edges[-1]))
+
+
+def _legend(drawn: Figure, panels: Sequence[Axes]) -> None:
+    """One for all panels, each kind of line once."""
+    known: dict[str, Artist] = {}
+    for axes in panels:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            known.setdefault(name, handle)
+    names = sorted(known, key=_LINES.index)
+    columns = -(-len(names) // 3)  # the legend is filled column by column
+    handles = [known[name] for name in names]
+    drawn.legend(handles, names, loc="outside upper left", ncols=columns, fontsize=9, handlelength=2.2)

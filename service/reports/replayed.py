@@ -1,0 +1,38 @@
+"""What a replay found, as its report needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from monitor_core.alarms.episodes import Episode
+from monitor_core.facts import AxisFacts
+from service.reports.course import Course
+
+
+class ReplayedAxis(NamedTuple):
+    """One axis after its records."""
+
+    id: str
+    drive: str
+    facts: AxisFacts
+    course: Course
+    alarms: Sequence[Episode]
+    dropped: Mapping[str, int]
+    """What never reached the monitor, by reason"""
+    clock: Mapping[str, int]
+    """How often its time line began anew, by cause"""
+    notes: Sequence[str]
+    """What cannot be told, and what its time stamps say, in words"""
+
+
+class Replayed(NamedTuple):
+    """All axes, and where the samples come from."""
+
+    axes: Sequence[ReplayedAxis]
+    frames_dropped: Mapping[str, Mapping[str, int]]
+    records: Sequence[str]
+    config: str
+    command: str
+    version: str
+    date: str

@@ -1,0 +1,74 @@
+"""Times of samples on a line that always goes on: pauses are cut out, and clocks that were set back go on."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Times = NDArray[np.int64]
+PAUSE_S = 60.0
+"""A longer time without samples is cut out, so that what is before and after it can be seen."""
+_MOST_STRETCHES = 4096
+
+
+class Stretch(NamedTuple):
+    """Samples without a pause: times of the first and the last [us], and where the first one is on the line [us]."""
+
+    first: int
+    last: int
+    at: int
+    pause_s: float
+    """Before it; negative: the clock went back"""
+
+
+class Timeline:
+    """The line of one axis, from 0 on.  The last 4096 stretches are known."""
+
+    def __init__(self) -> None:
+        self._stretches: deque[Stretch] = deque(maxlen=_MOST_STRETCHES)
+        self.start_us: int | None = None
+        """Time of the first sample"""
+        self.end_us = 0
+        """Where the last sample is on the line"""
+        self.pauses = 0
+
+    @property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """All that are known, in their order."""
+        return tuple(self._stretches)
+
+    def take(self, t_us: Times) -> Times:
+        """Where samples, in the order of their receipt, are on the line (N,) [us]; it never goes back."""
+        if not t_us.size:
+            return t_us
+        before = self._stretches[-1].last if self._stretches else int(t_us[0])
+        steps = np.diff(t_us, prepend=before)
+        cut = (steps < 0) | (steps > PAUSE_S * 1e6)
+        where = self.end_us + np.cumsum(np.where(cut, 0, steps))
+        edges = np.concatenate(([0], np.flatnonzero(cut), [t_us.size]))
+        for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            if first < end:
+                self._go_on(t_us, where, first, end - 1, steps, bool(cut[first]))
+        self.end_us = int(where[-1])
+        return where
+
+    def _go_on(self, t_us: Times, where: Times, first: int, last: int, steps: Times, new: bool) -> None:
+        if self._stretches and not new:
+            self._stretches[-1] = self._stretches[-1]._replace(last=int(t_us[last]))
+            return
+        self.pauses += bool(self._stretches)
+        self.start_us = int(t_us[first]) if self.start_us is None else self.start_us
+        of = int(t_us[first]), int(t_us[last]), int(where[first]), 1e-6 * int(steps[first])
+        self._stretches.append(Stretch(*of))
+
+    def find(self, t_us: int | None) -> float | None:
+        """Where on the line a time is [s], the latest place where it is; None: nowhere."""
+        if t_us is None:
+            return None
+        for one in reversed(self._stretches):
+            if one.first <= t_us <= one.last:
+                return 1e-6 * (one.at + t_us - one.first)
+        return None

@@ -1,0 +1,122 @@
+"""Healthy axes with white and with coloured innovations: records to calibrate on, and how often thresholds alarm."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from monitor_core.bank import Bank
+from monitor_core.calibration.healthy import Samples, untested
+from monitor_core.excitation import multisine
+from monitor_core.kalman import filter_gain
+from monitor_core.kernel.compile import entry
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES
+from monitor_core.model import AxisModel
+from monitor_core.reference import BAND_HZ, INTERVAL_S, TORQUE_RMS, reference_model
+from monitor_core.settings import Settings, Threshold
+from monitor_core.simulation import simulate_linear
+
+TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
+MEMORY = 200
+LANES = 32
+CHUNK = 20 * MEMORY
+"""Samples made and run at once; a record of torque repeats after so many memories."""
+REPEATS = 50 * MEMORY
+
+
+class Plant(NamedTuple):
+    """An axis, how it is watched, and the colour of what disturbs its torque (pole; 0: white)."""
+
+    model: AxisModel
+    settings: Settings
+    colour: float
+
+
+def plant(colour: float, memory: int = MEMORY) -> Plant:
+    """The reference drive; its predictor believes that the torque noise is white."""
+    model = reference_model("speed")
+    gain, lam0 = filter_gain(model, INTERVAL_S, TORQUE_NOISE, OUTPUT_NOISE)
+    lam = 1 - 1 / memory
+    settings = Settings(INTERVAL_S, lam=lam, lam0=lam0, K=tuple(float(k) for k in gain), settle_s=1.0)
+    return Plant(model, settings, colour)
+
+
+class Axes:
+    """Axes side by side, each with torque and noise of its own, in chunks without end."""
+
+    def __init__(self, of: Plant, rng: np.random.Generator, axes: int) -> None:
+        self._of, self._rng, self._axes = of, rng, axes
+        self._torque = np.stack(
+            [multisine(rng, REPEATS, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(axes)], axis=1
+        )
+        self._x: Floats | None = None
+        self._state = np.zeros((1, axes))
+        self._at = 0
+
+    def take(self, samples: int) -> Samples:
+        """The next samples: t_us, u and y (samples, axes)."""
+        index = np.arange(self._at, self._at + samples)
+        u = self._torque[index % REPEATS]
+        noise = self._rng.standard_normal(u.shape)
+        if a := self._of.colour:
+            noise, self._state = lfilter([np.sqrt(1 - a * a)], [1, -a], noise, axis=0, zi=self._state)
+        acting = u + TORQUE_NOISE * noise
+        y, self._x = simulate_linear(self._of.model.drive, REFERENCE_VALUES, acting, INTERVAL_S, self._x)
+        y += OUTPUT_NOISE * self._rng.standard_normal(u.shape)
+        self._at += samples
+        t_us = np.repeat(index[:, np.newaxis] * round(INTERVAL_S * 1e6), self._axes, axis=1)
+        return Samples("simulated", t_us, u, y)
+
+
+def record(of: Plant, seed: int, samples: int) -> Samples:
+    """A healthy record of one axis."""
+    one = Axes(of, np.random.default_rng(seed), 1).take(samples)
+    return Samples("simulated", one.t_us[:, 0], one.u[:, 0], one.y[:, 0])
+
+
+class Counted(NamedTuple):
+    """False alarms of each setting, direction and parameter (settings, 2, p), in so many samples of watching."""
+
+    alarms: Floats
+    samples: int
+
+
+def count(of: Plant, settings: list[tuple[Threshold, ...]], seed: int, samples: int) -> Counted:
+    """Watch healthy axes for so many samples in all, with all these thresholds at once."""
+    axes = Axes(of, np.random.default_rng(seed), LANES)
+    bank = Bank([of.model] * LANES, [untested(of.settings)] * LANES)
+    own = np.array(settings, float)  # (settings, p, 3)
+    g = np.zeros((LANES, len(own), 2, own.shape[1]))
+    alarms, seen, scale = np.zeros(g.shape[1:]), 0, of.model.scale
+    start = of.settings.seed_updates + 400
+    chunk = axes.take(start)
+    bank.run(chunk.t_us, chunk.u, chunk.y)
+    while seen < samples:
+        chunk = axes.take(CHUNK)
+        _, trace = bank.run_traced(chunk.t_us, chunk.u, chunk.y)
+        d = (trace.theta - of.model.theta0[:, np.newaxis]) / scale[:, np.newaxis]
+        s = np.sqrt(of.settings.lam0 * trace.P) / scale[:, np.newaxis]
+        _cusum(d, s, own, g, alarms)
+        seen += CHUNK * LANES
+    return Counted(alarms, seen)
+
+
+@entry
+def _cusum(d: Floats, s: Floats, own: Floats, g: Floats, alarms: Floats) -> None:
+    for w in range(d.shape[2]):
+        for i in range(d.shape[1]):
+            for c in range(own.shape[0]):
+                alpha1, h, allowance = own[c, i]
+                up, down = g[w, c, 0, i], g[w, c, 1, i]
+                for k in range(d.shape[0]):
+                    nu = alpha1 * s[k, i, w] + allowance
+                    up = max(0.0, up + d[k, i, w] - nu)
+                    down = max(0.0, down - d[k, i, w] - nu)
+                    if up > h:
+                        alarms[c, 0, i] += 1
+                        up = 0.0
+                    if down > h:
+                        alarms[c, 1, i] += 1
+                        down = 0.0
+                g[w, c, 0, i], g[w, c, 1, i] = up, down

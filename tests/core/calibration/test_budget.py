@@ -1,0 +1,167 @@
+"""Thresholds keep the budget that was asked for, and the interval of the rate holds the truth: on simulated scatter.
+
+Deviations here are white noise that is forgotten, which is what healthy estimates are like; the whole way through the
+recursion is in tests/soak/test_calibration.py.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from monitor_core.calibration.budget import Rates, Tail, best_nu, nu_over_sigma, rates, tails, thresholds
+from monitor_core.calibration.healthy import Deviations
+from monitor_core.calibration.run_length import log_mean_time
+from monitor_core.calibration.scatter import scatter
+from monitor_core.calibration.spread import allowance
+from monitor_core.calibration.surrogate import Excursions
+from monitor_core.kernel.tables import Floats
+from monitor_core.settings import Threshold
+
+MEMORY = 50
+LAM = 1 - 1 / MEMORY
+P = 2
+LENGTH, BUDGET, WITHIN = 300, 600, 10.0
+"""In memories."""
+CALIBRATIONS = 60
+
+
+def forgotten(rng: np.random.Generator, memories: int, colour: float = 0.0) -> Floats:
+    """White (or coloured) noise, forgotten: of standard deviation 1 where it is white."""
+    e = rng.standard_normal(((memories + 10) * MEMORY, P))
+    if colour:
+        e = lfilter([1 - colour], [1, -colour], e, axis=0)
+    return np.asarray(lfilter([math.sqrt(1 - LAM**2)], [1, -LAM], e, axis=0)[10 * MEMORY :])
+
+
+def deviations(d: Floats) -> Deviations:
+    N = len(d)
+    t = np.arange(N, dtype=np.int64) * 5000
+    return Deviations("r", t, d, np.full((N, P), 1.4), np.ones((N, P), np.bool_), 0, ())
+
+
+def copies(k: float) -> Excursions:
+    """Excursions as the formula has them: how they are simulated is tested elsewhere."""
+    samples = 2e7
+    heights = np.linspace(0.5, 12, 400)
+    rate = np.exp(-log_mean_time(np.array(k), heights, np.array(float(MEMORY)))) * samples
+    counts = np.diff(-np.round(rate)).astype(int)
+    one = np.repeat(heights[:-1] * MEMORY, np.maximum(counts, 0))[::-1]
+    return Excursions(np.full(P, k), np.ones(P), np.zeros(P), ((one,) * P,) * 2, samples)
+
+
+class Calibrated(NamedTuple):
+    own: tuple[Threshold, ...]
+    rates: Rates
+
+
+def calibrated(rng: np.random.Generator, colour: float, k: float, found: Excursions) -> Calibrated:
+    one = [deviations(forgotten(rng, LENGTH, colour))]
+    scattered = scatter(one, MEMORY, rng)
+    tail = tails(scattered, found)
+    own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
+    return Calibrated(own, rates(scattered, tail, own, rng))
+
+
+def true_rate(own: tuple[Threshold, ...], sigma: float, long_run: float) -> float:
+    """By the formula, with the true variances."""
+    tau = long_run / (2 * sigma**2)
+    rate = [
+        2
+        * math.exp(
+            -float(
+                log_mean_time(
+                    np.array(1.4 * t.alpha1 / sigma), np.array(t.alpha2 / sigma / tau), np.array(tau)
+                )
+            )
+        )
+        for t in own
+    ]
+    return sum(rate)
+
+
+@lru_cache
+def truth(colour: float) -> tuple[float, float]:
+    """Standard deviation and long-run variance of what ``forgotten`` makes."""
+    a, b = LAM, colour
+    variance = (1 - b) ** 2 * (1 - a**2) * (1 + a * b) / ((1 - a**2) * (1 - b**2) * (1 - a * b))
+    return math.sqrt(variance), (1 - a**2) / (1 - a) ** 2
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.6])
+def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, seed: int) -> None:
+    """90 of 100 by design; of 60, fewer than 38 come by chance once in a million runs, if it is 85."""
+    rng = np.random.default_rng(seed)
+    k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
+    found = copies(k)
+    held, kept = 0, 0
+    for _ in range(CALIBRATIONS):
+        one = calibrated(rng, colour, k, found)
+        rate = true_rate(one.own, *truth(colour))
+        held += one.rates.lower <= rate <= one.rates.upper
+        kept += rate * BUDGET * MEMORY <= 1
+    print(f"colour {colour}: interval holds the truth in {held}, budget kept in {kept} of {CALIBRATIONS}")
+    assert held >= 38
+    assert kept >= 45
+
+
+def test_a_year_has_a_wide_interval(seed: int) -> None:
+    """In logarithm, in proportion to the logarithm of the budget."""
+    rng = np.random.default_rng(seed)
+    scattered = scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng)
+    widths = []
+    for budget in (1e2, 1e4, 1e8):
+        tail = tails(scattered, copies(1.0))
+        own = thresholds(scattered, tail, np.zeros(P), budget * MEMORY, rng)
+        r = rates(scattered, tail, own, rng)
+        widths.append(math.log(r.upper / r.lower))
+        assert r.lower < r.whole < r.upper
+        # The thresholds came from another bootstrap: both scatter, the more the farther the rate is extrapolated.
+        assert math.log(r.upper * budget * MEMORY) <= max(math.log(1.3), 0.2 * widths[-1])
+    assert widths[0] < widths[1] < widths[2]
+    assert widths[2] > 2 * widths[0]
+
+
+def test_nu_finds_the_smallest_fault_in_time() -> None:
+    """No other nu finds a smaller one, but for a per cent."""
+    A = 14.0
+    for within in (3.0, 6.0, 15.0):
+        k = np.linspace(0.4, 2.4, 201)
+        delta = (A / k - 2.9 - 0.25 * k + within * k) / (within - 1)
+        chosen = best_nu(A, within)
+        assert np.interp(chosen, k, delta) < 1.01 * delta.min()
+
+
+def test_a_tail_that_was_not_simulated_is_the_formula() -> None:
+    scattered = scatter(
+        [deviations(forgotten(np.random.default_rng(1), 40))], MEMORY, np.random.default_rng(2)
+    )
+    none = Excursions(np.ones(P), np.ones(P), np.zeros(P), ((np.zeros(0),) * P,) * 2, 1e6)
+    tail: Tail = tails(scattered, none)[0]
+    assert tail.tau == (MEMORY, MEMORY)
+
+
+def test_records_that_differ_get_an_allowance(seed: int) -> None:
+    """Means of ten records off by half a standard deviation: three times that, by chance between a half and twice."""
+    rng = np.random.default_rng(seed)
+    records = [forgotten(rng, 60) for _ in range(10)]
+    for k, one in enumerate(records):
+        one[:, 0] += 0.5 * (-1) ** k
+    found = [deviations(one) for one in records]
+    allowed = allowance(found, scatter(found, MEMORY, rng))
+    print(f"allowances {allowed}")
+    assert 0.75 < allowed[0] < 3.0
+    assert allowed[1] < 1.0
+
+
+def test_equal_records_hardly_ever_get_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = 0
+    for _ in range(40):
+        found = [deviations(forgotten(rng, 200))]
+        count += bool(allowance(found, scatter(found, MEMORY, rng)).any())
+    print(f"{count} of 40 have an allowance")
+    assert count <= 9

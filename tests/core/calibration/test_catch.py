@@ -1,0 +1,89 @@
+"""What is found of faults that begin in a record: as if the whole record had been run with the fault in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration.catch import Fault, catch
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.injection import changed, load_of, torque
+from monitor_core.calibration.plants import Plants, innovations
+from monitor_core.monitor import AxisMonitor
+from monitor_core.reference import INTERVAL_S
+from monitor_core.settings import Threshold
+from monitor_core.simulation import simulate_linear
+from tests.core.calibration.healthy_axes import plant, record
+
+OWN = (Threshold(1.0, 30.0), Threshold(1.0, 12.0), Threshold(1.0, 80.0))
+OF = plant(0.0, memory=100)
+MODEL, SETTINGS = OF.model, replace(OF.settings, thresholds=OWN)
+FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0.6)]
+
+
+@pytest.fixture(scope="module")
+def healthy(seed: int) -> Samples:
+    return record(OF, seed, 6000)
+
+
+def test_faults_are_found_and_named(healthy: Samples) -> None:
+    found, onsets = catch(MODEL, SETTINGS, healthy, FAULTS, 20, 6.0)
+    assert onsets == 20
+    for one in found:
+        print(one.fault, one.exact, one.delay(0.5), one.delay(0.9), one.first)
+        right = [n == one.fault.parameter for n in one.first]
+        assert one.found_within(6.0) > 0.9
+        assert np.mean(right) > 0.8
+        directions = {d for d, good in zip(one.direction, right, strict=True) if good}
+        assert directions == {"up" if one.fault.size > 0 else "down"}
+        assert 0.1 < one.delay(0.5) <= one.delay(0.9) < 6.0
+    assert [one.exact for one in found] == [True, True, False, True]
+
+
+def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Samples) -> None:
+    """To the sample: the state is restored at the onset, the rest is the monitor's own."""
+    (found,), onsets = catch(MODEL, SETTINGS, healthy, FAULTS[:1], 2, 6.0)
+    assert onsets == 2
+    at = len(healthy.t_us) - round(6.0 / INTERVAL_S) - 1
+    load = load_of(MODEL, changed(MODEL, "kT", 0.3))
+    assert load is not None
+    u = healthy.u.copy()
+    u[at:] = torque(MODEL, SETTINGS, healthy, load, np.zeros(3))[at:]
+    episodes = AxisMonitor.alone(MODEL, SETTINGS).run(healthy.t_us, u, healthy.y)
+    (first,) = [e.raised_us for e in episodes if e.raised_us > healthy.t_us[at]][:1]
+    assert (first - int(healthy.t_us[at])) * 1e-6 + INTERVAL_S == pytest.approx(found.delay_s[-1], abs=1e-9)
+
+
+def test_without_a_fault_nothing_is_found(healthy: Samples) -> None:
+    found, _ = catch(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
+    assert all(one.found_within(6.0) == 0.0 for one in found)
+    assert all(one.delay(0.5) == np.inf for one in found)
+
+
+def test_a_record_that_is_too_short(healthy: Samples) -> None:
+    with pytest.raises(ValueError, match="too short"):
+        catch(MODEL, SETTINGS, healthy.part(0, 1500), FAULTS, 5, 6.0)
+
+
+def test_the_simulated_plant_is_the_model(seed: int) -> None:
+    """In innovations form, with the record's own innovations, it measures the very record."""
+    one = record(OF, seed, 1500)
+    found = innovations(MODEL, SETTINGS, one, (300,))
+    plants, zero = Plants(MODEL, SETTINGS, [MODEL.nominal]), np.zeros(1, np.int64)
+    before = one.u[299:300]
+    _, x = plants.run(zero, found.x, one.u[298:299], before[np.newaxis], np.zeros((1, 1)))
+    y, _ = plants.run(zero, x, before, one.u[300:, np.newaxis], found.eps[300:, np.newaxis])
+    assert np.abs(y[:, 0] - one.y[300:]).max() < 1e-9 * np.abs(one.y).max()
+
+
+def test_the_simulated_fault_is_the_plant_with_the_fault(seed: int) -> None:
+    """Without noise, against the simulation of a drive whose inertia changes."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((600, 1))
+    faulty = changed(MODEL, "1/Ja", 0.5)
+    before, x = simulate_linear(MODEL.drive, MODEL.nominal, u[:300], INTERVAL_S)
+    after, _ = simulate_linear(MODEL.drive, faulty, u[300:], INTERVAL_S, x)
+    plants = Plants(MODEL, SETTINGS, [MODEL.nominal, faulty])
+    y0, state = plants.run(np.zeros(1, np.int64), np.zeros((1, 5)), np.zeros(1), u[:300], np.zeros((300, 1)))
+    y1, _ = plants.run(np.ones(1, np.int64), state, u[299], u[300:], np.zeros((300, 1)))
+    assert np.concatenate([y0, y1]) == pytest.approx(np.concatenate([before, after]), abs=1e-10)

@@ -1,0 +1,143 @@
+"""Records that thresholds cannot be had from are refused, with the place and numbers."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration.budget import Rates
+from monitor_core.calibration.doubts import (
+    CalibrationError,
+    check_healthy,
+    check_promise,
+    check_records,
+    check_settings,
+    duration,
+)
+from monitor_core.calibration.healthy import Deviations
+from monitor_core.calibration.scatter import scatter
+from monitor_core.kernel.tables import Floats
+from monitor_core.reference import reference_model
+from monitor_core.settings import Second, Settings
+from tests.core.calibration.test_budget import MEMORY, forgotten
+
+MODEL = reference_model("speed", ("kT", "fm"))
+SETTINGS = Settings(0.005, lam=1 - 1 / MEMORY)
+SD = 0.02
+"""Of the deviations, in sizes."""
+
+
+def record(rng: np.random.Generator, memories: int = 100) -> Deviations:
+    d = SD * forgotten(rng, memories)
+    N = len(d)
+    t = np.arange(N, dtype=np.int64) * 5000
+    return Deviations("day.csv", t, d, np.full((N, 2), 1.4 * SD), np.ones((N, 2), np.bool_), 0, ())
+
+
+def changed(one: Deviations, at: int, i: int, step: float) -> Deviations:
+    """The estimate moves to a new value within a memory."""
+    d: Floats = one.d.copy()
+    after = np.arange(len(d) - at)
+    d[at:, i] += step * (1 - np.exp(-after / MEMORY))
+    return replace(one, d=d)
+
+
+@pytest.mark.parametrize("i", [0, 1])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_change_inside_is_found_with_its_place(i: int, sign: int, seed: int) -> None:
+    """Of ten standard deviations: its time is right within five memories, 1.25 s."""
+    rng = np.random.default_rng([seed, i])
+    at = int(rng.integers(1000, 4000))
+    faulty = changed(record(rng), at, i, sign * 10 * SD)
+    with pytest.raises(CalibrationError, match=rf"day\.csv: {MODEL.monitored[i]} changes by") as caught:
+        check_healthy(MODEL, SETTINGS, [record(rng), faulty])
+    words = str(caught.value)
+    seconds = re.search(r"about ([\d.]+) s after", words)
+    assert seconds
+    assert abs(float(seconds[1]) - at * 0.005) < 1.25
+    assert ("+" in words.split("changes by")[1][:3]) == (sign > 0)
+
+
+def test_healthy_records_pass(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        check_healthy(MODEL, SETTINGS, [record(rng)])
+
+
+def test_a_small_change_is_no_fault(seed: int) -> None:
+    check_healthy(MODEL, SETTINGS, [changed(record(np.random.default_rng(seed)), 2500, 0, SD)])
+
+
+def test_nominal_values_of_another_axis(seed: int) -> None:
+    one = record(np.random.default_rng(seed))
+    off = replace(one, d=one.d + np.array([0.0, 0.3]))
+    with pytest.raises(
+        CalibrationError, match=r"fm is off its nominal value all along, by \+(29|30|31).* identify"
+    ):
+        check_healthy(MODEL, SETTINGS, [off])
+
+
+def test_too_short() -> None:
+    one = record(np.random.default_rng(1), 12)
+    with pytest.raises(
+        CalibrationError, match=r"3 s of the records can be used, 12 memories.*20 are needed, 5 s"
+    ):
+        check_records(MODEL, SETTINGS, [one])
+
+
+def test_shorter_than_what_P0_takes() -> None:
+    one = record(np.random.default_rng(1), 12)
+    none = replace(one, tested=np.zeros_like(one.tested), seeding=len(one.d))
+    with pytest.raises(CalibrationError, match=r"hold 3 s, and P\(0\) was not found .* at least 7.5 s"):
+        check_records(MODEL, SETTINGS, [none])
+
+
+def test_without_excitation() -> None:
+    one = record(np.random.default_rng(1))
+    tested = one.tested.copy()
+    tested[500:, 1] = False
+    still = replace(one, tested=tested, confounded=("fm is not observed",))
+    with pytest.raises(
+        CalibrationError, match=r"fm is observed in 10 % of the time .*2\.5 of 25 s; fm is not observed: give"
+    ):
+        check_records(MODEL, SETTINGS, [still])
+
+
+def test_nominal_values_that_cannot_be_told() -> None:
+    with pytest.raises(CalibrationError, match="fm and fc cannot be told apart"):
+        check_settings(replace(SETTINGS, untold=(("fm", "fc"),)))
+    check_settings(SETTINGS)
+
+
+def test_two_outputs() -> None:
+    both = replace(SETTINGS, second=Second(K=(0.0,), lam0=1.0))
+    with pytest.raises(CalibrationError, match="by angle and speed cannot be calibrated yet"):
+        check_settings(both)
+
+
+def test_a_budget_that_cannot_be_promised(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scattered = scatter([record(rng, 25)], MEMORY, rng)
+    one = np.ones(2)
+    check_promise(scattered, Rates(one, 1e-6, 1e-8, 1e-5, 1.0), 1e5, 0.005)
+    with pytest.raises(
+        CalibrationError, match=r"25 memories: too short to promise one false alarm in 58 days.*budget of"
+    ):
+        check_promise(scattered, Rates(one, 1e-12, 1e-16, 1e-8, 1.0), 1e9, 0.005)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (5.0, "5 s"),
+        (600.0, "10 min"),
+        (3600.0, "an hour"),
+        (7200.0, "2 hours"),
+        (3 * 86400.0, "3 days"),
+        (31557600.0, "a year"),
+        (2.5 * 31557600.0, "2.5 years"),
+    ],
+)
+def test_times_in_words(seconds: float, words: str) -> None:
+    assert duration(seconds) == words

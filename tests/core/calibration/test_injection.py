@@ -1,0 +1,85 @@
+"""Faults put into a healthy record by another torque are what the faulty plant would have measured with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.injection import changed, exact_names, load_of, torque
+from monitor_core.drive import DELAY
+from monitor_core.excitation import multisine
+from monitor_core.kernel.tables import Floats
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel, Output
+from monitor_core.settings import Settings
+from monitor_core.simulation import SimulatedAxis
+
+H = 0.005
+VALUES = {**REFERENCE_VALUES, "fc": 0.1, "tau0": 0.05}
+MONITORED = ("kT", "1/Ja", "fm", "fc", "tau0", "Jm")
+SAMPLES = 2000
+
+
+def moved(values: dict[str, float], u: Floats) -> tuple[Floats, Floats]:
+    """Angle and speed (N,) of the plant at the beginning of each interval."""
+    axis = SimulatedAxis(values, substeps=20)
+    motion = [(axis.angle, axis.speed)]
+    motion += [axis.step(float(v), H) for v in u[:-1]]
+    angle, speed = np.array(motion).T
+    return angle, speed
+
+
+def model(output: Output) -> AxisModel:
+    return AxisModel(three_mass(output), VALUES, MONITORED)
+
+
+def test_what_can_be_put_in_exactly() -> None:
+    for output in ("angle", "speed"):
+        assert exact_names(model(output)) == ("kT", "fm", "fc", "tau0")
+    inverse = AxisModel(three_mass("angle"), VALUES, ("1/kT", "ka"))
+    assert exact_names(inverse) == ("1/kT",)
+    late = AxisModel(three_mass("angle").with_delay(), {**VALUES, DELAY: 0.001}, (DELAY, "fm"))
+    assert exact_names(late) == ("fm",)
+
+
+@pytest.mark.parametrize("output", ["angle", "speed"])
+@pytest.mark.parametrize(
+    ("name", "change"), [("kT", 0.2), ("kT", -0.3), ("fm", 0.5), ("fm", -0.5), ("fc", 1.0), ("tau0", -2.0)]
+)
+def test_the_faulty_plant_moves_as_the_record_says(
+    output: Output, name: str, change: float, seed: int
+) -> None:
+    """With the torque that is computed, to a fortieth of what the fault does to the speed with the torque of before."""
+    rng = np.random.default_rng(seed)
+    u = multisine(rng, SAMPLES, H, (0.2, 10.0), 1.23)
+    of = model(output)
+    angle, speed = moved(VALUES, u)
+    faulty = changed(of, name, change)
+    load = load_of(of, faulty)
+    assert load is not None
+    record = Samples("r", np.arange(SAMPLES) * 5000, u, angle if output == "angle" else speed)
+    needed = torque(of, Settings(H), record, load, np.zeros(len(of.drive.inputs)))
+    _, with_it = moved(faulty, needed)
+    _, without = moved(faulty, u)
+    away = np.std(with_it[:-2] - speed[:-2]) / np.std(without - speed)
+    print(f"{name} {change:+}: {away:.4f} of what it does")
+    assert away < 0.025
+
+
+def test_a_torque_that_acts_late(seed: int) -> None:
+    """Half an interval late, the load is that of half an interval later."""
+    of = model("speed")
+    load = load_of(of, changed(of, "fm", 1.0))
+    assert load is not None
+    y = np.random.default_rng(seed).standard_normal(50).cumsum()
+    record = Samples("r", np.arange(50) * 5000, np.zeros(50), y)
+    at_once, late = (
+        torque(of, replace(Settings(H), delay_s=delay), record, load, np.zeros(3)) for delay in (0.0, H / 2)
+    )
+    assert late[:-1] == pytest.approx((at_once[:-1] + at_once[1:]) / 2)
+
+
+def test_a_fault_beyond_the_bounds() -> None:
+    with pytest.raises(ValueError, match="kT would leave its bounds"):
+        changed(model("angle"), "kT", -0.95)

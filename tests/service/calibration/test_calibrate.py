@@ -1,0 +1,156 @@
+"""From a healthy record to thresholds that the daemon's own pipeline uses, and reports about them."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+import typer
+
+from monitor_core.calibration.doubts import CalibrationError
+from service.axes import axis_model, axis_settings
+from service.calibration.found import Calibration, Provenance
+from service.calibration.running import Wishes, calibrate
+from service.commands.calibrate import seconds_of
+from service.config import Config, load
+from service.reports.calibration_html import as_html
+from service.reports.calibration_json import as_json
+from service.reports.calibration_toml import as_toml
+from tests.service.calibration.test_thresholds_file import named
+from tests.service.identification.conftest import robot_text, write_record, write_robot
+
+PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
+WISHES = Wishes(600.0, 4.0, (0.02, 0.2), 8, copies=1_000_000)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
+    """robot.toml, healthy.csv of 60 s, and faulty.csv in which the torque constant falls after 40 of 60 s."""
+    folder = tmp_path_factory.mktemp("calibrate")
+    path = write_robot(folder)
+    config = load(path, {})
+    write_record(folder / "healthy.csv", config, 60, seed)
+    write_record(folder / "faulty.csv", config, 60, seed + 1, {"kT": 0.8}, 40.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(robot: Path) -> Calibration:
+    config = load(robot, {})
+    return calibrate(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
+
+
+def test_the_promise(found: Calibration) -> None:
+    most, low, high = found.between_s
+    assert low < most < high
+    assert low > 0.8 * 600
+    assert "one false alarm in" in found.promise
+
+
+def test_faults_are_found(found: Calibration) -> None:
+    assert found.onsets == 8
+    for name in found.model.monitored:
+        up, down = found.smallest(name)
+        assert up in (0.02, 0.2)
+        assert down in (-0.02, -0.2)
+    assert {one.fault.parameter for one in found.caught if one.exact} == {"kT", "fm"}
+    rows = found.confusion()
+    assert all(sum(row.values()) == 4 * 8 for row in rows.values())
+    assert rows["kT"]["kT"] > 24
+
+
+def test_the_file_is_used_by_the_daemon(robot: Path, found: Calibration, tmp_path: Path) -> None:
+    (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
+    (tmp_path / "thresholds.toml").write_text(as_toml(found), encoding="utf-8")
+    (tmp_path / "robot.toml").write_text(named(robot_text()), encoding="utf-8")
+    axis = load(tmp_path / "robot.toml", {}).axes[0]
+    own = axis_settings(axis, axis_model(axis.config)).thresholds
+    for here, there in zip(own, found.settings.thresholds, strict=True):
+        assert here == pytest.approx(there, rel=1e-9)
+    content = tomllib.loads(as_toml(found))
+    assert content["false_alarms"]["budget_s"] == 600.0
+    assert content["record"][0]["samples"] == 12000
+
+
+def test_json(found: Calibration) -> None:
+    content = json.loads(as_json(found))
+    assert [p["name"] for p in content["parameters"]] == ["kT", "1/Ja", "fm"]
+    assert len(content["faults"]) == 3 * 2 * 2
+    assert content["false_alarms"]["interval_s"][0] < content["false_alarms"]["one_in_s"]
+    assert content["provenance"]["version"] == "1.2.3"
+
+
+def test_page(found: Calibration) -> None:
+    page = as_html(found)
+    assert page.count("<svg") == 3
+    assert "<healthy.csv>" not in page
+    assert not re.search(r"#01010\d|nan|inf\b", page)
+    for words in ("Thresholds", "What will be found", "Name of the first alarm", "exact", "simulated"):
+        assert words in page
+
+
+def refused(robot: Path, wishes: Wishes = WISHES, record: str = "healthy.csv", text: str = "") -> str:
+    if text:
+        (robot.parent / "changed.toml").write_text(text, encoding="utf-8")
+        robot = robot.parent / "changed.toml"
+    config: Config = load(robot, {})
+    with pytest.raises(CalibrationError) as caught:
+        calibrate(config, config.axes[0], [str(robot.parent / record)], wishes, PROVENANCE)
+    return str(caught.value)
+
+
+def test_a_record_with_a_fault_in_it(robot: Path) -> None:
+    words = refused(robot, record="faulty.csv")
+    match = re.search(r"faulty\.csv: kT changes by -0\.[12]\d?.* about ([\d.]+) s after", words)
+    assert match, words
+    assert abs(float(match[1]) - 40) < 3
+
+
+def test_a_record_that_is_too_short(robot: Path) -> None:
+    words = refused(robot, record="healthy.csv@0:10")
+    assert re.search(
+        r"5\.\d* s of the records can be used, 6 memories of 1 s: at least 20 are needed, 20 s", words
+    )
+    from_first_samples = re.sub(r"^initial_p = .*\n", "", robot_text(), flags=re.MULTILINE)
+    assert "P(0) was not found" in refused(robot, record="healthy.csv@0:10", text=from_first_samples)
+
+
+def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:
+    words = refused(robot, Wishes(31557600.0, 4.0, (0.2,), 8, copies=1_000_000), "healthy.csv@0:26")
+    assert "too short to promise one false alarm in a year" in words
+    assert "or a budget of one in" in words
+
+
+def test_less_time_than_a_memory_takes(robot: Path) -> None:
+    words = refused(robot, Wishes(600.0, 1.0, (0.2,), 8))
+    assert "--within 1: a memory is 1 s" in words
+
+
+def test_nominal_values_of_another_axis(robot: Path) -> None:
+    words = refused(robot, text=robot_text({"fm": 0.03}))
+    assert "is off its nominal value all along" in words
+    assert "identify" in words
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("10min", 600.0),
+        ("1h", 3600.0),
+        ("2 hours", 7200.0),
+        ("30d", 2592000.0),
+        ("1y", 31557600.0),
+        ("90", 90.0),
+    ],
+)
+def test_budgets(text: str, seconds: float) -> None:
+    assert seconds_of(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "often", "0s", "-1h", "1.2.3h", "1 fortnight", "0.5s"])
+def test_what_is_no_budget(text: str) -> None:
+    with pytest.raises(typer.BadParameter, match="write a time"):
+        seconds_of(text)

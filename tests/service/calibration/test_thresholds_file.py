@@ -1,0 +1,107 @@
+"""A file of thresholds is used by the monitor that it was made for, and by no other."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from monitor_core.settings import Threshold
+from service.axes import AxisError, axis_model, axis_settings
+from service.config import Config, ConfigErrors, load
+from tests.service.calibration.thresholds_texts import thresholds_text
+from tests.service.identification.conftest import robot_text, write_robot
+
+NAMED = '[robot.axis.model]\nthresholds_file = "thresholds.toml"\n'
+
+
+def named(text: str) -> str:
+    """The configuration with a file of thresholds in place of its own."""
+    text = re.sub(r"^alpha_[12] = .*\n", "", text, flags=re.MULTILINE)
+    return text.replace("[robot.axis.model]\n", NAMED)
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    path = write_robot(tmp_path)
+    (tmp_path / "thresholds.toml").write_text(
+        thresholds_text(load(path, {}).axes[0].config, 1.5, 7.0, 0.02), encoding="utf-8"
+    )
+    path.write_text(named(robot_text()), encoding="utf-8")
+    return path
+
+
+def settings(config: Config) -> tuple[Threshold, ...]:
+    axis = config.axes[0]
+    return axis_settings(axis, axis_model(axis.config)).thresholds
+
+
+def test_it_is_used(robot: Path) -> None:
+    assert settings(load(robot, {})) == (Threshold(1.5, 7.0, 0.02),) * 3
+
+
+def test_to_calibrate_it_is_passed_over(robot: Path) -> None:
+    (robot.parent / "thresholds.toml").write_text("no thresholds", encoding="utf-8")
+    assert settings(load(robot, {}, thresholds=False)) == ()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "reason"),
+    [
+        (r"^fm = .*", "fm = 0.05", "fm = 0.06, now it is 0.05"),
+        (r"^torque_noise = .*", "torque_noise = 0.2", "innovation_variance = "),
+        (
+            r"^\[robot.axis.estimator\]",
+            "[robot.axis.estimator]\nleast_excitation = 0.1",
+            "least_excitation = 0.05",
+        ),
+    ],
+)
+def test_of_another_monitor_it_is_refused(robot: Path, pattern: str, replacement: str, reason: str) -> None:
+    text = re.sub(pattern, replacement, robot.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    robot.write_text(text, encoding="utf-8")
+    with pytest.raises(AxisError, match=rf"thresholds\.toml was made with {reason}.*calibrate"):
+        settings(load(robot, {}))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda text: text + "no toml", "is no TOML"),
+        (lambda text: text.replace("format = 1", "format = 2"), "what `axiswatch calibrate` writes"),
+        (lambda text: text.replace("alpha_2 = 7.0", "alpha_2 = 0.0"), "threshold.0.alpha_2"),
+        (lambda text: text.replace('"fm"', '"fc"'), "kT, 1/Ja, fc, but kT, 1/Ja, fm are monitored"),
+    ],
+)
+def test_a_file_that_is_wrong(robot: Path, change, reason: str) -> None:  # type: ignore[no-untyped-def]
+    path = robot.parent / "thresholds.toml"
+    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(ConfigErrors) as caught:
+        load(robot, {})
+    (problem,) = caught.value.problems
+    assert problem.key.endswith("model.thresholds_file")
+    assert reason in problem.message
+
+
+def test_a_missing_file(robot: Path) -> None:
+    (robot.parent / "thresholds.toml").unlink()
+    with pytest.raises(ConfigErrors, match=r"cannot read .*thresholds"):
+        load(robot, {})
+
+
+@pytest.mark.parametrize(("value", "refused"), [(3.0, True), (1.5, False)])
+def test_what_is_said_twice_is_the_same(robot: Path, value: float, refused: bool) -> None:
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(
+        text.replace("[robot.axis.detector]\n", f"[robot.axis.detector]\nalpha_1 = {value}\n"),
+        encoding="utf-8",
+    )
+    if not refused:
+        assert settings(load(robot, {}))
+        return
+    with pytest.raises(ConfigErrors) as caught:
+        load(robot, {})
+    (problem,) = caught.value.problems
+    assert problem.key.endswith("detector.alpha_1")
+    assert "thresholds.toml has one for each parameter: remove this, or" in problem.message

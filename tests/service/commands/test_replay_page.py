@@ -1,0 +1,177 @@
+"""``axiswatch replay --report``: one page that needs nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from service.commands.main import app
+from service.config import load
+from service.simulation.robot import Fault, SimulatedRobot
+from tests.end_to_end.processes import demo_config
+from tests.service.identification.test_reports import read
+
+START_S = 1_760_000_000
+GATE = """
+[[robot.axis.signal]]
+name = "mode"
+message = "Axis2State"
+signal = "Torque"
+column = "mode"
+[[robot.axis.gate]]
+signal = "mode"
+equals = [1]
+
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
+    """Two axes of which one has a record: friction grows by half after eight seconds; a gap, a pause, a bad row."""
+    folder = tmp_path_factory.mktemp("replay_page")
+    file = demo_config(folder, 'interface = "virtual"\nchannel = "page"', axes=2)
+    head, first, second = file.read_text(encoding="utf-8").split("[[robot.axis]]")
+    first = first.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
+    first = first.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
+    first = first.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"')
+    file.write_text("[[robot.axis]]".join([head, f"{first}{GATE}", second]), encoding="utf-8")
+    rows = ["t,u,phi,mode"]
+    for moment in SimulatedRobot(load(file, {}), seed, [Fault("demo.axis1", {"fm": 1.5}, 8.0)]).moments():
+        s = moment.time_s
+        if s > 20:
+            break
+        u, phi, *_ = moment.readings["demo.axis1"]
+        if not 1.0 < s < 1.3:
+            rows.append(
+                f"{START_S + s + (7200 if s > 18 else 0):.6f},{u!r},{phi!r},{0 if 7 < s < 7.5 else 1}"
+            )
+    rows[900] = rows[900].replace(",", ",nan,", 1).rsplit(",", 2)[0] + ",1"
+    (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return folder
+
+
+def run(folder: Path, *arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["replay", "--config", str(folder / "robot.toml"), *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> str:
+    done = run(folder, folder / "a.csv", "--report", folder / "pictures")
+    assert done.exit_code == 0, done.output
+    assert f"written: {folder / 'pictures' / 'replay.html'}" in done.stderr
+    return (folder / "pictures" / "replay.html").read_text(encoding="utf-8")
+
+
+def test_the_page_needs_nothing_else(page: str) -> None:
+    assert [a for a in read(page).addresses if not a.startswith("#")] == []
+    assert "url(" not in page.replace("url(#", "")
+    assert "<script" not in page
+    assert "#0101" not in page
+    assert "@media print" in page
+    assert "prefers-color-scheme: dark" in page
+    assert len(page) < 1_000_000
+
+
+def test_the_page_says_what_the_json_says(folder: Path, page: str) -> None:
+    found = json.loads(run(folder, folder / "a.csv", "--json", "-").stdout)
+    axis, silent = found["axes"]
+    text = " ".join(" ".join(read(page).texts).split())
+    assert "1 alarm of demo.axis1. No samples of demo.axis2." in text
+    (alarm,) = axis["alarms"]
+    assert alarm["words"] in text
+    for time in (alarm["onset"], alarm["raised"]):
+        assert time[:21].replace("T", " ") in text
+    assert "with 1 pause cut out" in text
+    assert "pause of 2 h" in text
+    counts = {**axis["counters"], **axis["dropped"]}
+    assert (counts["gap"], counts["not_finite"]) == (2, 1)
+    assert counts["gated"] > 50
+    for reason, count in counts.items():
+        assert reason in text
+        assert not count or f" {count} " in text
+    for p in axis["parameters"]:
+        assert p["name"] in text
+    assert silent["samples"] == 0
+    assert "No sample of this axis." in text
+
+
+def test_the_picture_shows_what_there_is(page: str) -> None:
+    for words in (
+        *("estimate", "± 2 standard deviations", "nominal ± ν", "g of an increase", "g of a decrease"),
+        *("onset", "alarm raised", "alarm open", "nothing learned", "pause, cut out"),
+        *("no samples", "settling", "gated"),
+    ):
+        assert f">{words}</text>" in page, words
+    assert page.count(">change [%]</text>") == 3
+    for absent in ("finding P(0)", "clock set back"):
+        assert f">{absent}</text>" not in page
+
+
+def test_the_report_changes_no_number(folder: Path, tmp_path: Path) -> None:
+    with_it = run(folder, folder / "a.csv", "--json", "-", "--report", tmp_path / "one.html")
+    assert with_it.stdout == run(folder, folder / "a.csv", "--json", "-").stdout
+    assert (tmp_path / "one.html").is_file()
+
+
+def test_records_without_dates_and_one_after_the_other(folder: Path, tmp_path: Path) -> None:
+    """The second one begins before the first: the clock went back."""
+    rows = [line.split(",") for line in (folder / "a.csv").read_text(encoding="utf-8").splitlines()]
+    early = [[f"{float(t) - START_S:.6f}", *rest] for t, *rest in rows[1:2000]]
+    text = "\n".join(",".join(row) for row in [rows[0], *early])
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    where = tmp_path / "two.HTML"
+    assert run(folder, tmp_path / "a.csv", tmp_path / "b.csv", "--report", where).exit_code == 0
+    page = where.read_text(encoding="utf-8")
+    assert "Replay of a.csv and 1 more" in page
+    assert "clock set back</text>" in page
+    assert not re.search(r"1970-01-01 \d\d:", page)
+
+
+def test_one_sample_can_be_drawn(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text("t,u,phi,mode\n1,0,0,1\n", encoding="utf-8")
+    assert run(folder, tmp_path / "one.csv", "--report", tmp_path).exit_code == 0
+    assert (tmp_path / "replay.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("where", "words"),
+    [
+        ("missing/a.html", "cannot write missing/a.html: missing is no folder"),
+        ("missing/deeper", "cannot write missing/deeper/replay.html: no folder missing/deeper: No such file"),
+        ("taken", "cannot write taken/replay.html: taken is no folder"),
+        ("taken/a.html", "cannot write taken/a.html: taken is no folder"),
+        ("full", "cannot write full/replay.html: it is a folder"),
+        ("locked", "cannot write locked/replay.html: Permission denied"),
+    ],
+)
+def test_where_nothing_can_be_written_is_said_at_once(
+    where: str, words: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("")
+    (tmp_path / "full" / "replay.html").mkdir(parents=True)
+    (tmp_path / "locked").mkdir()
+    may = os.access
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: (str(path), mode) != ("locked", os.W_OK) and may(path, mode)
+    )
+    done = run(folder, folder / "a.csv", "--report", where)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"axiswatch: {words}")
+    assert done.stderr.count("\n") == 1
+
+
+def test_without_samples_there_is_nothing_to_draw(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "none.csv").write_text("t,u,phi,mode\n1,nan,0,1\n", encoding="utf-8")
+    done = run(folder, tmp_path / "none.csv", "--report", tmp_path / "a.html")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        f"axiswatch: no sample of any axis in {tmp_path / 'none.csv'}: there is nothing to draw\n"
+    )
+    assert not (tmp_path / "a.html").exists()

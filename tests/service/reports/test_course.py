@@ -1,0 +1,167 @@
+"""The course of an axis, decimated while it runs, against all of its values at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from monitor_core.alarms.episodes import Crossing
+from monitor_core.bank import standard_deviation
+from monitor_core.fleet import Block, Fleet
+from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
+from monitor_core.kernel.block import Trace
+from monitor_core.kernel.state import COUNTERS
+from monitor_core.monitor import AxisMonitor
+from monitor_core.settings import Threshold
+from service.reports import course as rows
+from service.reports.course import SIGMAS, Course
+from service.reports.timeline import Timeline
+from tests.core.cases import BY_NAME, record
+
+SAMPLES = 3000
+FAULT = 1500
+COUNTED = {
+    "used": TRACK,
+    "seeding": SEED,
+    "settling": SETTLE,
+    "gated": GATED,
+    "outlier": DOUBTED,
+    "starved": IDLE,
+}
+
+
+class Ran:
+    """A record with jitter, gaps, an outlier, a closed gate and a fault, all of its values kept, and its course."""
+
+    def __init__(self, seed: int, most: int, cuts: list[int]) -> None:
+        case = BY_NAME["paper"]
+        self.block = self.make_block(seed)
+        own = tuple(Threshold(a, 0.4, w) for a, w in ((0.3, 0.0), (0.2, 0.001), (0.3, 0.0)))
+        settings = case.settings(relative_sd=0.05, outlier=6.0, starved=0.05, floor=0.05)
+        settings = replace(settings, thresholds=own)
+        fleet = Fleet([case.model], [settings])
+        self.monitor: AxisMonitor = fleet.monitors[0]
+        self.course = Course(self.monitor, most)
+        self.crossings: list[Crossing] = []
+        traces: list[Trace] = []
+        for a, b in pairwise([0, *sorted(cuts), SAMPLES]):
+            part = Block(*(None if v is None else v[a:b] for v in self.block))  # type: ignore[arg-type]
+            found: dict[int, Trace] = {}
+            events = fleet.run({0: part}, found.__setitem__)
+            crossed = [event for _, event in events if isinstance(event, Crossing)]
+            self.course.take(part.t_us, found[0], crossed)
+            self.crossings += crossed
+            traces.append(found[0])
+        self.trace = Trace(*(np.concatenate(fields) for fields in zip(*traces, strict=True)))
+
+    @staticmethod
+    def make_block(seed: int) -> Block:
+        case = BY_NAME["paper"]
+        before = record(seed, case, FAULT, jitter=0.3, gaps=2)
+        after = record(seed + 1, case, SAMPLES - FAULT, true={**case.values, "kT": 1.5})
+        t = np.concatenate([before.t_us, before.t_us[-1] + 200_000_000 + after.t_us])
+        u, y = (np.concatenate([a, b]) for a, b in ((before.u, after.u), (before.y, after.y)))
+        y[400] += 1e3
+        y[600] = np.nan
+        shift = np.zeros((SAMPLES, 3))
+        shift[300:500, 2] = 0.004
+        gate = np.ones(SAMPLES, np.bool_)
+        gate[800:900] = False
+        return Block(t, u, y, shift, gate)
+
+    @property
+    def took(self) -> NDArray[np.bool_]:
+        return np.asarray(self.trace.does != SKIP)
+
+
+@pytest.fixture(scope="module")
+def ran(seed: int) -> Ran:
+    return Ran(seed, 64, [7, 700, 701, 1800])
+
+
+def test_the_trace_says_what_became_of_each_sample(ran: Ran) -> None:
+    counts = dict(zip(COUNTERS, ran.monitor.bank.state.counts[:, 0].tolist(), strict=True))
+    assert counts == dict(ran.monitor.facts().counters)
+    for name, fate in COUNTED.items():
+        assert np.count_nonzero(ran.trace.does == fate) == counts[name], name
+    assert np.count_nonzero(ran.trace.does == RESTART) == counts["started"] + counts["gap"] > 2
+    assert np.count_nonzero(~ran.took) == counts["not_finite"] == 1
+    assert counts["gated"] > 50
+    assert counts["outlier"] >= 1
+    assert (ran.trace.shift[ran.took] == ran.block.shift[ran.took]).all()  # type: ignore[index]
+    assert (ran.trace.observed[-1] == ran.monitor.bank.state.observed[:, 0]).all()
+
+
+def test_bins_hold_the_least_and_the_largest_values(ran: Ran) -> None:
+    c, took, model, s = ran.course, ran.took, ran.monitor.model, ran.monitor.settings
+    where = Timeline().take(ran.block.t_us[took])
+    bins = np.searchsorted(c.edges, where * 1e-6 + 1e-9) - 1
+    assert 32 <= c.used <= 64
+    nominal = model.theta0 + ran.trace.shift[took]
+    P, g = ran.trace.P[took], ran.trace.g[took]
+    sd = np.vectorize(lambda P_ii: standard_deviation(s, P_ii))(P)
+    nu = np.array([t.alpha1 for t in s.thresholds]) * np.sqrt(s.lam0 * P)
+    nu += np.array([t.allowance for t in s.thresholds]) * model.scale
+    theta = ran.trace.theta[took]
+    low = {rows.ESTIMATE: theta, rows.BELOW: theta - SIGMAS * sd, rows.NOMINAL: nominal}
+    low |= {rows.TOLERATED_BELOW: nominal - nu, rows.UP: g[:, 0], rows.DOWN: g[:, 1]}
+    high = {rows.ESTIMATE: theta, rows.ABOVE: theta + SIGMAS * sd, rows.NOMINAL: nominal}
+    high |= {rows.TOLERATED_ABOVE: nominal + nu}
+    for k in range(c.used):
+        inside = bins == k
+        for found, values, extreme in ((c.low, low, np.min), (c.high, high, np.max)):
+            for row, of in values.items():
+                for i in range(3):
+                    want = extreme(of[inside, i]) if inside.any() else np.nan
+                    assert found(row, i)[k] == pytest.approx(want, rel=1e-12, nan_ok=True)
+        for i in range(3):
+            assert c.mean(i)[k] == pytest.approx(
+                theta[inside, i].mean() if inside.any() else np.nan, nan_ok=True
+            )
+        for fate in (TRACK, GATED, SETTLE, RESTART):
+            assert c.fate(fate)[k] == np.count_nonzero(ran.trace.does[took][inside] == fate)
+    assert c.unseen(0).sum() == np.count_nonzero(ran.trace.observed[took, 0] == 2)
+
+
+def test_no_crossing_is_lost(ran: Ran) -> None:
+    """g has started again at that very sample: without care it would nowhere reach h."""
+    c, names = ran.course, ran.monitor.model.monitored
+    assert len(ran.crossings) > 3
+    assert {one.parameter for one in ran.crossings} >= {"kT"}
+    for one in ran.crossings:
+        i, row = names.index(one.parameter), rows.UP if one.direction == "up" else rows.DOWN
+        at = c.timeline.find(one.time_us)
+        assert at is not None
+        assert c.high(row, i)[int(np.searchsorted(c.edges, at + 1e-9)) - 1] >= c.h[i]
+        assert c.largest_g(i) >= c.h[i]
+    quiet = [i for i, name in enumerate(names) if name not in {one.parameter for one in ran.crossings}]
+    assert all(c.largest_g(i) <= c.h[i] for i in quiet)
+
+
+def test_blocks_may_be_cut_anywhere(ran: Ran, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    other = Ran(seed, 64, rng.integers(0, SAMPLES, 12).tolist()).course
+    for name, value in vars(ran.course).items():
+        if isinstance(value, np.ndarray):
+            assert np.allclose(value, vars(other)[name], rtol=1e-12, atol=0, equal_nan=True), name
+    assert other.timeline.stretches == ran.course.timeline.stretches
+
+
+def test_gaps_are_marked_where_no_samples_were(ran: Ran) -> None:
+    c = ran.course
+    t = ran.block.t_us[ran.took]
+    longest = int(np.argmax(np.diff(t[:FAULT]) > 0.06 * 1e6))
+    at = [c.timeline.find(int(v)) for v in (t[longest], t[longest + 1])]
+    first, last = (int(np.searchsorted(c.edges, (v or 0.0) + 1e-9)) - 1 for v in at)
+    assert c.gaps[first : last + 1].all()
+    assert 0 < c.gaps.sum() < c.used / 2
+
+
+def test_nothing_came() -> None:
+    case = BY_NAME["paper"]
+    empty = Course(AxisMonitor.alone(case.model, case.settings()))
+    assert (empty.used, empty.middles.size, empty.largest_g(0)) == (0, 0, 0.0)

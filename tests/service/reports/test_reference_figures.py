@@ -1,0 +1,66 @@
+"""The figures in docs/ are those of this program: their numbers are; pictures differ with versions of libraries."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+import pytest
+
+from monitor_core.reference import MONITORED
+from service.reports.reference_figures import Reference, figure_5, figure_6, numbers, reference
+from tests.conftest import ROOT
+
+FIGURES = ROOT / "docs" / "figures"
+
+
+@pytest.fixture(scope="module")
+def found() -> Reference:
+    return reference()
+
+
+def close(one: Any, other: Any) -> bool:
+    """Equal but for rounding: other processors sum in another order."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(close(one[k], other[k]) for k in one)
+    if isinstance(one, list):
+        return len(one) == len(other) and all(map(close, one, other))
+    if isinstance(one, float):
+        return bool(one == pytest.approx(other, rel=1e-4, abs=1e-4))
+    return bool(one == other)
+
+
+def test_the_numbers_in_docs_are_the_programs(found: Reference) -> None:
+    committed = json.loads((FIGURES / "numbers.json").read_text(encoding="utf-8"))
+    assert close(json.loads(json.dumps(numbers(found))), committed), "run make docs"
+
+
+def test_what_the_text_says_is_to_be_seen(found: Reference) -> None:
+    """docs/reference-experiment.md: theta is home two seconds after 2.7 s, each fault is found by its own g alone."""
+    home = found.homecoming.theta[940:, :, 0] / found.model.theta0
+    assert np.abs(home[:60].mean(axis=0) - 1).max() < 0.12
+    text = (ROOT / "docs" / "reference-experiment.md").read_text(encoding="utf-8")
+    for j, name in enumerate(MONITORED):
+        fault = numbers(found)["figure_6"][name]
+        g = np.maximum(fault["largest_g_up"], fault["largest_g_down"])
+        assert g[j] > found.settings.alpha2
+        assert np.delete(g, j).max() < 0.1 * found.settings.alpha2
+        assert fault["largest_g_down"][j] == 0
+    after = numbers(found)["figure_6"]["fm"]["alarm_after_s"]
+    assert f"after {after} s" in text
+    settled = int(np.argmax(found.homecoming.theta[:, 0, 0] != found.homecoming.theta[0, 0, 0])) * 0.005
+    assert f"settled, {settled:.1f} s" in text
+
+
+@pytest.mark.parametrize(("name", "draw"), [("figure5.svg", figure_5), ("figure6.svg", figure_6)])
+def test_pictures_stand_alone_and_are_the_same_twice(name: str, draw: Any, found: Reference) -> None:
+    text = draw(found)
+    assert text == draw(found)
+    for svg in (text, (FIGURES / name).read_text(encoding="utf-8")):
+        assert ET.fromstring(svg).tag.endswith("svg")
+        assert "#0101" not in svg
+        assert "prefers-color-scheme: dark" in svg
+        assert "http" not in svg.replace("http://www.w3.org/", "")
+        assert len(svg) < 200_000
