@@ -1,0 +1,147 @@
+"""The cart of the EMPS benchmark as a user would configure it, and the way of its record through the commands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.alarms.episodes import Episode
+from monitor_core.assembly import Assembly
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.injection import load_of, torque
+from monitor_core.monitor import AxisMonitor
+from service.calibration.found import Calibration, Provenance
+from service.calibration.reading import read
+from service.calibration.running import Wishes, calibrate
+from service.config import Config, load
+from service.identification.found import Provenance as Identified
+from service.identification.running import run
+from service.identification.task import Wishes as Wanted
+from service.identification.task import task_of
+from service.reports.identification_toml import as_toml
+
+CART = """model Cart "A motor on a ball screw with a cart: a shaft whose angle in rad is the position in m"
+  import Modelica.Mechanics.Rotational.*;
+  parameter Real kT(unit = "1", min = 1e-3) = 1;
+  parameter Modelica.Units.SI.Inertia J(min = 0) = 100;
+  parameter Modelica.Units.SI.RotationalDampingConstant fv(min = 0) = 200;
+  parameter Modelica.Units.SI.Torque fc(min = 0) = 20;
+  parameter Modelica.Units.SI.Torque tau0 = 0;
+  Modelica.Blocks.Interfaces.RealInput tau(unit = "N.m");
+  Modelica.Blocks.Math.Gain forceConstant(k = kT);
+  Sources.Torque force;
+  Components.Inertia cart(J = J);
+  Components.Damper bearing(d = fv);
+  Components.Fixed housing;
+  AxisWatch.CoulombFriction seal(fc = fc);
+  AxisWatch.TorqueOffset offset(tau0 = tau0);
+  Sensors.AngleSensor encoder;
+equation
+  connect(tau, forceConstant.u);
+  connect(forceConstant.y, force.tau);
+  connect(force.flange, cart.flange_a);
+  connect(bearing.flange_a, cart.flange_a);
+  connect(bearing.flange_b, housing.flange);
+  connect(seal.flange, cart.flange_a);
+  connect(offset.flange, cart.flange_a);
+  connect(encoder.flange, cart.flange_a);
+end Cart;
+"""
+GUESS = "nominal = { kT = 1.0, J = 100.0, fv = 200.0, fc = 20.0, tau0 = 0.0 }\nfriction_speed_scale = 0.001\n"
+AXIS = f"""[[robot]]
+name = "emps"
+[[robot.axis]]
+name = "cart"
+sample_interval_s = 0.001
+time = {{ column = "t" }}
+torque = {{ column = "vir", factor = 35.15065188248547 }}
+angle = {{ column = "qm" }}
+[robot.axis.model]
+drive = "cart.mo"
+monitor = ["kT", "fc"]
+{GUESS}
+[robot.axis.estimator]
+memory_s = 0.25
+"""
+HALF_S = 12.42
+"""Of 24.84 s: the motion in the second half is that of the first, there and back twice."""
+BUDGET_S = 600.0
+"""Twelve seconds cannot promise much more."""
+
+
+class Half(NamedTuple):
+    """One half of the record: the text that selects it, and where it begins, s."""
+
+    text: str
+    start_s: float
+
+
+def halves(path: Path) -> tuple[Half, Half]:
+    """Both."""
+    return Half(f"{path}@0:{HALF_S}", 0.0), Half(f"{path}@{HALF_S}:", HALF_S)
+
+
+def identified(folder: Path, half: Half) -> Path:
+    """A folder with nominal.toml found in that half, as ``axiswatch identify`` does."""
+    (folder / "cart.mo").write_text(CART, encoding="utf-8")
+    config = configured(folder, AXIS)
+    task = task_of(config, config.axes[0], [half.text], [], Wanted(start="values"))
+    found = run(task, Identified("", "", ""))
+    assert not found.trustworthy()
+    (folder / "nominal.toml").write_text(as_toml(found), encoding="utf-8")
+    return folder
+
+
+def watched(folder: Path, monitor: Sequence[str]) -> Config:
+    """The configuration of the daemon, with the nominal values of that folder."""
+    names = ", ".join(f'"{name}"' for name in monitor)
+    text = AXIS.replace(GUESS, 'nominal_file = "nominal.toml"\n')
+    return configured(folder, re.sub(r"monitor = .*", f"monitor = [{names}]", text))
+
+
+def configured(folder: Path, text: str) -> Config:
+    path = folder / "axis.toml"
+    path.write_text(text, encoding="utf-8")
+    return load(path, {})
+
+
+def calibrated(config: Config, half: Half, budget_s: float = BUDGET_S) -> Calibration:
+    """Thresholds from that half, as ``axiswatch calibrate`` finds them."""
+    wishes = Wishes(budget_s, None, (0.15,), 10, copies=2_000_000)
+    return calibrate(config, config.axes[0], [half.text], wishes, Provenance("", "", ""))
+
+
+def samples(config: Config, found: Calibration, text: str) -> Samples:
+    """The record, or a part of it, through the pipeline of the daemon."""
+    (one,), _ = read([text], config, config.axes[0], found.model)
+    return one
+
+
+def faulty(found: Calibration, one: Samples, change: Mapping[str, float], start: int) -> Samples:
+    """From sample ``start`` on these parameters are off by such parts: the force that the same motion needed."""
+    nominal = found.model.nominal
+    values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
+    load = load_of(found.model, values)
+    assert load is not None  # exact
+    assembly = Assembly(found.model.drive, found.model.monitored)
+    u_scale = assembly.model_constants(found.model, found.settings.speed_scale)["u_scale"]
+    u = one.u.copy()
+    u[start:] = torque(found.model, found.settings, one, load, u_scale)[start:]
+    return one._replace(u=u)
+
+
+def said(found: Calibration, one: Samples) -> tuple[list[Episode], AxisMonitor]:
+    """All that the monitor reports of it, and the monitor."""
+    monitor = AxisMonitor.alone(found.model, found.settings)
+    return monitor.run(one.t_us, one.u, one.y), monitor
+
+
+def peak_of_g(found: Calibration, one: Samples) -> float:
+    """Largest g over its threshold, of any test."""
+    monitor = AxisMonitor.alone(found.model, found.settings)
+    _, trace = monitor.run_traced(one.t_us, one.u, one.y)
+    return float(np.max(trace.g.max(axis=(0, 1)) / monitor.bank.thresholds[:, 0]))

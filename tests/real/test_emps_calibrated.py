@@ -1,0 +1,120 @@
+"""The EMPS cart, identified and calibrated on one half of its record and watched on the other: quiet, faults named.
+
+Exactly as the commands do it; either half for the other.  Watched are the force constant kT and the friction: in twelve
+seconds of this motion dry and viscous friction cannot be told apart, so one of the two stands for both, and an alarm of
+fc means that "friction has changed".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from monitor_core.alarms.episodes import Episode
+from monitor_core.calibration.doubts import CalibrationError
+from monitor_core.calibration.healthy import Samples
+from service.calibration.found import Calibration
+from tests.real.emps_cart import (
+    BUDGET_S,
+    Half,
+    calibrated,
+    faulty,
+    halves,
+    identified,
+    peak_of_g,
+    said,
+    samples,
+    watched,
+)
+
+pytestmark = pytest.mark.records
+
+BEGINS_S = (4.0, 6.0, 8.0)
+"""After the beginning of the other half; until 2.6 s P(0) is looked for."""
+WATCHED = ("kT", "fc")
+
+
+class Halves(NamedTuple):
+    """What was found in one, the other as the daemon sees it, and where the nominal values are."""
+
+    found: Calibration
+    other: Samples
+    folder: Path
+    own: Half
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["second from first", "first from second"])
+def half(
+    request: pytest.FixtureRequest, records_dir: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Halves:
+    both = halves(records_dir / "emps" / "DATA_EMPS.mat")
+    own, other = both[request.param], both[1 - request.param]
+    folder = identified(tmp_path_factory.mktemp("emps"), own)
+    config = watched(folder, WATCHED)
+    found = calibrated(config, own)
+    print(f"EMPS: {found.promise}; {found.settings.thresholds}")
+    return Halves(found, samples(config, found, other.text), folder, own)
+
+
+def test_the_other_half_is_quiet(half: Halves) -> None:
+    episodes, _ = said(half.found, half.other)
+    peak = peak_of_g(half.found, half.other)
+    print(f"EMPS: largest g {peak:.2f} of its threshold")
+    assert episodes == []
+    assert peak < 0.5
+
+
+def watch(half: Halves, change: Mapping[str, float], begins_s: float) -> tuple[float, Episode]:
+    """Delay and last state of the only alarm."""
+    start = round(begins_s / half.found.settings.interval_s)
+    episodes, _ = said(half.found, faulty(half.found, half.other, change, start))
+    assert len({(e.raised_us, e.first) for e in episodes}) == 1
+    delay_s = (episodes[0].raised_us - int(half.other.t_us[start])) * 1e-6
+    e = episodes[-1]
+    print(
+        f"EMPS {change} at {begins_s:g} s: {e.parameter} {e.direction} ({e.stage}, first {e.first[0]}) after"
+        f" {delay_s:.2f} s, {100 * e.size / half.found.model.nominal[e.parameter]:+.0f} %"
+    )
+    assert e.doubt == ""
+    return delay_s, e
+
+
+@pytest.mark.parametrize("begins_s", BEGINS_S)
+@pytest.mark.parametrize("part", [0.15, -0.15])
+def test_a_changed_motor_force_is_named(half: Halves, part: float, begins_s: float) -> None:
+    """Also where friction crossed first."""
+    delay_s, e = watch(half, {"kT": part}, begins_s)
+    assert 0 < delay_s < 2
+    assert (e.stage, e.parameter, e.direction) == ("named", "kT", "up" if part > 0 else "down")
+    assert e.size == pytest.approx(part, abs=0.07)
+
+
+@pytest.mark.parametrize("begins_s", BEGINS_S)
+@pytest.mark.parametrize("part", [0.15, -0.15])
+def test_a_changed_friction_is_named(half: Halves, part: float, begins_s: float) -> None:
+    """Of both kinds: at 0.1 m/s viscous friction is as large as dry, so the size of fc is twice the part."""
+    delay_s, e = watch(half, {"fc": part, "fv": part}, begins_s)
+    assert 0 < delay_s < 2
+    assert (e.stage, e.parameter, e.direction) == ("named", "fc", "up" if part > 0 else "down")
+
+
+@pytest.mark.parametrize("begins_s", BEGINS_S)
+@pytest.mark.parametrize("part", [0.15, -0.15])
+@pytest.mark.parametrize("kind", ["fc", "fv"])
+def test_one_kind_of_friction_alone_is_friction(
+    half: Halves, kind: str, part: float, begins_s: float
+) -> None:
+    """Half as much force, found later; the name may have to wait for the record's end."""
+    delay_s, e = watch(half, {kind: part}, begins_s)
+    assert 0 < delay_s < 4.4
+    assert (e.parameter, e.direction) == ("fc", "up" if part > 0 else "down")
+
+
+def test_both_kinds_of_friction_are_more_than_this_record_can_tell(half: Halves) -> None:
+    """Watched at once they take each other's place, and scatter so much that nothing can be promised."""
+    config = watched(half.folder, ("kT", "fv", "fc"))
+    with pytest.raises(CalibrationError, match=r"too short to promise one false alarm in 10 min"):
+        calibrated(config, half.own, BUDGET_S)
