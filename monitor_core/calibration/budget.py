@@ -1,6 +1,7 @@
 """Thresholds that keep a false-alarm budget, and the rate that they will have, with its uncertainty."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,10 @@ ENOUGH, FEW = 150, 15
 _OFF, _FARTHER = 0.1, 0.03
 """Standard deviation, logarithmic, of what the shape of the run length is off by: so much, and so much for each
 factor e by which it is extrapolated."""
+_DRAWS = 4
+"""Of chance, for each resampling: bounds of the rate come out the same, within a few per cent, another time."""
+_NEAR = 0.02
+"""Accuracy of logarithms of rates."""
 
 
 @dataclass(frozen=True)
@@ -120,56 +125,79 @@ def thresholds(
     allowance: Floats,
     samples: float,
     rng: np.random.Generator,
-    sure: float = UPPER,
 ) -> tuple[Threshold, ...]:
     """Thresholds with which an axis has on the average no more than one false alarm in so many samples.
 
-    Every parameter gets the same share of the budget, and keeps it with the certainty ``sure``.  The allowance
-    (p,), in sizes, is for what estimates are off by beside their scatter: it buys no lower threshold.
+    Every parameter gets the same share of the budget, and the axis keeps the whole of it as surely as the upper bound
+    of the 90 % interval says.  The allowance (p,), in sizes, is for what estimates are off by beside their scatter: it
+    buys no lower threshold.
     """
-    log_share = -math.log(samples * len(tails))
-    found = []
-    for i, tail in enumerate(tails):
-        least = LEAST_H * tail.sigma * scatter.memory
-        draws = rng.standard_normal((2, len(scatter.power)))
+    draws = _draws(scatter, len(tails), rng)
+    log_budget, log_share = -math.log(samples), -math.log(samples * len(tails))
 
-        def excess(log_h: float, i: int = i, draws: Floats = draws) -> float:
-            return float(np.quantile(_drawn(scatter, tails, i, math.exp(log_h), draws), sure)) - log_share
+    def h_for(log_share: float) -> list[float]:
+        return [_threshold(scatter, tail, i, log_share, draws[i]) for i, tail in enumerate(tails)]
 
-        low = math.log(least)
-        high = low + 12
-        h = (
-            least
-            if excess(low) <= 0
-            else math.exp(brentq(excess, low, high))
-            if excess(high) < 0
-            else math.inf
-        )
-        alpha1 = tail.nu / float(scatter.mean_s[i])
-        found.append(Threshold(alpha1, h, float(allowance[i])))
-    return tuple(found)
+    def excess(less: float) -> float:
+        return _upper(scatter, tails, h_for(log_share - less), draws) - log_budget
+
+    # Of rates that spread widely the sum may be larger than the sum of their bounds, and nearly always it is smaller.
+    less = float(brentq(excess, -3.0, 3.0, xtol=_NEAR)) if excess(-3.0) > 0 > excess(3.0) else 0.0
+    return tuple(
+        Threshold(tail.nu / float(scatter.mean_s[i]), h, float(allowance[i]))
+        for i, (tail, h) in enumerate(zip(tails, h_for(log_share - less), strict=True))
+    )
 
 
-def _drawn(scatter: Scatter, tails: tuple[Tail, ...], i: int, h: float, draws: Floats) -> Floats:
-    """Logarithms of the rate of a parameter in the resampled records (B,)."""
-    tail = tails[i]
-    offset = scatter.mean_d[i] + scatter.mean_sd[i] * draws[0]
-    rate = tail.log_rate(h, offset, scatter.power[:, i])
+def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Floats) -> float:
+    """h of a parameter, in sizes times samples, whose rate is below its share with the certainty ``UPPER``."""
+    least = LEAST_H * tail.sigma * scatter.memory
+
+    def excess(log_h: float) -> float:
+        return float(np.quantile(_drawn(scatter, tail, i, math.exp(log_h), draws), UPPER)) - log_share
+
+    low = math.log(least)
+    high = low + 12
+    if excess(low) <= 0:
+        return least
+    return math.exp(brentq(excess, low, high, xtol=_NEAR / 20)) if excess(high) < 0 else math.inf
+
+
+def _draws(scatter: Scatter, parameters: int, rng: np.random.Generator) -> Floats:
+    """Chance of the mean and of the formula (p, 2, n), some for each resampling."""
+    return rng.standard_normal((parameters, 2, _DRAWS * len(scatter.power)))
+
+
+def _drawn(scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats) -> Floats:
+    """Logarithms of the rate of a parameter (n,), by what the resampled records and chance say."""
+    offset = scatter.offset[i] + scatter.mean_sd[i] * draws[0]
+    rate = tail.log_rate(h, offset, np.tile(scatter.power[:, i], _DRAWS))
     sd = _OFF + _FARTHER * max(0.0, tail.log_known - float(np.median(rate)))
     return np.asarray(rate + sd * draws[1])
+
+
+def _whole(scatter: Scatter, tails: tuple[Tail, ...], h: Sequence[float], draws: Floats) -> Floats:
+    """Logarithms of the rate of the axis (n,)."""
+    each = [
+        _drawn(scatter, tail, i, h_i, draws[i]) for i, (tail, h_i) in enumerate(zip(tails, h, strict=True))
+    ]
+    return np.asarray(np.logaddexp.reduce(each, axis=0))
+
+
+def _upper(scatter: Scatter, tails: tuple[Tail, ...], h: Sequence[float], draws: Floats) -> float:
+    return float(np.quantile(_whole(scatter, tails, h, draws), UPPER))
 
 
 def rates(
     scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator
 ) -> Rates:
     """How often these thresholds will alarm on axes that are like the healthy records, off by the allowance."""
-    one, drawn, beyond = [], [], []
-    for i, (tail, threshold) in enumerate(zip(tails, own, strict=True)):
-        log_rate = float(tail.log_rate(threshold.alpha2, scatter.mean_d[i], np.array(1.0)))
-        one.append(log_rate)
-        beyond.append(tail.log_known - log_rate)
-        draws = rng.standard_normal((2, len(scatter.power)))
-        drawn.append(_drawn(scatter, tails, i, threshold.alpha2, draws))
-    lower, upper = np.exp(np.quantile(np.logaddexp.reduce(drawn, axis=0), [LOWER, UPPER]))
+    h = [threshold.alpha2 for threshold in own]
+    one = np.array([tail.log_rate(h[i], scatter.offset[i], np.array(1.0)) for i, tail in enumerate(tails)])
+    beyond = max(tail.log_known - rate for tail, rate in zip(tails, one, strict=True))
+    whole = _whole(scatter, tails, h, _draws(scatter, len(tails), rng))
+    lower, upper = np.exp(np.quantile(whole, [LOWER, UPPER]))
     parameters = np.exp(one)
-    return Rates(parameters, float(parameters.sum()), float(lower), float(upper), math.exp(max(0.0, *beyond)))
+    return Rates(
+        parameters, float(parameters.sum()), float(lower), float(upper), math.exp(max(0.0, float(beyond)))
+    )

@@ -19,6 +19,8 @@ LEAST_TESTED = 0.5
 """Of the samples after P(0) was found."""
 STEP = 5.0
 """Standard deviations of the estimate by which it changes inside a record, or is off all along, where it is faulty."""
+OFF = 0.1
+"""And so much of the parameter's size: less is allowed for in nu, as no nominal values are quite those of the axis."""
 _SURE = 6.0
 """And of the difference of two means: chance does not make it."""
 _EDGE = 5
@@ -136,7 +138,7 @@ def _no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]
     d = np.concatenate([binned(one, q)[:, 0] for one in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():
-        if abs(mean[i]) > STEP * sd[i]:
+        if abs(mean[i]) > max(STEP * sd[i], OFF):
             raise CalibrationError(
                 f"{model.monitored[i]} is off its nominal value all along, by {100 * mean[i]:+.1f} % of its size,"
                 f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values are not those of"

@@ -15,6 +15,8 @@ from monitor_core.kernel.tables import Floats
 
 BINS = 50
 """In a memory: of so many samples one is looked at."""
+OFFSET = 0.3
+"""Standard deviations: a mean that is farther off the nominal value would leave a test no threshold."""
 LONGEST, MOST_BLOCKS = 5, 30
 """Memories in a block, and how many blocks there are at least, where the record is long enough for both."""
 
@@ -34,6 +36,17 @@ class Scatter:
     power: Floats  # (B, p)
     memories: float
     memory: float
+
+    @property
+    def offset(self) -> Floats:
+        """Of the deviations (p,), as far as the rates have it in them."""
+        most = OFFSET * self.sigma
+        return np.clip(self.mean_d, -most, most)
+
+    @property
+    def beyond(self) -> Floats:
+        """How much farther off zero the deviations are all along (p,): the tests allow for it."""
+        return np.abs(self.mean_d - self.offset)
 
 
 def scatter(

@@ -22,7 +22,7 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
 
     The means of parts, of all records, scatter by sigma sqrt(2 / memories) if there is nothing but noise.  What is
     beyond that (DerSimonian and Laird 1986; nothing, where chance would do) is a bias that comes and goes: of the
-    pose, of the temperature.
+    pose, of the temperature.  To it comes the bias that stays, of nominal values that are not quite those of the axis.
     """
     q = max(1, round(scatter.memory / BINS))
     means, weights = [], []
@@ -34,7 +34,7 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
             weights.append(len(part) / BINS / 2)
     m, w = np.array(means), np.array(weights)[:, np.newaxis]
     if len(m) < 2:
-        return np.zeros(len(scatter.sigma))
+        return scatter.beyond
     # Within the parts, or the spread would be its own measure.
     inside = np.sqrt(np.maximum(scatter.sigma**2 - m.var(axis=0), 0.1 * scatter.sigma**2))
     w = w / inside**2
@@ -42,4 +42,4 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
     Q, freedom = (w * (m - mean) ** 2).sum(axis=0), len(m) - 1
     excess = (Q - freedom) / (w.sum(axis=0) - (w**2).sum(axis=0) / w.sum(axis=0))
     real = chi2.ppf(LEVEL ** (1 / len(Q)), freedom) < Q
-    return np.asarray(np.where(real, FACTOR * np.sqrt(np.maximum(excess, 0.0)), 0.0))
+    return np.asarray(scatter.beyond + np.where(real, FACTOR * np.sqrt(np.maximum(excess, 0.0)), 0.0))

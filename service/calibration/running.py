@@ -165,7 +165,14 @@ def _warnings(of: Calibration) -> Iterator[str]:
                 f"{name} scatters {ratio:.2g} times as much as P says (innovations that are not white, or a model that"
                 " is not the axis): alpha_1 makes up for it."
             )
-    for name, allowed in zip(of.model.monitored, of.allowance, strict=True):
+    beyond = of.scatter.beyond
+    for name, off, more in zip(of.model.monitored, of.scatter.mean_d, beyond, strict=True):
+        if more > 0:
+            yield (
+                f"{name} is off its nominal value by {100 * off:+.2g} % of its size all along: nu allows for it."
+                " Nominal values identified from these records let smaller faults be found."
+            )
+    for name, allowed in zip(of.model.monitored, of.allowance - beyond, strict=True):
         if allowed > 0:
             yield (
                 f"{name} differs between parts of the records beyond chance: nu allows for {100 * allowed:.2g} % of"

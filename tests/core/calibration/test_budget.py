@@ -157,6 +157,24 @@ def test_records_that_differ_get_an_allowance(seed: int) -> None:
     assert allowed[1] < 1.0
 
 
+def test_what_is_off_all_along_is_allowed_for(seed: int) -> None:
+    """Two standard deviations off: nu grows by 1.7, h stays as without, and the budget is promised all the same."""
+    rng = np.random.default_rng(seed)
+    d = forgotten(rng, LENGTH)
+    found = [[deviations(d)], [deviations(d + np.array([2.0, 0.0]))]]
+    k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
+    own = []
+    for one in found:
+        scattered = scatter(one, MEMORY, np.random.default_rng(seed))
+        tail, allowed = tails(scattered, copies(k)), allowance(one, scattered)
+        same = np.random.default_rng(seed)
+        own.append(thresholds(scattered, tail, allowed, BUDGET * MEMORY, same))
+    (plain, _), (off, other) = own
+    assert off.allowance - plain.allowance == pytest.approx(2.0 - 0.3, abs=0.4)
+    assert other.allowance < 1.0
+    assert off.alpha2 == pytest.approx(plain.alpha2, rel=0.6)
+
+
 def test_equal_records_hardly_ever_get_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
     count = 0
