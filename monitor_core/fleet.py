@@ -1,7 +1,7 @@
 """A fleet: axes of any drives, sample rates and settings, their blocks of samples taken in one call."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
 from monitor_core.settings import Settings
+
+_T = TypeVar("_T", bound=np.generic)
 
 
 class Block(NamedTuple):
@@ -92,8 +94,13 @@ class _Group(NamedTuple):
         for lane, block in taken:
             n = count[lane]
             t_us[:n, lane], u[:n, lane], y[:n, lane] = block.t_us, block.u, block.y
-        shift, gate = self._shift(taken, shape), _gate(taken, shape)
-        y2 = _second(taken, shape)
+        before = self.bank.state.shift
+        shift = _filled(
+            {lane: block.shift for lane, block in taken},
+            lambda: np.repeat(before[np.newaxis], shape[0], axis=0),
+        )
+        gate = _filled({lane: block.gate for lane, block in taken}, lambda: np.ones(shape, np.bool_))
+        y2 = _filled({lane: block.y2 for lane, block in taken}, lambda: np.full(shape, np.nan))
         if seen is None:
             events = self.bank.run(t_us, u, y, count, shift, gate, y2)
         else:
@@ -103,35 +110,16 @@ class _Group(NamedTuple):
         for lane, event in events:
             yield self.axes[lane], event
 
-    def _shift(self, taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> Floats | None:
-        """(N, p, W), where any axis has one: for the others it is what it was last."""
-        if all(block.shift is None for _, block in taken):
-            return None
-        shift = np.repeat(self.bank.state.shift[np.newaxis], shape[0], axis=0)
-        for lane, block in taken:
-            if block.shift is not None:
-                shift[: len(block.t_us), :, lane] = block.shift
-        return shift
 
-
-def _gate(taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> NDArray[np.bool_] | None:
-    if all(block.gate is None for _, block in taken):
+def _filled(given: Mapping[int, NDArray[_T] | None], empty: Callable[[], NDArray[_T]]) -> NDArray[_T] | None:
+    """The lanes' values (N, ..., W) in an array of what is without them; None, where no lane has any."""
+    if all(values is None for values in given.values()):
         return None
-    gate = np.ones(shape, np.bool_)
-    for lane, block in taken:
-        if block.gate is not None:
-            gate[: len(block.t_us), lane] = block.gate
-    return gate
-
-
-def _second(taken: Sequence[tuple[int, Block]], shape: tuple[int, int]) -> Floats | None:
-    if all(block.y2 is None for _, block in taken):
-        return None
-    y2 = np.full(shape, np.nan)
-    for lane, block in taken:
-        if block.y2 is not None:
-            y2[: len(block.t_us), lane] = block.y2
-    return y2
+    out = empty()
+    for lane, values in given.items():
+        if values is not None:
+            out[: len(values), ..., lane] = values
+    return out
 
 
 def _alike(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[list[int]]:
