@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from monitor_core.alarms.episodes import DIRECTIONS, Calm, Crossing, Event
 from monitor_core.alarms.evidence import Judge
 from monitor_core.assembly import Assembly, fill
+from monitor_core.constants import constants_of, naming_samples, vague
 from monitor_core.kernel.block import Samples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
 from monitor_core.kernel.evidence import EVERY, KEPT, Noted, kept_numbers
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
-from monitor_core.kernel.tables import GAINS, Floats, constant_rows
+from monitor_core.kernel.tables import Floats, constant_rows
 from monitor_core.kernel.vector import EIGHT
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
-from monitor_core.stability import stable_limits
 
 FEWEST_LANES = 8
 """From so many axes on the bank runs in lanes.  Lanes are faster from four on, twice as fast at eight (``make bench``
@@ -26,9 +26,6 @@ measures it), but the six axes of one robot then save a thousandth of a core and
 
 MOST_LANES = 32
 """Lanes side by side: their work arrays fit the first cache."""
-
-CALM_MEMORIES = 3
-SLOW_MEMORIES = 10
 
 
 class Bank:
@@ -72,7 +69,7 @@ class Bank:
         judged = named.lower, named.upper, self.state.P_nom
         self._judges = tuple(Judge(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
         for a, (model, setting) in pairs:
-            fill(named, a, _constants(assembly, model, setting))
+            fill(named, a, constants_of(assembly, model, setting))
             self._start(a, model, setting)
 
     def _start(self, a: int, model: AxisModel, s: Settings) -> None:
@@ -80,14 +77,14 @@ class Bank:
         st.theta[:, a] = model.theta0
         st.t[a] = NEVER
         st.onset[:, :, a] = NEVER
-        st.left[a] = EVERY * _naming(s)
+        st.left[a] = EVERY * naming_samples(s)
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
         st.credit[a] = CREDIT
         st.running2[:, a], st.credit2[:, a] = s.lam0, CREDIT
         st.plenty[a] = 1.0
         st.seed_left[a] = s.seed_updates
-        certain = s.P0 or _vague(model, s)
+        certain = s.P0 or vague(model, s)
         if np.shape(certain) != model.scale.shape:
             raise ValueError(f"P0 has {len(s.P0)} entries, {len(model.scale)} parameters are monitored")
         np.fill_diagonal(st.P[:, :, a], certain)
@@ -189,7 +186,7 @@ class Bank:
     def _noted(self, N: int) -> Noted:
         """Room for what N samples of each axis can have noted: once as soon as a naming takes, in each."""
         p = self._tables.p
-        capacity = sum(N // _naming(s) + 1 for s in self.settings)
+        capacity = sum(N // naming_samples(s) + 1 for s in self.settings)
         numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
         before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
         return Noted(*numbers, np.empty((1 + 2 * p + p * p, capacity)), *before)
@@ -232,16 +229,6 @@ class Bank:
         self._ints[:, a] = ints
 
 
-def _naming(s: Settings) -> int:
-    """Samples from the first crossing until there is evidence for a name, and of calm that end an alarm."""
-    return round(CALM_MEMORIES * s.memory)
-
-
-def _vague(model: AxisModel, s: Settings) -> Floats:
-    """Diagonal of P (p,) of who knows no more of the parameters than their sizes."""
-    return np.asarray((1 + s.lam) * model.scale**2 / s.lam0)
-
-
 def standard_deviation(s: Settings, P_ii: float) -> float:
     """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda)); with a drift, lambda is 1."""
     return math.sqrt(s.lam0 * P_ii / s.divisor)
@@ -250,51 +237,6 @@ def standard_deviation(s: Settings, P_ii: float) -> float:
 def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
     """One lane for few axes, which are then run one after the other; else as many as there is use for."""
     return (0,) if axes < FEWEST_LANES else np.arange(-(-min(axes, MOST_LANES) // EIGHT) * EIGHT)
-
-
-def _constants(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:
-    numbers = {
-        "interval": s.interval_s,
-        "lam": s.lam,
-        "lam0": s.lam0,
-        "lam_slow": 1 - (1 - s.lam) / SLOW_MEMORIES,
-        "delay": s.delay_s,
-        "gap_us": round(s.max_gap_s * 1e6),
-        "settle_us": round(s.settle_s * 1e6),
-        "seed": s.seed_updates,
-        "calm": _naming(s),
-        "floor": s.floor,
-        "starved": s.starved,
-        "lost_us": round(s.lost_s * 1e6),
-        "outlier": s.outlier,
-        "joint": s.joint,
-        "drift": s.drift,
-        "tested": not s.untold,
-        "widen": s.widen,
-        "span": s.span,
-    }
-    n = len(model.drive.states)
-    K, scale2 = _gains(model, s)
-    vectors = {"K": K, "scale2": scale2, "vague": _vague(model, s), "scale": model.scale}
-    alpha1, alpha2, allowance = s.tests(len(model.scale))
-    vectors |= {"h": alpha2 * model.scale, "alpha1": alpha1, "allowance": allowance * model.scale}
-    vectors |= assembly.model_constants(model, s.speed_scale)
-    vectors["lower"], vectors["upper"] = stable_limits(model, s.filter(n), s.interval_s)
-    return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
-
-
-def _gains(model: AxisModel, s: Settings) -> tuple[Floats, Floats]:
-    """K and scale2 as the kernel has them; the second output's gains are those for its scaled innovations."""
-    n = len(model.drive.states)
-    if not model.drive.both:
-        if s.second is not None:
-            raise ValueError("settings of a second output, which the drive does not have")
-        return s.gains(n).ravel(), np.empty(0)
-    K = s.both_gains(n)
-    assert s.second is not None  # both_gains has seen to it
-    scale2 = math.sqrt(s.lam0 / s.second.lam0)
-    K[GAINS : 2 * GAINS] /= scale2
-    return K.ravel(), np.array([scale2])
 
 
 def _events(most_per_sample: int, samples: int) -> Events:
