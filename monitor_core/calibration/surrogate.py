@@ -67,7 +67,9 @@ def simulated(
     if not sources:
         raise ValueError("nothing was learned from any record")
     whole = sum(len(source.u) for source in sources)
-    turns = max(2, round(samples / whole / LANES))  # of the first, sigma is had in any case
+    # Of the first memories sigma is had; short records go by for it a first time.
+    least = 1 if whole > 4 * _KNOWN * settings.memory else 2
+    turns = max(least, round(samples / whole / LANES))
     for turn in range(turns):
         for source in sources:
             _run(model, settings, source, watch, rng)

@@ -38,7 +38,8 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -
         )
         for line in lines
     ]
-    return "\n".join(["", "", title, "-" * len(title), *(line.rstrip() for line in body)])
+    rule = "-" * max(map(len, title.splitlines()))
+    return "\n".join(["", "", title, rule, *(line.rstrip() for line in body)])
 
 
 def _text(value: object) -> str:

@@ -16,6 +16,7 @@ from monitor_core.reference import (
     FAULT_AT,
     INTERVAL_S,
     NOISE,
+    Record,
     experiments,
     reference_model,
 )
@@ -42,10 +43,16 @@ def settings_of(output: Output, seed: int, run_on: bool = False) -> Settings:
 
 def steady_p(model: AxisModel, settings: Settings, seeds: Sequence[int]) -> tuple[float, ...]:
     """P(0) by the paper's recipe, averaged over the records of many seeds."""
+    return steady_p_of(model, settings, experiments(seeds, output=model.drive.output, samples=4000))
+
+
+def steady_p_of(model: AxisModel, settings: Settings, records: Record) -> tuple[float, ...]:
+    """The same, of these records."""
     settings = replace(settings, P0=())
-    t_us, u, y = experiments(seeds, output=model.drive.output, samples=4000)
-    bank = Bank([model] * len(seeds), [settings] * len(seeds))
-    bank.run(np.repeat(t_us[:, np.newaxis], len(seeds), axis=1), u, y)
+    t_us, u, y = records
+    W = u.shape[1]
+    bank = Bank([model] * W, [settings] * W)
+    bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y)
     assert not bank.state.seed_left.any()
     return tuple(float(v) for v in bank.state.P_nom.mean(axis=1))
 

@@ -4,36 +4,80 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.calibration.plants import Plants
 from monitor_core.detection.bank import HypothesisBank
 from monitor_core.detection.events import Changed, Named
 from monitor_core.detection.limit import least_delay
 from monitor_core.kernel.tables import Floats
-from monitor_core.model import Output
+from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.model import AxisModel, Output
 from monitor_core.reference import (
     FAULT_AT,
     INTERVAL_S,
-    MONITORED,
     NOISE,
     SAMPLES,
     Record,
-    experiment,
     experiments,
+    faulty,
     reference_model,
 )
 from monitor_core.settings import Settings
-from tests.core.figures import AT_ONCE, run_bank, settings_of
+from tests.core.figures import AT_ONCE, settings_of, steady_p_of
 
 BLOCK = 100
 DAY = 86400 / INTERVAL_S
-LEFT_S = (SAMPLES - FAULT_AT) * INTERVAL_S
+WITHIN_S = 5.0
+"""After the fault: what comes later is missed."""
+WATCHED = FAULT_AT + round((WITHIN_S + 3.5) / INTERVAL_S)
+"""Samples, so that the last alarm, too, is named after its three memories."""
 
 
 def bank_of(output: Output, h: float, seed: int) -> HypothesisBank:
     return HypothesisBank(reference_model(output), settings_of(output, seed), h=h)
+
+
+def model_of(monitored: Sequence[str], values: Mapping[str, float]) -> AxisModel:
+    """The reference drive with other parameters monitored, and other nominal values."""
+    return AxisModel(three_mass("speed"), {**REFERENCE_VALUES, **values}, tuple(monitored))
+
+
+def settings_for(model: AxisModel, seed: int) -> Settings:
+    """The paper's, with P(0) of this model."""
+    settings = replace(settings_of(model.drive.output, seed), P0=())
+    return replace(
+        settings, P0=steady_p_of(model, settings, records(model, range(seed, seed + 50), samples=4000))
+    )
+
+
+def records(
+    model: AxisModel,
+    seeds: Sequence[int],
+    fault: Mapping[str, float] | None = None,
+    *,
+    samples: int = WATCHED,
+    noise: float | None = None,
+) -> Record:
+    """The reference experiment, also of an axis with Coulomb friction, which goes by the measured speed as the model's.
+
+    Without friction these are ``experiments``; with it the same torques and the same noise.
+    """
+    output, nominal = model.drive.output, model.nominal
+    found = experiments(seeds, fault, output=output, samples=samples, noise=noise)
+    if not nominal["fc"]:
+        return found
+    healthy = experiments(seeds, output=output, samples=samples, noise=0.0).y
+    eps = experiments(seeds, output=output, samples=samples, noise=noise).y - healthy
+    plants = Plants(model, Settings(INTERVAL_S), [nominal, faulty(nominal, fault or {})])
+    W = len(seeds)
+    which, x, rest = np.zeros(W, np.int64), np.zeros((W, len(model.drive.states))), np.zeros(W)
+    before, x = plants.run(which, x, rest, found.u[:FAULT_AT], eps[:FAULT_AT])
+    after, _ = plants.run(which + 1, x, found.u[FAULT_AT - 1], found.u[FAULT_AT:], eps[FAULT_AT:])
+    return Record(found.t_us, found.u, np.concatenate([before, after]))
 
 
 class Delays(NamedTuple):
@@ -56,7 +100,7 @@ class Delays(NamedTuple):
         return f"alarm {median:.2f} ({most:.2f}) s, named {named:.2f} s, {shares}, early {self.early}"
 
 
-class _One(NamedTuple):
+class One(NamedTuple):
     alarm: float = math.inf
     cause: str = ""
     named: float = math.inf
@@ -68,33 +112,39 @@ class _One(NamedTuple):
 def delays(bank: HypothesisBank, fault: Mapping[str, float], seeds: Sequence[int]) -> Delays:
     """Of those that alarm and are named, before the record's end, which share has the right cause."""
     (right,) = fault
-    found: list[_One] = []
+    found: list[One] = []
     for k in range(0, len(seeds), AT_ONCE):
-        records = experiments(seeds[k : k + AT_ONCE], fault, output=bank.model.drive.output)
-        found += [
-            _run(bank, Record(records.t_us, records.u[:, a], records.y[:, a]))
-            for a in range(records.u.shape[1])
-        ]
-    alarmed, named = [one for one in found if one.cause], [one for one in found if one.name]
+        t_us, u, y = records(bank.model, seeds[k : k + AT_ONCE], fault)
+        found += [_run(bank, Record(t_us, u[:, a], y[:, a])) for a in range(u.shape[1])]
+    return summed_up(found, right)
+
+
+def summed_up(found: Sequence[One], right: str) -> Delays:
+    """One row, of faults in that parameter."""
     return Delays(
         np.array([one.alarm for one in found]),
         np.array([one.named for one in found]),
-        float(np.mean([one.cause == right for one in alarmed])),
-        float(np.mean([one.name == right for one in named])),
+        share([one.cause == right for one in found if one.cause]),
+        share([one.name == right for one in found if one.name]),
         sum(one.early for one in found),
         sum(not one.certain for one in found),
     )
 
 
-def _run(bank: HypothesisBank, rec: Record) -> _One:
+def share(of: Sequence[bool]) -> float:
+    """NaN of nothing."""
+    return float(np.mean(of)) if of else math.nan
+
+
+def _run(bank: HypothesisBank, rec: Record) -> One:
     bank.reset()
-    one = _One()
+    one = One()
     for at in range(0, len(rec.u), BLOCK):
         block = slice(at, at + BLOCK)
         for event in bank.run(rec.t_us[block], rec.u[block], rec.y[block]):
             delay = (event.time_us - rec.t_us[FAULT_AT]) * 1e-6 + INTERVAL_S
-            if isinstance(event, Changed) and delay <= 0:
-                return one._replace(early=True)
+            if isinstance(event, Changed) and not 0 < delay <= WITHIN_S:
+                return one._replace(early=delay <= 0)
             if isinstance(event, Changed):
                 one = one._replace(alarm=delay, cause=event.shares[0].cause)
             elif isinstance(event, Named):
@@ -104,7 +154,8 @@ def _run(bank: HypothesisBank, rec: Record) -> _One:
 
 def false_alarms(bank: HypothesisBank, seed: int, samples: int) -> tuple[int, int]:
     """Alarms of a healthy record, and samples tested; after each alarm the bank begins anew."""
-    rec = experiment(seed, samples=samples, fault_at=samples // 2, output=bank.model.drive.output)
+    t_us, u, y = records(bank.model, [seed], samples=samples)
+    rec = Record(t_us, u[:, 0], y[:, 0])
     at, alarms, settling = 0, 0, round(bank.settings.settle_s / INTERVAL_S)
     begun = 0
     while at < samples:
@@ -131,43 +182,12 @@ def within(delay: Floats) -> tuple[float, float]:
     return float(median), float(most)
 
 
-def limit_s(fault: Mapping[str, float], seeds: Sequence[int], samples_between: float) -> float:
+def limit_s(
+    fault: Mapping[str, float], seeds: Sequence[int], samples_between: float, model: AxisModel | None = None
+) -> float:
     """The limit for a fault of the reference experiment, over the records of these seeds."""
-    healthy, broken = (experiments(seeds, which, noise=0.0).y[FAULT_AT:] for which in (None, fault))
+    of = model or reference_model()
+    healthy, broken = (
+        records(of, seeds, which, samples=SAMPLES, noise=0.0).y[FAULT_AT:] for which in (None, fault)
+    )
     return least_delay(healthy, broken, NOISE["speed"] ** 2, samples_between) * INTERVAL_S
-
-
-def paper_delays(settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]) -> Delays:
-    """The paper's detector: first crossing of any g; named by the largest |d| / sd three memory lengths later."""
-    (right,) = fault
-    parts = [
-        _paper(settings, fault, seeds[k : k + AT_ONCE], MONITORED.index(right))
-        for k in range(0, len(seeds), AT_ONCE)
-    ]
-    alarm, first, named, early = (np.concatenate(of) for of in zip(*parts, strict=True))
-    alarmed = np.isfinite(alarm)
-    later = np.where(alarmed, alarm + 3 * settings.memory * INTERVAL_S, np.inf)
-    return Delays(
-        alarm, later, float(first[alarmed].mean()), float(named[alarmed].mean()), int(early.sum()), 0
-    )
-
-
-def _paper(
-    settings: Settings, fault: Mapping[str, float], seeds: Sequence[int], which: int
-) -> tuple[Floats, ...]:
-    """For each seed: delay [s], whether the right parameter was first, is largest later, and an early alarm."""
-    model = reference_model()
-    trace = run_bank(model, settings, seeds, fault)
-    crossed = np.any(trace.g > settings.alpha2 * model.scale[:, np.newaxis], axis=1)
-    early, late = crossed[:FAULT_AT].any(axis=(0, 1)), crossed[FAULT_AT:]
-    when = np.where(late.any(axis=0), late.argmax(axis=0), SAMPLES)  # (p, seeds)
-    first, lane = when.min(axis=0), np.arange(len(seeds))
-    look = np.minimum(FAULT_AT + first + round(3 * settings.memory), SAMPLES - 1)
-    d = abs(trace.theta - model.theta0[:, np.newaxis]) / np.sqrt(trace.P)
-    alarm = np.where((first < SAMPLES) & ~early, (first + 1) * INTERVAL_S, np.inf)
-    return (
-        alarm,
-        (when.argmin(axis=0) == which) * 1.0,
-        (d[look, :, lane].argmax(axis=1) == which) * 1.0,
-        early * 1.0,
-    )

@@ -1,0 +1,84 @@
+"""The paper's detector on the reference experiment: thresholds for a rate of false alarms, alarms in two stages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.bank import Bank
+from monitor_core.calibration.budget import nu_over_sigma, rates, tails, thresholds
+from monitor_core.calibration.healthy import Samples, deviations
+from monitor_core.calibration.scatter import scatter
+from monitor_core.calibration.surrogate import simulated
+from monitor_core.model import AxisModel
+from monitor_core.monitor import AxisMonitor
+from monitor_core.reference import FAULT_AT, INTERVAL_S
+from monitor_core.settings import Settings
+from tests.core.figures import AT_ONCE
+from tests.core.hypothesis_figures import WATCHED, WITHIN_S, Delays, One, records, summed_up
+
+HEALTHY = 120_000
+"""Samples of the record from which thresholds come: ten minutes."""
+WITHIN = 3.0
+"""Memories in which the smallest fault is to be found."""
+
+
+def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) -> tuple[Settings, str]:
+    """With the thresholds that most likely alarm once in so many samples of the healthy axis; and how that is known."""
+    rng = np.random.default_rng([seed, 1])
+    t_us, u, y = records(model, [seed], samples=HEALTHY)
+    one = [Samples("healthy", t_us, u[:, 0], y[:, 0])]
+    scattered = scatter(deviations(model, settings, one), settings.memory, rng)
+    k = nu_over_sigma(len(model.scale), settings.memory, between, WITHIN)
+    tail = tails(scattered, simulated(model, settings, one, k, rng))
+    own = thresholds(scattered, tail, np.zeros(len(model.scale)), between, rng, sure=0.5)
+    found = rates(scattered, tail, own, rng)
+    times = [INTERVAL_S / 3600 / rate for rate in (found.whole, found.upper, found.lower)]
+    alphas = ", ".join(
+        f"{t.alpha1:.2f} and {t.alpha2 / size:.1f}"
+        for t, size in zip(own, np.abs(model.theta0) / model.scale, strict=True)
+    )
+    words = (
+        f"one false alarm in {times[0]:.0f} h ({times[1]:.0f} to {times[2]:.0f} h), by calibration on ten minutes and"
+        f" extrapolated {found.beyond:.0f} times: alpha_1 and alpha_2 {alphas}"
+    )
+    return replace(settings, thresholds=own, run_on=False), words
+
+
+def paper_delays(
+    model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
+) -> Delays:
+    """The first alarm, its first name, and the one that it gets three memory lengths later."""
+    (right,) = fault
+    found = [
+        one
+        for k in range(0, len(seeds), AT_ONCE)
+        for one in _outcomes(model, settings, fault, seeds[k : k + AT_ONCE])
+    ]
+    return summed_up(found, right)
+
+
+def _outcomes(
+    model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
+) -> list[One]:
+    t_us, u, y = records(model, seeds, fault)
+    W = len(seeds)
+    bank = Bank([model] * W, [settings] * W)
+    monitors = [AxisMonitor(bank, a) for a in range(W)]
+    found = [One() for _ in range(W)]
+    for a, event in bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y):
+        for e in monitors[a].apply(event):
+            delay = (e.raised_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
+            if found[a].early or delay > WITHIN_S:
+                continue
+            if delay <= 0:
+                found[a] = One(early=True)
+            elif not found[a].cause:
+                found[a] = One(alarm=delay, cause=e.parameter)
+            if e.stage == "named" and not found[a].name and not found[a].early:
+                when = (e.updated_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
+                found[a] = found[a]._replace(named=when, name=e.parameter)
+    assert len(t_us) == WATCHED
+    return found
