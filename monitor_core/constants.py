@@ -25,7 +25,7 @@ def vague(model: AxisModel, s: Settings) -> Floats:
 
 
 def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:
-    """By the names of kernel/state.Constants: numbers, or as many rows as each needs.
+    """By the names of kernel/tables.Constants: numbers, or as many rows as each needs.
 
     Raises:
         ValueError: settings that do not fit the drive.

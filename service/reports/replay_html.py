@@ -13,8 +13,9 @@ from service.reports.replayed import Replayed, ReplayedAxis
 from service.reports.words import escaped
 
 _LEGEND = (
-    f"Estimate with a band of ± {SIGMAS:g} reported standard deviations, √(λ₀ P<sub>ii</sub> / (1 + λ)). Between the"
-    " dotted lines, nominal ± ν with ν = α₁ √(λ₀ P<sub>ii</sub>) and an allowance, if there is one, g falls; outside it"
+    f"Estimate with a band of ± {SIGMAS:g} reported standard deviations, √(λ₀ P<sub>ii</sub> / (1 + λ)), with"
+    " random_walk √(λ₀ P<sub>ii</sub> / 2). Between the dotted lines, nominal ± ν with ν = α₁ √(λ₀ P<sub>ii</sub>) and"
+    " an allowance, if there is one, g falls; outside it"
     " grows, and the alarm is raised where it crosses h, then g starts again from zero. Of a long"
     " record each point stands for a short stretch: of estimates the mean, shaded from the least to the largest, of g"
     " both, so that no crossing is lost. Grey: nothing was learned, estimates and tests wait."
