@@ -33,8 +33,11 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
     scattered = scatter(deviations(model, settings, one), settings.memory, rng)
     k = nu_over_sigma(len(model.scale), settings.memory, between, WITHIN)
     tail = tails(scattered, simulated(model, settings, one, k, rng))
-    own = thresholds(scattered, tail, np.zeros(len(model.scale)), between, rng, sure=0.5)
-    found = rates(scattered, tail, own, rng)
+    asked = between
+    for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely
+        own = thresholds(scattered, tail, np.zeros(len(model.scale)), asked, np.random.default_rng(seed))
+        found = rates(scattered, tail, own, np.random.default_rng(seed))
+        asked *= found.whole * between
     times = [INTERVAL_S / 3600 / rate for rate in (found.whole, found.upper, found.lower)]
     alphas = ", ".join(
         f"{t.alpha1:.2f} and {t.alpha2 / size:.1f}"
