@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.kernel.state import COUNTERS2
 
 
@@ -55,6 +56,21 @@ class ParameterFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class DetectorFacts:
+    """What a detector says now."""
+
+    name: DetectorName
+    alarms: bool
+    """Whether its alarms are those of the axis; the other only looks on"""
+    leading: str
+    """What is nearest its threshold: a parameter, or another cause; empty: nothing yet"""
+    evidence: float
+    """Of that, g over h"""
+    open: tuple[str, ...]
+    """Names of the alarms that are open by what it says"""
+
+
+@dataclass(frozen=True, slots=True)
 class AxisFacts:
     """One axis at the time of its last sample (microseconds since 1970, None before the first)."""
 
@@ -66,6 +82,7 @@ class AxisFacts:
     """What cannot be told apart now, in words; empty where all is observed"""
     counters: Mapping[str, int]
     """What became of the samples; see monitor_core.kernel.state.COUNTERS, and of two outputs COUNTERS2"""
+    detectors: tuple[DetectorFacts, ...] = ()
 
     @property
     def samples(self) -> int:

@@ -1,17 +1,19 @@
 """A fleet: axes of any drives, sample rates and settings, their blocks of samples taken in one call."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.alarms.episodes import Event
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.bank import Bank
+from monitor_core.detection.detector import BankDetector
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitor import AnyEvent, AxisMonitor
 from monitor_core.settings import Settings
 
 _T = TypeVar("_T", bound=np.generic)
@@ -28,6 +30,7 @@ class Block(NamedTuple):
     y2: Floats | None = None  # (N,) speed beside an angle, of a drive that has both, NaN where missing
 
 
+_NOTHING: Mapping[int, Any] = MappingProxyType({})
 Seen = Callable[[int, Trace], None]
 """Is told, of each axis that took samples, what the recursion did at each of them; axis dropped from the fields."""
 
@@ -35,13 +38,20 @@ Seen = Callable[[int, Trace], None]
 class Fleet:
     """Monitors of axes; those of equal drive and equal monitored parameters share a bank, and so the kernel's lanes.
 
-    ``monitors`` are in the order of the axes.
+    ``monitors`` are in the order of the axes.  ``beside`` are the second detectors of axes that have one, ``alarms``
+    says which detector of an axis alarms; default the CUSUM tests.
 
     Raises:
         ValueError: models and settings of different number, none, or settings that do not fit the drive.
     """
 
-    def __init__(self, models: Sequence[AxisModel], settings: Sequence[Settings]) -> None:
+    def __init__(
+        self,
+        models: Sequence[AxisModel],
+        settings: Sequence[Settings],
+        beside: Mapping[int, BankDetector] = _NOTHING,
+        alarms: Mapping[int, DetectorName] = _NOTHING,
+    ) -> None:
         if not models or len(models) != len(settings):
             raise ValueError(
                 f"{len(models)} models and {len(settings)} settings: need one each, at least one"
@@ -51,20 +61,23 @@ class Fleet:
             for axes in _alike(models, settings)
         ]
         placed = {axis: (group.bank, lane) for group in self._groups for lane, axis in enumerate(group.axes)}
-        self.monitors = tuple(AxisMonitor(*placed[axis]) for axis in range(len(models)))
+        self.monitors = tuple(
+            AxisMonitor(*placed[axis], beside.get(axis), alarms.get(axis, "cusum"))
+            for axis in range(len(models))
+        )
 
     @property
     def bank_sizes(self) -> list[int]:
         """How many axes share each bank."""
         return [len(group.axes) for group in self._groups]
 
-    def run(self, blocks: Mapping[int, Block], seen: Seen | None = None) -> list[tuple[int, Event]]:
+    def run(self, blocks: Mapping[int, Block], seen: Seen | None = None) -> list[tuple[int, AnyEvent]]:
         """Let axes take their blocks, of any lengths; an axis without one takes no sample.
 
         ``seen`` costs memory for every sample of the blocks: let them be short.
 
-        Returns the events with the index of their axis, axis by axis in order of time.  Each axis does exactly what it
-        would do alone.
+        Returns the events with the index of their axis, axis by axis, those of each detector in order of time.  Each
+        axis does exactly what it would do alone.
 
         Raises:
             ValueError: an axis that does not exist, or arrays that do not fit; no axis has taken a sample then.
@@ -74,7 +87,14 @@ class Fleet:
             raise ValueError(f"blocks for the axes {unknown}: there are {len(self.monitors)}, from 0 on")
         for axis, block in blocks.items():
             _check(axis, block, self.monitors[axis].model)
-        events = [event for group in self._groups for event in group.run(blocks, seen)]
+        events: list[tuple[int, AnyEvent]] = [
+            event for group in self._groups for event in group.run(blocks, seen)
+        ]
+        for axis, block in blocks.items():
+            beside = self.monitors[axis].beside
+            if beside is not None:
+                said = beside.run(block.t_us, block.u, block.y, block.gate)
+                events += [(axis, event) for event in said]
         return sorted(events, key=lambda pair: pair[0])
 
 
@@ -84,7 +104,7 @@ class _Group(NamedTuple):
     axes: Sequence[int]
     bank: Bank
 
-    def run(self, blocks: Mapping[int, Block], seen: Seen | None) -> Iterator[tuple[int, Event]]:
+    def run(self, blocks: Mapping[int, Block], seen: Seen | None) -> Iterator[tuple[int, AnyEvent]]:
         taken = [(lane, blocks[axis]) for lane, axis in enumerate(self.axes) if axis in blocks]
         count = np.zeros(len(self.axes), np.int64)
         for lane, block in taken:

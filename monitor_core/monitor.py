@@ -11,12 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.alarms.book import EpisodeBook
-from monitor_core.alarms.episodes import Episode, Event
+from monitor_core.alarms.detector import Book, DetectorName
+from monitor_core.alarms.episodes import Calm, Crossing, Episode, Event, Evidence
 from monitor_core.alarms.evidence import HELD
 from monitor_core.alarms.saved import episodes_from_array, episodes_to_array
 from monitor_core.bank import Bank, standard_deviation
+from monitor_core.detection import detector as hypotheses
+from monitor_core.detection.detector import BankDetector
+from monitor_core.detection.events import Event as BankEvent
 from monitor_core.directions import confounded, untold
-from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
+from monitor_core.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS, COUNTERS2, NEVER, SCHEMA, UNSEEN
 from monitor_core.kernel.tables import Floats
@@ -45,6 +49,8 @@ _OF_NO_STATE: dict[str, Any] = {
 }
 """Settings that may change from one run to the next, and a saved state goes on."""
 Arrays = dict[str, NDArray[np.generic]]
+AnyEvent = Event | BankEvent
+"""Of either detector."""
 
 
 class AxisMonitor:
@@ -52,16 +58,74 @@ class AxisMonitor:
 
     For one axis alone: ``AxisMonitor.alone(model, settings)`` and then ``run``.  For many, run the bank and hand each
     event to its monitor's ``apply``.
+
+    Args:
+        bank: with the recursion and the CUSUM tests of this axis.
+        axis: its lane.
+        beside: the second detector, if there is one.
+        alarms: whose alarms are those of the axis; the other keeps a book that nobody is shown.
     """
 
-    def __init__(self, bank: Bank, axis: int, open_episodes: Iterable[Episode] = ()) -> None:
-        self.bank, self.axis = bank, axis
-        self.book = EpisodeBook(open_episodes)
+    def __init__(
+        self, bank: Bank, axis: int, beside: BankDetector | None = None, alarms: DetectorName = "cusum"
+    ) -> None:
+        self.bank, self.axis, self.beside, self.alarms = bank, axis, beside, alarms
+        if alarms == "bank" and beside is None:
+            raise ValueError("the bank of hypotheses is to alarm, but there is none")
+        self._cusum = EpisodeBook()
+        self.alarmed_by: DetectorName = alarms
+        """Whose alarms counted when the state was saved that it went on from"""
 
     @classmethod
-    def alone(cls, model: AxisModel, settings: Settings) -> AxisMonitor:
+    def alone(
+        cls,
+        model: AxisModel,
+        settings: Settings,
+        beside: BankDetector | None = None,
+        alarms: DetectorName = "cusum",
+    ) -> AxisMonitor:
         """The monitor of a bank of one."""
-        return cls(Bank([model], [settings]), 0)
+        return cls(Bank([model], [settings]), 0, beside, alarms)
+
+    def book_of(self, detector: DetectorName) -> Book[Any]:
+        """The open alarms by one detector.
+
+        Raises:
+            ValueError: it does not run.
+        """
+        if detector == "cusum":
+            return self._cusum
+        if self.beside is None:
+            raise ValueError("there is no bank of hypotheses")
+        return self.beside.book
+
+    @property
+    def book(self) -> Book[Any]:
+        """The open alarms of the axis: those by the detector that alarms."""
+        return self.book_of(self.alarms)
+
+    @property
+    def detectors(self) -> tuple[DetectorName, ...]:
+        """Those that run."""
+        return ("cusum",) if self.beside is None else ("cusum", "bank")
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Whatever an alarm of the axis may name."""
+        return self.beside.causes if self.alarms == "bank" and self.beside else self.model.monitored
+
+    def adopt(self, open_episodes: Iterable[Episode]) -> None:
+        """Have these open alarms and no others."""
+        episodes = list(open_episodes)
+        if self.alarms == "bank" and self.beside is not None:
+            self.beside.adopt(episodes)
+            return
+        counted = {e.parameter for e in self._cusum.open}
+        self._cusum = EpisodeBook(episodes)
+        for e in self._cusum.open:
+            if e.parameter not in counted:
+                # The calm that ends an episode is noted once: let it be counted from here.
+                self.bank.state.calm[self.model.monitored.index(e.parameter), self.axis] = 0
 
     @property
     def model(self) -> AxisModel:
@@ -102,7 +166,10 @@ class AxisMonitor:
         """
         block = _column(t_us), _column(u), _column(y)
         events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate), y2=_optional(y2))
-        return [episode for _, event in events for episode in self.apply(event)]
+        said: list[AnyEvent] = [event for _, event in events]
+        if self.beside is not None:
+            said += self.beside.run(t_us, u, y, gate)
+        return [episode for event in said for episode in self.apply(event)]
 
     def run_traced(
         self,
@@ -121,9 +188,14 @@ class AxisMonitor:
         episodes = [episode for _, event in events for episode in self.apply(event)]
         return episodes, Trace(*(field[..., 0] for field in trace))
 
-    def apply(self, event: Event) -> list[Episode]:
-        """Take an event of this axis; returns the episodes that it raised, updated or ended."""
-        return self.book.apply(event)
+    def apply(self, event: AnyEvent) -> list[Episode]:
+        """Take an event of this axis into the book of its detector; returns the alarms that it changed.
+
+        Those are the episodes raised, updated or ended by the detector that alarms.
+        """
+        of: DetectorName = "cusum" if isinstance(event, Crossing | Calm | Evidence) else "bank"
+        episodes = self.book_of(of).apply(event)
+        return episodes if of == self.alarms else []
 
     def start_from(self, theta: Floats) -> None:
         """Let the recursion start from another theta (p,) than the nominal one."""
@@ -139,7 +211,19 @@ class AxisMonitor:
             innovation_variance=float(st.lam0_running[a]),
             confounded=self._confounded(),
             counters={name: int(count) for name, count in self._counts()},
+            detectors=tuple(self._detector(name) for name in self.detectors),
         )
+
+    def _detector(self, name: DetectorName) -> DetectorFacts:
+        cause, share = self._leading() if name == "cusum" or self.beside is None else self.beside.leading()
+        names = tuple(dict.fromkeys(e.parameter for e in self.book_of(name).open))
+        return DetectorFacts(name, name == self.alarms, cause, share, names)
+
+    def _leading(self) -> tuple[str, float]:
+        """The parameter of the CUSUM test that is nearest its threshold, and g over h."""
+        share = self.bank.state.g[:, :, self.axis].max(axis=0) / self.bank.thresholds[:, self.axis]
+        i = int(share.argmax())
+        return self.model.monitored[i], float(share[i])
 
     def _counts(self) -> Iterator[tuple[str, int]]:
         st, a = self.bank.state, self.axis
@@ -202,13 +286,19 @@ class AxisMonitor:
             return Status.INVALID
         return _TRACKING[_OBSERVATION[st.observed[i, a]]]
 
+    @property
+    def beside_key(self) -> str:
+        """What a saved state of the second detector belongs to."""
+        return f"bank schema={hypotheses.SCHEMA} {self.key}"
+
     def to_arrays(self) -> Arrays:
-        """The whole state, to be saved: arrays by name."""
+        """The whole state but that of the second detector, to be saved: arrays by name."""
         floats, ints = self.bank.column(self.axis)
         return {
             "floats": floats,
             "ints": ints,
-            "episodes": episodes_to_array(self.book.open),
+            "episodes": episodes_to_array(self._cusum.open),
+            "alarms": np.array([self.alarms == "bank"]),
         }
 
     def from_arrays(self, arrays: Arrays) -> None:
@@ -219,10 +309,12 @@ class AxisMonitor:
             ValueError: it does not belong to this model, or is damaged.
         """
         episodes = episodes_from_array(arrays["episodes"], self.model.monitored)
+        by_bank = bool(np.asarray(arrays.get("alarms", False)).any())
         self.bank.restore(
             self.axis, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
-        self.book = EpisodeBook(episodes)
+        self._cusum = EpisodeBook(episodes)
+        self.alarmed_by = "bank" if by_bank else "cusum"
 
 
 def _fingerprint(drive: Drive) -> int:

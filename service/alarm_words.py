@@ -5,6 +5,7 @@ from typing import Protocol
 
 from monitor_core.alarms.episodes import Cause, Doubt, Kind, Stage
 from monitor_core.drive import DELAY
+from service.sensor_words import sensor_words
 
 SURE = 0.95
 """A cause that is likelier needs no second one beside it."""
@@ -53,7 +54,13 @@ def episode_words(e: Told, nominal: float, unit: str) -> str:
     if e.doubt:
         return DOUBTS[e.doubt].format(parameter=e.parameter, fact=fact)
     drifts = f", and drifts {'down' if e.size < 0 else 'up'}" if e.kind == "drift" else ""
-    return f"{_which(e.causes)}{fact}{drifts}"
+    return f"{_which(e.causes)}{fact}{drifts}{_alike(e.parameter, e.causes)}"
+
+
+def _alike(parameter: str, causes: tuple[Cause, ...]) -> str:
+    """That other causes would make the same data."""
+    alike = next((cause.alike for cause in causes if cause.parameter == parameter), ())
+    return f"; {' or '.join(alike)} would look the same" if alike else ""
 
 
 def _which(causes: tuple[Cause, ...]) -> str:
@@ -69,7 +76,7 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
     """An alarm in words: "fm is 0.018 N m s/rad (30 %) above its nominal value".
 
     Args:
-        parameter: its name.
+        parameter: its name, or that of a fault of a sensor.
         size: its estimate minus its nominal value, in ``unit``.
         nominal: its nominal value, in ``unit``.
         unit: "1" for a ratio.
@@ -77,6 +84,9 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
     if parameter == DELAY:
         return _skew(size, nominal)
     share = f" ({_digits(abs(100 * size / nominal))} %)" if nominal else ""
+    sensor = sensor_words(parameter, size, unit, lambda value: _digits(abs(value)))
+    if sensor is not None:
+        return sensor
     amount = _digits(abs(size)) + ("" if unit == "1" else f" {unit}")
     return f"{parameter} is {amount}{share} {'below' if size < 0 else 'above'} its nominal value"
 

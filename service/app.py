@@ -94,7 +94,7 @@ def _in_background(config: Config, stack: ExitStack) -> Future[None]:
     def compile_kernel() -> None:
         try:
             monitors = Monitors(config.axes)
-            if filler.fill(monitors.bank_sizes):
+            if filler.fill(monitors.shapes):
                 monitors.compile()
                 done.set_result(None)
         except BaseException as error:

@@ -4,8 +4,9 @@ An axis alarms in two stages.  At the first crossing something has *changed*; wh
 in, three memory lengths later: of large changes the first to cross is often not the one that changed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from monitor_core.alarms.onset import Past
 
@@ -73,10 +74,17 @@ Event = Crossing | Calm | Evidence
 
 
 class Cause(NamedTuple):
-    """What may have changed."""
+    """What may have changed; ``alike`` names causes that make the same data: it is this one or one of those."""
 
     parameter: str
     probability: float
+    alike: tuple[str, ...] = ()
+
+    @classmethod
+    def read(cls, entry: Sequence[Any]) -> "Cause":
+        """From what became of it as JSON."""
+        parameter, probability, *alike = entry
+        return cls(parameter, probability, tuple(alike[0]) if alike else ())
 
 
 class Name(NamedTuple):

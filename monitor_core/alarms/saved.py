@@ -17,23 +17,23 @@ def episodes_to_array(episodes: Iterable[Episode]) -> NDArray[np.generic]:
     return np.frombuffer(text.encode(), np.uint8)
 
 
-def episodes_from_array(array: NDArray[np.generic], monitored: Collection[str]) -> list[Episode]:
-    """What ``episodes_to_array`` made.
+def episodes_from_array(array: NDArray[np.generic], causes: Collection[str]) -> list[Episode]:
+    """What ``episodes_to_array`` made, of these causes.
 
     Raises:
-        ValueError: these are no episodes, or episodes of parameters that are not monitored.
+        ValueError: these are no episodes, or episodes of something that is not monitored.
     """
     try:
         episodes = [_episode(fields) for fields in json.loads(np.asarray(array, np.uint8).tobytes())]
     except (TypeError, KeyError, ValueError) as error:
         raise ValueError(f"no episodes: {error}") from error
     for e in episodes:
-        if e.parameter not in monitored:
+        if e.parameter not in causes:
             raise ValueError(f"an episode of {e.parameter}, which is not monitored")
     return episodes
 
 
 def _episode(fields: dict[str, Any]) -> Episode:
-    causes = tuple(Cause(*cause) for cause in fields.pop("causes"))
+    causes = tuple(Cause.read(cause) for cause in fields.pop("causes"))
     past = tuple(Name(*name) for name in fields.pop("past"))
     return Episode(**fields, causes=causes, past=past)

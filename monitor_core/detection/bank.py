@@ -21,6 +21,7 @@ from monitor_core.kernel.hypotheses import (
     PHASE,
     REFINING,
     SETTLED,
+    SINCE,
     WAIT,
     WATCHING,
     BankTrace,
@@ -30,6 +31,7 @@ from monitor_core.kernel.hypotheses import (
 )
 from monitor_core.kernel.likelihood import FIRST_MARK, LATE, MARKS, ONSET, G
 from monitor_core.kernel.predictors import LIMIT, SETTLES
+from monitor_core.kernel.state import NEVER
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
@@ -124,9 +126,37 @@ class HypothesisBank:
         alone = not others and not math.isnan(of.size)
         return (Hypothesis(cause, -of.size) if alone else NOW), float(np.median(self._h))
 
+    def adopt(self, standing: Mapping[str, float], since_us: int | None) -> None:
+        """Let these causes stand, with these sizes (NaN: it has none); no others.
+
+        ``since_us``: at that time something beside them changed; it is to be looked at, though its evidence is lost.
+        """
+        known = {of.cause: of for of in reversed(self.hypotheses)}
+        self.standing = {
+            cause: known[cause] if math.isnan(size) else self._of_size(cause, size)
+            for cause, size in standing.items()
+        }
+        self._start(0)
+        if since_us is not None:
+            whole = self._memory.whole
+            whole[PHASE, 0], whole[CHECKS, 0], whole[SINCE, 0] = PENDING, 0, since_us
+            whole[WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """What may be named."""
+        return tuple(dict.fromkeys(of.cause for of in self.hypotheses))
+
+    def leading(self) -> tuple[str, float]:
+        """The cause whose g is nearest its h, and g over h."""
+        many = len(self.hypotheses)
+        share = self._memory.sums[G, 1 : many + 1] / self._h
+        k = int(share.argmax())
+        return self.hypotheses[k].cause, float(share[k])
+
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """The whole state, to be saved: arrays by name."""
-        causes = list(dict.fromkeys(of.cause for of in self.hypotheses))
+        causes = list(self.causes)
         named = {f"memory_{name}": array.copy() for name, array in self._memory._asdict().items()}
         stands = [(causes.index(cause), of.size) for cause, of in self.standing.items()]
         return named | {"standing": np.array(stands, float).reshape(-1, 2)}
@@ -142,7 +172,7 @@ class HypothesisBank:
         for name, array in self._memory._asdict().items():
             if saved[name].shape != array.shape or not np.isfinite(saved[name]).all():
                 raise ValueError(f"{name} of shape {saved[name].shape} does not fit, or is not finite")
-        causes = list(dict.fromkeys(of.cause for of in self.hypotheses))
+        causes = list(self.causes)
         rows = [(int(k), float(size)) for k, size in np.asarray(arrays["standing"], float)]
         if any(not 0 <= k < len(causes) for k, _ in rows):
             raise ValueError("a cause that these hypotheses do not have")
@@ -189,18 +219,19 @@ class HypothesisBank:
             yield from self._settle(now_us)
             return
         if whole[PHASE, 0] == WATCHING:
-            whole[PHASE, 0], whole[CHECKS, 0] = PENDING, 0
+            whole[PHASE, 0], whole[CHECKS, 0], whole[SINCE, 0] = PENDING, 0, now_us
             self._turn_round()
             yield Changed(now_us, self.onset(), self._shares())
         whole[CHECKS, 0] += 1
-        whole[WAIT, 0] = max(1, round(memory / LOOKS))
+        whole[WAIT, 0], since = max(1, round(memory / LOOKS)), int(whole[SINCE, 0])
         found, last = self._shares(), whole[CHECKS, 0] >= LOOKS * MEMORIES
         if last and not self._lasts():
             self._start(0)
-            yield Over(now_us, HEALTHY)
+            yield Over(now_us, since, HEALTHY)
         elif last or (found[0].probability >= self.sure and found[0].cause not in self._last_resort):
             whole[PHASE, 0], whole[WAIT, 0] = REFINING, round(MEMORIES * memory)
-            yield Named(now_us, self.onset(), self._whole_of(found), found[0].probability >= self.sure)
+            sure = found[0].probability >= self.sure
+            yield Named(now_us, since, self.onset(), self._whole_of(found), sure)
 
     def _turn_round(self) -> None:
         """Predictors with a sign swapped have moved the other way until now: they begin where the axis was."""
@@ -215,15 +246,15 @@ class HypothesisBank:
 
     def _settle(self, now_us: int) -> Iterator[Event]:
         """The likeliest cause joins what stands, with its size; from now on what differs from that is a change."""
-        found, onset = self._shares(), self.onset()
+        found, onset, since = self._shares(), self.onset(), int(self._memory.whole[SINCE, 0])
         best, lane = found[0], self._lane_of(found[0])
         over = self._ended(best) if self._lasts() else [HEALTHY]
         if best.cause != HEALTHY and not over:
-            yield Named(now_us, onset, self._whole_of(found), best.probability >= self.sure)
+            yield Named(now_us, since, onset, self._whole_of(found), best.probability >= self.sure)
             self.standing[best.cause] = self._standing_as(best, lane)
         for cause in over:
             self.standing.pop(cause, None)
-            yield Over(now_us, cause)
+            yield Over(now_us, since, cause)
         self._start(lane if self._lasts() else 0)
 
     def _whole_of(self, found: tuple[Share, ...]) -> tuple[Share, ...]:
@@ -278,7 +309,8 @@ class HypothesisBank:
         M.x[:] = M.x[:, lane : lane + 1]
         M.sums[:], M.when[:] = 0.0, M.whole[LAST, 0]
         M.whole[PHASE, 0], M.whole[WAIT, 0], M.whole[CHECKS, 0] = WATCHING, 1, 0
-        M.whole[SETTLED, 0] = M.whole[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
+        if M.whole[LAST, 0] != NEVER:
+            M.whole[SETTLED, 0] = M.whole[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
 
 
 def _time_constant(model: AxisModel, s: Settings) -> float:

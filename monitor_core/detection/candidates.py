@@ -22,7 +22,8 @@ _OFFSETS = (0.3, 1.2)
 _NOISES = (1.5, 3.0)
 _LOST = (2.0, 16.0)
 _LAST = 0.01
-"""How likely it is beforehand, beside the others, that nothing of what is named here has happened."""
+"""How likely it is beforehand, beside the others, that a signal is another one altogether, or a scale is that never
+changes."""
 _BISECTIONS = 40
 
 TORQUE_SCALE, OUTPUT_SCALE = "torque scale", "output scale"
@@ -76,7 +77,8 @@ def change(model: AxisModel, settings: Settings, cause: str, size: float) -> Hyp
         return Hypothesis(cause, size, variance=math.exp(2 * size))
     plain: dict[str, Callable[[], Hypothesis]] = {
         TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size))),
-        OUTPUT_SCALE: lambda: Hypothesis(cause, size, output=Distortion(math.exp(size))),
+        # That of an encoder is made, and looks almost like a torque constant: named when nothing else will do.
+        OUTPUT_SCALE: lambda: Hypothesis(cause, size, output=Distortion(math.exp(size)), weight=_LAST),
         TORQUE_SIGN: lambda: Hypothesis(cause, torque=Distortion(-1.0)),
         OUTPUT_SIGN: lambda: Hypothesis(cause, output=Distortion(-1.0)),
         DELAY: lambda: Hypothesis(cause, size, delay_s=size * settings.interval_s),

@@ -1,4 +1,7 @@
-"""What a bank of hypotheses has to say: something has changed; it is this; it is over.  Times in us since 1970."""
+"""What a bank of hypotheses has to say: something has changed; it is this; it is over.  Times in us since 1970.
+
+``since_us`` is the time of the ``Changed`` that an event belongs to.
+"""
 
 from dataclasses import dataclass
 
@@ -31,6 +34,7 @@ class Named:
     """
 
     time_us: int
+    since_us: int
     onset: Onset
     shares: tuple[Share, ...]
     certain: bool
@@ -41,6 +45,7 @@ class Over:
     """A cause that was named is over; HEALTHY: what changed was nothing that lasted."""
 
     time_us: int
+    since_us: int
     cause: str
 
 

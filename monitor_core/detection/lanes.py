@@ -58,7 +58,7 @@ def memory_of(tables: Tables, lanes: int) -> Memory:
     numbers = np.zeros((4, 1))
     numbers[kernel.CREDIT] = CREDIT
     whole = np.zeros((kernel.COUNTS + len(COUNTERS), 1), np.int64)
-    whole[kernel.LAST], whole[kernel.WAIT] = NEVER, 1
+    whole[kernel.LAST], whole[kernel.WAIT], whole[kernel.SINCE] = NEVER, 1, NEVER
     when = np.full((likelihood.FIRST_MARK + likelihood.MARKS, lanes), NEVER)
     return Memory(np.zeros((n, lanes)), u, np.zeros((2, lanes)), when, numbers, whole)
 

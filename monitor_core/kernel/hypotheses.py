@@ -49,7 +49,7 @@ _SAME_S = 1e-6
 """An interval that differs from the nominal one by less is taken for it."""
 
 TORQUE_BEFORE, TORQUE_HELD, LAST_OUTPUT, CREDIT = range(4)
-LAST, SETTLED, IN_A_ROW, PHASE, WAIT, CHECKS, COUNTS = range(7)
+LAST, SETTLED, IN_A_ROW, PHASE, WAIT, CHECKS, SINCE, COUNTS = range(8)
 WATCHING, PENDING, REFINING = 0, 1, 2
 """Phases: the first g > h stops a run; something has changed, and the WAIT-th tested sample from now stops it; so, too,
 when it is known what has changed, and only its size is to become more certain."""
@@ -68,7 +68,7 @@ class Memory(NamedTuple):
     whole: NDArray[
         np.int64
     ]  # (COUNTS + len(COUNTERS), 1) time of the last sample; time settled; outliers in a row; phase; wait;
-    #                          what became of samples
+    #                          looks; time of the last g > h that began a change; what became of samples
 
 
 class Block(NamedTuple):

@@ -11,6 +11,8 @@ from service.axes import doubtful_nominals, found_otherwise, short_memories
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
+from service.detectors import in_words as detectors_in_words
+from service.detectors import remarks_on_detectors
 from service.encoders import remarks_on_encoders
 from service.modeling import SUFFIX
 
@@ -25,10 +27,12 @@ def check(config: ConfigPath) -> None:
             *doubtful_nominals(read),
             *found_otherwise(read),
             *remarks_on_encoders(read),
+            *remarks_on_detectors(read),
         )
+        axes = _axes(read)
     console = Console()
     console.print(_buses(read))
-    console.print(_axes(read))
+    console.print(axes)
     for note in notes:
         console.print(Text.assemble(("Note: ", "bold yellow"), note), soft_wrap=True)
     console.print(Text(f"{config}: no problems", style="green"), soft_wrap=True)
@@ -59,7 +63,13 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
         f"{config.motion.message}.{config.motion.signal} ({config.output}){beside}",
         f"{1000 * config.sample_interval_s:g} ms",
         "\n".join(
-            (_drive(config.model), ", ".join(config.model.monitor), *_nominal(config), *in_words(config))
+            (
+                _drive(config.model),
+                ", ".join(config.model.monitor),
+                *_nominal(config),
+                *in_words(config),
+                detectors_in_words(axis),
+            )
         ),
     )
 

@@ -71,6 +71,7 @@ class Drawing:
             facts=facts,
             course=self._courses[axis.id],
             alarms=report.alarms(axis.id),
+            quantities={e.parameter: report.quantity(axis.id, e.parameter) for e in report.alarms(axis.id)},
             dropped=report.dropped_of(axis.id),
             clock=report.clock[axis.id],
             notes=[*(f"{axis.id}: {words}" for words in facts.confounded), *remarks_of(report, axis)],

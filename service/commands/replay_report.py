@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 from typing import Any
 
 from rich.markup import escape
@@ -10,11 +11,12 @@ from rich.table import Table
 from rich.text import Text
 
 from monitor_core.alarms.episodes import Episode, Name
-from monitor_core.facts import AxisFacts, ParameterFacts
+from monitor_core.facts import AxisFacts, DetectorFacts, ParameterFacts
 from service.alarm_words import episode_words
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
 from service.ingest.stamps import Stamps, remarks
+from service.monitoring.alarms import Quantity, quantities
 from service.monitoring.banks import Change, Monitors
 from service.web.times import iso, maybe_iso
 
@@ -31,6 +33,8 @@ class Report:
         self.frames_dropped: dict[str, dict[str, int]] = {}
         self.clock: dict[str, dict[str, int]] = {axis.id: {} for axis in config.axes}
         self.stamps: dict[str, Stamps] = {}
+        self.quantities = quantities(monitors.by_id)
+        """Unit and nominal value of whatever an alarm may name, by axis and name"""
 
     def add(self, changes: Iterable[Change]) -> None:
         """Alarms that were raised, updated or ended."""
@@ -52,6 +56,12 @@ class Report:
     def dropped_of(self, axis_id: str) -> dict[str, int]:
         """What never reached the monitor of an axis, by reason."""
         return {**self.dropped[axis_id], **self.monitors.dropped(axis_id)}
+
+    def quantity(self, axis_id: str, name: str) -> Quantity:
+        """Of a parameter, with the nominal value of now, or of another cause."""
+        known = self.monitors.by_id[axis_id].facts().parameters
+        now = next((Quantity(p.unit, p.nominal) for p in known if p.name == name), None)
+        return now or self.quantities[axis_id, name]
 
     def alarms(self, axis_id: str) -> list[Episode]:
         """The alarms of an axis, in the order in which they were raised."""
@@ -127,10 +137,10 @@ def _alarm_table(report: Report) -> Table:
     )
     said = list[str]()
     for axis in report.config.axes:
-        known = {p.name: p for p in report.monitors.by_id[axis.id].facts().parameters}
         for e in report.alarms(axis.id):
-            p = known[e.parameter]
-            change = f"{e.size:+.3g} ± {e.size_sd:.1g} ({_percent(e.size, p.nominal)})"
+            p = report.quantity(axis.id, e.parameter)
+            sized = f"{e.size:+.3g} ± {e.size_sd:.1g} ({_percent(e.size, p.nominal)})"
+            change = sized if math.isfinite(e.size) else "-"
             times = (_onset(e), _short(e.raised_us), _short(e.ended_us))
             cells = (axis.id, e.parameter, change, *times)
             table.add_row(*map(escape, cells), style="red" if e.ended_us is None else None)
@@ -155,8 +165,13 @@ def _axis(report: Report, axis_id: str) -> Json:
         "clock": report.clock[axis_id],
         "stamps": report.stamps[axis_id]._asdict() if axis_id in report.stamps else None,
         "parameters": [_parameter(p) for p in facts.parameters],
-        "alarms": [_alarm(e, facts) for e in report.alarms(axis_id)],
+        "detectors": [_detector(d) for d in facts.detectors],
+        "alarms": [_alarm(e, report.quantity(axis_id, e.parameter)) for e in report.alarms(axis_id)],
     }
+
+
+def _detector(d: DetectorFacts) -> Json:
+    return {**asdict(d), "evidence": _number(d.evidence), "open": list(d.open)}
 
 
 def _parameter(p: ParameterFacts) -> Json:
@@ -173,11 +188,11 @@ def _parameter(p: ParameterFacts) -> Json:
     return named | {name: _number(value) for name, value in numbers.items()}
 
 
-def _alarm(e: Episode, facts: AxisFacts) -> Json:
+def _alarm(e: Episode, of: Quantity) -> Json:
     return {
         "parameter": e.parameter,
         "direction": e.direction,
-        "words": _said(e, next(p for p in facts.parameters if p.name == e.parameter)),
+        "words": _said(e, of),
         "stage": e.stage,
         "causes": [cause._asdict() for cause in e.causes],
         "doubt": e.doubt,
@@ -204,8 +219,8 @@ def _name(name: Name) -> Json:
     }
 
 
-def _said(e: Episode, p: ParameterFacts) -> str:
-    return episode_words(e, p.nominal, p.unit)
+def _said(e: Episode, of: Quantity) -> str:
+    return episode_words(e, of.nominal, of.unit)
 
 
 def _onset(e: Episode) -> str:

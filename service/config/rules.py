@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from service.config.condition_rules import CONDITION_RULES, places_of_signals, signals_of_axes
 from service.config.crosschecks import DBC_RULES
+from service.config.detector_rules import DETECTOR_RULES
 from service.config.encoder_rules import ENCODER_RULES
 from service.config.estimator_rules import ESTIMATOR_RULES
 from service.config.model_rules import MODEL_RULES
@@ -236,4 +237,5 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     *ESTIMATOR_RULES,
     *CONDITION_RULES,
     *THRESHOLDS_RULES,
+    *DETECTOR_RULES,
 )

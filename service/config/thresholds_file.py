@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -30,6 +31,21 @@ class ThresholdTable(FoundTable):
     allowance: NotNegative
 
 
+class HypothesisTable(FoundTable):
+    """[[hypothesis]]: one of the bank; alarm when its g exceeds h.  Without a size it has none."""
+
+    cause: str
+    size: Real | None = None
+    h: Positive
+    allowance: NotNegative = 0.0
+    alike: tuple[str, ...] = ()
+
+    @property
+    def size_or_nan(self) -> float:
+        """The size as the bank has it."""
+        return math.nan if self.size is None else self.size
+
+
 class ThresholdsFile(FoundTable):
     """The whole file.  ``made_with`` and ``nominal`` are of the monitor that the thresholds belong to."""
 
@@ -41,6 +57,8 @@ class ThresholdsFile(FoundTable):
     made_with: dict[str, bool | float | str | list[float] | list[str]]
     nominal: dict[str, Real]
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
+    hypothesis: tuple[HypothesisTable, ...] = ()
+    """Of the bank, where it was calibrated, too"""
 
 
 def thresholds_file_of(axis: AxisConfig) -> ThresholdsFile | None:

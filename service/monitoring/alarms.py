@@ -26,12 +26,18 @@ class Quantity(NamedTuple):
 
 
 def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Quantity]:
-    """Units and nominal values of all monitored parameters."""
-    return {
+    """Units and nominal values of whatever an alarm may name: monitored parameters, and causes of the bank."""
+    found = {
         (axis_id, p.name): Quantity(p.unit, float(nominal))
         for axis_id, monitor in monitors.items()
         for p, nominal in zip(monitor.model.parameters, monitor.model.theta0, strict=True)
     }
+    for axis_id, monitor in monitors.items():
+        if monitor.beside is not None:
+            for cause in monitor.beside.causes:
+                nominal, unit, _ = monitor.beside.quantity(cause)
+                found.setdefault((axis_id, cause), Quantity(unit, nominal))
+    return found
 
 
 _Key = tuple[str, str, str, int]  # axis; parameter, direction and time of the first crossing

@@ -3,16 +3,20 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-from monitor_core.alarms.episodes import Crossing, Episode, Event
+import numpy as np
+
+from monitor_core.alarms.episodes import Crossing, Episode
 from monitor_core.fleet import Block, Fleet
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import NEVER
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitor import AnyEvent, AxisMonitor
 from monitor_core.operating import Operating
 from service.axes import axis_model, axis_settings
 from service.config import NamedAxis, conditions_of
+from service.detectors import detectors_of
 from service.ingest.table_record import SampleBlock
 from service.ingest.turns import AMBIGUOUS, Motion, Turns, turns_of
+from service.monitoring.warming import HYPOTHESES
 
 Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""
@@ -39,7 +43,10 @@ class Monitors:
     def __init__(self, axes: Sequence[NamedAxis]) -> None:
         self._ids = [axis.id for axis in axes]
         models = [axis_model(axis.config) for axis in axes]
-        self._fleet = Fleet(models, [axis_settings(axis, m) for axis, m in zip(axes, models, strict=True)])
+        settings = [axis_settings(axis, m) for axis, m in zip(axes, models, strict=True)]
+        found = [detectors_of(*each) for each in zip(axes, models, settings, strict=True)]
+        beside = {a: one.beside for a, one in enumerate(found) if one.beside is not None}
+        self._fleet = Fleet(models, settings, beside, {a: one.alarms for a, one in enumerate(found)})
         self.by_id: Mapping[str, AxisMonitor] = dict(zip(self._ids, self._fleet.monitors, strict=True))
         self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
         self._resumed = False
@@ -56,7 +63,7 @@ class Monitors:
             for episode in self._fleet.monitors[a].apply(event)
         ]
 
-    def _run(self, blocks: Mapping[int, Block], onlooker: Onlooker | None) -> list[tuple[int, Event]]:
+    def _run(self, blocks: Mapping[int, Block], onlooker: Onlooker | None) -> list[tuple[int, AnyEvent]]:
         if onlooker is None:
             return self._fleet.run(blocks)
         traces: dict[int, Trace] = {}
@@ -97,13 +104,17 @@ class Monitors:
         return operating.reason if operating else ""
 
     @property
-    def bank_sizes(self) -> list[int]:
-        """How many axes share each bank."""
-        return self._fleet.bank_sizes
+    def shapes(self) -> list[int]:
+        """Of the kernel that is needed: how many axes share each bank, and whether there are hypotheses."""
+        hypotheses = any(monitor.beside is not None for monitor in self.by_id.values())
+        return [*self._fleet.bank_sizes, *([HYPOTHESES] if hypotheses else [])]
 
     def compile(self) -> None:
         """Have the kernel ready: compiled, or loaded from its cache."""
         self.run({})
+        nothing = np.zeros(0)
+        for beside in [m.beside for m in self.by_id.values() if m.beside is not None][:1]:
+            beside.run(np.zeros(0, np.int64), nothing, nothing)
 
 
 def _motion(monitor: AxisMonitor) -> Motion | None:

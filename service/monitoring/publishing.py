@@ -49,6 +49,7 @@ class AxisView:
             history=self.history.history,
             gated_by=gated_by,
             stamps=stamps,
+            other_causes=tuple(c for c in self.monitor.causes if c not in self.monitor.model.monitored),
         )
 
 

@@ -1,12 +1,12 @@
 """Start where the last run ended: estimates from the checkpoints, open alarms from the journal."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from monitor_core.alarms.book import EpisodeBook
 from monitor_core.alarms.episodes import Episode
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitor import Arrays, AxisMonitor
 from service.monitoring.banks import Change
+from service.monitoring.saving import bank_id
 from service.store.checkpoints import Checkpoints, SetAside
 from service.store.journal import Journal
 
@@ -36,11 +36,12 @@ def restore(
     opened: list[Change] = []
     unrecorded: list[Change] = []
     for axis_id, monitor in monitors.items():
-        loaded = _load(axis_id, monitor, checkpoints, now_us)
-        if isinstance(loaded, str):
-            messages.append(loaded)
-        elif loaded is not None:
-            times.append(loaded)
+        for state in _states(axis_id, monitor):
+            loaded = _load(state, checkpoints, now_us)
+            if isinstance(loaded, str):
+                messages.append(loaded)
+            elif loaded is not None:
+                times.append(loaded)
         messages += _close_unmonitored(axis_id, monitor, journal, now_us)
         recorded = journal.open_episodes(axis_id)
         opened += [Change(axis_id, e) for e in recorded]
@@ -49,43 +50,54 @@ def restore(
     return Restored(min(times, default=None), tuple(opened), tuple(unrecorded), tuple(messages))
 
 
-def _load(axis_id: str, monitor: AxisMonitor, checkpoints: Checkpoints, now_us: int) -> int | str | None:
+class _State(NamedTuple):
+    """What is saved by itself: under which name and key, and who takes it."""
+
+    name: str
+    key: str
+    take: Callable[[Arrays], None]
+
+
+def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[_State]:
+    """Of the monitor, and of the bank beside it."""
+    yield _State(axis_id, monitor.key, monitor.from_arrays)
+    if monitor.beside is not None:
+        yield _State(bank_id(axis_id), monitor.beside_key, monitor.beside.from_arrays)
+
+
+def _load(state: _State, checkpoints: Checkpoints, now_us: int) -> int | str | None:
     """The time of the checkpoint that is used now, or why there is none, or None: there never was one."""
-    found = checkpoints.load(axis_id, monitor.key, now_us)
+    found = checkpoints.load(state.name, state.key, now_us)
     if found is None:
         return None
     if isinstance(found, SetAside):
         return found.message
     try:
-        monitor.from_arrays(found.arrays)
+        state.take(dict(found.arrays))
     except (KeyError, ValueError) as error:
-        aside = SetAside(axis_id, found.at_us, f"it does not fit this version ({error})")
-        checkpoints.set_aside(axis_id, aside.reason, now_us)
+        aside = SetAside(state.name, found.at_us, f"it does not fit this version ({error})")
+        checkpoints.set_aside(state.name, aside.reason, now_us)
         return aside.message
     return found.at_us
 
 
 def _close_unmonitored(axis_id: str, monitor: AxisMonitor, journal: Journal, now_us: int) -> list[str]:
-    ended = journal.close_unmonitored(axis_id, monitor.model.monitored, now_us)
-    return [
-        f"{axis_id}: the alarm of {a.parameter} was ended: that parameter is no longer monitored"
-        for a in ended
-    ]
+    ended = journal.close_unmonitored(axis_id, monitor.causes, now_us)
+    return [f"{axis_id}: the alarm of {a.parameter} was ended: that is no longer monitored" for a in ended]
 
 
 def _agree(
     axis_id: str, monitor: AxisMonitor, recorded: Iterable[Episode], journal: Journal
 ) -> list[Episode]:
-    """Let the monitor have the open episodes of the journal; returns those that it has yet to get."""
-    before = {(e.raised_us, *e.first): e for e in monitor.book.open}
+    """Let the monitor have the open episodes of the journal; returns those that it has yet to get.
+
+    A detector that only looked on has episodes that the journal never was to get.
+    """
+    counted = monitor.book.open if monitor.alarmed_by == monitor.alarms else ()
+    before = {(e.raised_us, *e.first): e for e in counted}
     now = {(e.raised_us, *e.first): e for e in recorded}
     unknown = {key: e for key, e in before.items() if key not in now and not _is_known(axis_id, e, journal)}
-    monitor.book = EpisodeBook([*now.values(), *unknown.values()])
-    counted = {e.parameter for e in before.values()}
-    for e in now.values():
-        if e.parameter not in counted:
-            # The calm that ends an episode is noted once: let it be counted from here.
-            monitor.bank.state.calm[monitor.model.monitored.index(e.parameter), monitor.axis] = 0
+    monitor.adopt([*now.values(), *unknown.values()])
     return list(unknown.values())
 
 

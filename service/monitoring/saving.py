@@ -1,6 +1,6 @@
 """Checkpoints of all monitors, at an interval and at the end."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from time import monotonic
 
 import structlog
@@ -10,6 +10,11 @@ from service.store.checkpoints import AxisState, Checkpoints
 from service.store.database import StoreError
 
 log = structlog.get_logger(__name__)
+
+
+def bank_id(axis_id: str) -> str:
+    """Under which the state of the bank of hypotheses of an axis is kept, beside that of its monitor."""
+    return f"{axis_id} (bank of hypotheses)"
 
 
 class Saver:
@@ -49,7 +54,7 @@ class Saver:
         """Save now; a failure is a problem for the operator and is tried again after the interval."""
         self._due = self._clock() + self._interval_s
         now_us = self._now_us()
-        states = [AxisState(axis_id, m.key, m.to_arrays()) for axis_id, m in self._monitors.items()]
+        states = [state for axis_id, m in self._monitors.items() for state in _states(axis_id, m)]
         try:
             self._checkpoints.save_many(states, now_us)
         except StoreError as error:
@@ -57,3 +62,10 @@ class Saver:
             log.error("checkpoint failed", reason=str(error))
             return
         self.saved_us, self.problem = now_us, None
+
+
+def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[AxisState]:
+    """Of the monitor, and of the bank beside it once it has been made."""
+    yield AxisState(axis_id, monitor.key, monitor.to_arrays())
+    if monitor.beside is not None and monitor.beside.made:
+        yield AxisState(bank_id(axis_id), monitor.beside_key, monitor.beside.to_arrays())

@@ -65,6 +65,13 @@ class AxisSnapshot:
     """Which operating condition forbids to learn from the last sample, e.g. mode = 2; empty: none does"""
     stamps: Stamps = NOT_KNOWN
     """How far its time stamps scatter"""
+    other_causes: tuple[str, ...] = ()
+    """What alarms may name beside the monitored parameters"""
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Whatever an alarm may name."""
+        return (*(p.name for p in self.facts.parameters), *self.other_causes)
 
 
 @dataclass(frozen=True, slots=True)

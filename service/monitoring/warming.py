@@ -11,6 +11,7 @@ import numpy as np
 import structlog
 
 from monitor_core.bank import FEWEST_LANES, Bank
+from monitor_core.detection.bank import HypothesisBank
 from monitor_core.reference import INTERVAL_S, reference_model
 from monitor_core.settings import Settings
 from service.kernel_cache import VARIABLE
@@ -25,17 +26,27 @@ for lanes in sys.argv[1:]:
 log = structlog.get_logger(__name__)
 
 
+HYPOTHESES = 0
+"""In place of a number of axes: the kernel of the banks of hypotheses."""
+
+
 def compile_kernel(lanes: int) -> None:
     """Have the kernel ready for banks of so many axes: compiled, or loaded from its cache, which is marked."""
-    bank = Bank([reference_model()] * lanes, [Settings(interval_s=INTERVAL_S)] * lanes)
-    bank.run(np.zeros((0, lanes), np.int64), np.zeros((0, lanes)), np.zeros((0, lanes)))
+    if lanes == HYPOTHESES:
+        nothing = np.zeros(0)
+        HypothesisBank(reference_model(), Settings(interval_s=INTERVAL_S)).run(
+            np.zeros(0, np.int64), nothing, nothing
+        )
+    else:
+        bank = Bank([reference_model()] * lanes, [Settings(interval_s=INTERVAL_S)] * lanes)
+        bank.run(np.zeros((0, lanes), np.int64), np.zeros((0, lanes)), np.zeros((0, lanes)))
     if mark := _mark(lanes):
         mark.touch()
 
 
 def compile_all() -> None:
-    """Both shapes of the kernel: few axes and many."""
-    for lanes in (1, FEWEST_LANES):
+    """All of the kernel: few axes and many, and hypotheses."""
+    for lanes in (1, FEWEST_LANES, HYPOTHESES):
         compile_kernel(lanes)
 
 
@@ -92,9 +103,10 @@ def _is_cached(lanes: int) -> bool:
 
 
 def _mark(lanes: int) -> Path | None:
-    """The file that says so: both shapes lie in the same files of numba's."""
+    """The file that says so: all shapes lie in the same files of numba's."""
     folder = os.environ.get(VARIABLE)
     shape = "few-axes" if lanes < FEWEST_LANES else "many-axes"
+    shape = "hypotheses" if lanes == HYPOTHESES else shape
     return Path(folder) / f"{shape}.compiled" if folder else None
 
 

@@ -31,20 +31,16 @@ def alarm_table(found: Replayed) -> str:
     return table(heads(titles, ("size ± sd", "of nominal")), rows) + words + legend(said)
 
 
-def _parameter_of(axis: ReplayedAxis, e: Episode) -> ParameterFacts:
-    return next(p for p in axis.facts.parameters if p.name == e.parameter)
-
-
 def _in_words(axis: ReplayedAxis, e: Episode) -> str:
-    p = _parameter_of(axis, e)
+    p = axis.quantities[e.parameter]
     return episode_words(e, p.nominal, p.unit)
 
 
 def _alarm(axis: ReplayedAxis, e: Episode) -> str:
-    p = _parameter_of(axis, e)
-    share = percent(e.size / p.nominal, signed=True) if p.nominal else "-"
+    p, sized = axis.quantities[e.parameter], math.isfinite(e.size)
+    share = percent(e.size / p.nominal, signed=True) if p.nominal and sized else "-"
     times = "".join(_time(axis, t) for t in (e.onset_us, e.raised_us, e.ended_us))
-    size = number_cell(f"{plain(e.size, 3)} ± {plain(e.size_sd, 2)}")
+    size = number_cell(f"{plain(e.size, 3)} ± {plain(e.size_sd, 2)}" if sized else "-")
     return (
         f"<tr><th>{escaped(axis.id)}</th><th>{escaped(e.parameter)}</th><td>{_ARROWS[e.direction]}</td>{times}"
         f'{size}<td class="unit">{escaped(p.unit)}</td>{number_cell(share)}</tr>'

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from monitor_core.alarms.episodes import Episode
 from monitor_core.facts import AxisFacts
+from service.monitoring.alarms import Quantity
 from service.reports.course import Course
 
 
@@ -18,6 +19,8 @@ class ReplayedAxis(NamedTuple):
     facts: AxisFacts
     course: Course
     alarms: Sequence[Episode]
+    quantities: Mapping[str, Quantity]
+    """Unit and nominal value of whatever its alarms name"""
     dropped: Mapping[str, int]
     """What never reached the monitor, by reason"""
     clock: Mapping[str, int]

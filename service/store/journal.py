@@ -3,7 +3,7 @@
 import json
 import math
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -97,8 +97,8 @@ _NAMES = tuple(field.name for field in fields(Alarm))
 _COLUMNS = ", ".join(_NAMES)
 _NUMBERS = ("nominal", "size", "size_sd")
 """SQLite keeps NaN as NULL."""
-_LISTS = {"causes": Cause, "past": Name}
-"""Kept as JSON, each entry one of these."""
+_LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name]] = {"causes": Cause.read, "past": Name._make}
+"""Kept as JSON, each entry read by one of these."""
 
 
 class Entry(NamedTuple):
@@ -281,8 +281,8 @@ def _alarm(row: tuple[Any, ...]) -> Alarm:
     values: dict[str, Any] = dict(zip(_NAMES, row, strict=True))
     for name in _NUMBERS:
         values[name] = math.nan if values[name] is None else values[name]
-    for name, kind in _LISTS.items():
-        values[name] = tuple(kind(*entry) for entry in json.loads(values[name]))
+    for name, read in _LISTS.items():
+        values[name] = tuple(read(entry) for entry in json.loads(values[name]))
     return Alarm(**values)
 
 

@@ -17,7 +17,7 @@ from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
 from monitor_core.alarms.episodes import DIRECTIONS, Direction, Stage
-from monitor_core.facts import Observation, ParameterFacts
+from monitor_core.facts import DetectorFacts, Observation, ParameterFacts
 from service.monitoring.snapshot import AxisSnapshot, Snapshot
 from service.web.world import VERSION, age_s, sample_age_s
 
@@ -50,6 +50,7 @@ class SnapshotCollector(Collector):
         snapshot, now_us = self._snapshot(), self._now_us()
         yield InfoMetricFamily("axiswatch_build", "Version of axiswatch.", value={"version": VERSION})
         yield from _parameters(snapshot.axes)
+        yield from _detectors(snapshot.axes)
         yield from _axes(snapshot.axes, now_us)
         yield from _buses(snapshot)
         yield from _service(snapshot, now_us)
@@ -69,6 +70,15 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
             ((axis.id, p.name, d), value(axis, p, d))
             for axis in axes
             for p in axis.facts.parameters
+            for d in DIRECTIONS
+        )
+        return _gauge(name, words, ("axis", "parameter", "direction"), series)
+
+    def alarm(name: str, words: str, *stages: Stage) -> Metric:
+        series = (
+            ((axis.id, cause, d), float(_is_open(axis, cause, d, *stages)))
+            for axis in axes
+            for cause in axis.causes
             for d in DIRECTIONS
         )
         return _gauge(name, words, ("axis", "parameter", "direction"), series)
@@ -96,24 +106,16 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
         lambda _, p, d: p.g_up if d == "up" else p.g_down,
     )
     yield gauge("cusum_threshold", f"Threshold h of both CUSUMs, {_UNIT} times samples.", lambda p: p.h)
-    yield both(
-        "alarm_active", "1 while an alarm is open, else 0.", lambda a, p, d: float(_is_open(a, p.name, d))
-    )
-    yield both(
-        "alarm_named",
-        "1 while an alarm is open and the evidence for its name is in, else 0.",
-        lambda a, p, d: float(_is_open(a, p.name, d, "named")),
+    yield alarm("alarm_active", "1 while an alarm is open, else 0.")
+    yield alarm(
+        "alarm_named", "1 while an alarm is open and the evidence for its name is in, else 0.", "named"
     )
     causes = {axis.id: _causes(axis) for axis in axes}
     yield _gauge(
         "alarm_probability",
         "Probability of each parameter to be the cause of an open alarm that has been named, else 0.",
         ("axis", "parameter"),
-        (
-            ((axis.id, p.name), causes[axis.id].get(p.name, 0.0))
-            for axis in axes
-            for p in axis.facts.parameters
-        ),
+        (((axis.id, cause), causes[axis.id].get(cause, 0.0)) for axis in axes for cause in axis.causes),
     )
 
 
@@ -131,9 +133,31 @@ def _causes(axis: AxisSnapshot) -> dict[str, float]:
     """Probabilities of the causes of its alarms, the largest where a parameter is among those of several."""
     found: dict[str, float] = {}
     for e in axis.open_episodes:
-        for name, probability in e.causes:
+        for name, probability, _ in e.causes:
             found[name] = max(found.get(name, 0.0), probability)
     return found
+
+
+def _detectors(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
+    """What each detector says, whether or not its alarms are those of the axis."""
+
+    def gauge(name: str, words: str, value: Callable[[DetectorFacts], float]) -> Metric:
+        series = (((a.id, d.name), value(d)) for a in axes for d in a.facts.detectors)
+        return _gauge(name, words, ("axis", "detector"), series)
+
+    yield gauge(
+        "detector_alarms",
+        "1 of the detector whose alarms count, 0 of one that looks on.",
+        lambda d: float(d.alarms),
+    )
+    yield gauge(
+        "detector_open_alarms",
+        "Alarms that are open by what a detector says, whether they count or not.",
+        lambda d: float(len(d.open)),
+    )
+    yield gauge(
+        "detector_evidence", "Largest test statistic of a detector, over its threshold.", lambda d: d.evidence
+    )
 
 
 def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:

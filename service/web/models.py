@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.alarms.episodes import Doubt, Kind, Stage
 from monitor_core.facts import Observation, Status
 
@@ -95,6 +96,22 @@ class Stamps(Body):
     )
 
 
+class Detector(Body):
+    """What a detector says of an axis now."""
+
+    name: DetectorName = Field(
+        description="cusum: the tests of each parameter; bank: hypotheses side by side"
+    )
+    alarms: bool = Field(description="its alarms are those of the axis; else it only looks on")
+    leading: str | None = Field(
+        description="what is nearest its threshold, a parameter or another cause; null: nothing yet"
+    )
+    evidence: Number = Field(description="of that, test statistic over threshold")
+    open: list[str] = Field(
+        description="names of the alarms that are open by what it says, whether they count or not"
+    )
+
+
 class Axis(Body):
     """An axis now."""
 
@@ -122,6 +139,7 @@ class Axis(Body):
         description="how often the time line of the samples began anew, number by cause"
     )
     stamps: Stamps
+    detectors: list[Detector]
     model: Model
 
 
@@ -156,9 +174,13 @@ class History(Body):
 class Cause(Body):
     """What may have changed."""
 
-    parameter: str
+    parameter: str = Field(description="or a fault of a sensor, e.g. torque sign")
     probability: Number = Field(
-        description="of all single causes, with odds of 8 to 1 for the first that crossed; below 0.01 it is left out"
+        description="of all single causes; of the CUSUM tests, with odds of 8 to 1 for the first that crossed; below"
+        " 0.01 it is left out"
+    )
+    alike: list[str] = Field(
+        default=[], description="causes that make the same data: it is this one or one of those"
     )
 
 
@@ -176,7 +198,11 @@ class Alarm(Body):
 
     id: int
     axis: str
-    parameter: str = Field(description="the best name there is now; causes tells how sure it is")
+    parameter: str = Field(
+        description="the best name there is now; causes tells how sure it is. A monitored parameter, or, where the bank"
+        " of hypotheses alarms, a fault of a sensor: torque or output scale, sign, offset or stuck, torque lost, output"
+        " noise, delay"
+    )
     direction: Direction
     stage: Stage = Field(
         description="changed: something has, the parameter is the first that crossed; named: the evidence is in, "
@@ -195,7 +221,9 @@ class Alarm(Body):
     active: bool = Field(description="it has not ended")
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
     nominal: Number = Field(description="commissioned value, in unit")
-    size: Number = Field(description="estimate - nominal when it was updated, in unit")
+    size: Number = Field(
+        description="estimate - nominal when it was updated, in unit; null where the cause has no size"
+    )
     size_sd: Number = Field(description="standard deviation of the size, in unit")
     onset: Time = Field(
         description="when it changed, UTC: the likeliest time; before it is named the last time the CUSUM was zero"

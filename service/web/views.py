@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from monitor_core.alarms.episodes import Name
-from monitor_core.facts import ParameterFacts
+from monitor_core.facts import DetectorFacts, ParameterFacts
 from service.alarm_words import episode_words
 from service.monitoring.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
 from service.store import journal
@@ -39,7 +39,14 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         dropped=dict(a.dropped),
         clock=dict(a.clock),
         stamps=models.Stamps(**a.stamps._asdict()),
+        detectors=[_detector(d) for d in a.facts.detectors],
         model=_model(a),
+    )
+
+
+def _detector(d: DetectorFacts) -> models.Detector:
+    return models.Detector(
+        name=d.name, alarms=d.alarms, leading=d.leading or None, evidence=d.evidence, open=list(d.open)
     )
 
 
@@ -104,7 +111,10 @@ def alarm(a: journal.Alarm) -> models.Alarm:
         parameter=a.parameter,
         direction=a.direction,
         stage=a.stage,
-        causes=[models.Cause(parameter=c.parameter, probability=c.probability) for c in a.causes],
+        causes=[
+            models.Cause(parameter=c.parameter, probability=c.probability, alike=list(c.alike))
+            for c in a.causes
+        ],
         doubt=a.doubt,
         kind=a.kind,
         words=episode_words(a, a.nominal, a.unit),

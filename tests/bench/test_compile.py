@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from monitor_core.bank import FEWEST_LANES
+from service.monitoring.warming import HYPOTHESES
 from tests.bench.measure import Say
 from tests.end_to_end.processes import ROOT
 
@@ -27,7 +28,7 @@ print(perf_counter() - start, memory_mb(os.getpid(), "VmHWM"))
 
 def test_compile_time(tmp_path: Path, say: Say, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = []
-    for shape, lanes in (("few axes", 1), ("many axes", FEWEST_LANES)):
+    for shape, lanes in (("few axes", 1), ("many axes", FEWEST_LANES), ("hypotheses", HYPOTHESES)):
         monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / shape.partition(" ")[0]))
         (cold, most_mb), (warm, _) = compiled(lanes), compiled(lanes)
         rows.append((f"kernel for {shape}", cold, most_mb, warm))

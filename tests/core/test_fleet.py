@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core import bank as bank_module
-from monitor_core.alarms.episodes import Event
 from monitor_core.fleet import Block, Fleet
 from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitor import AnyEvent, AxisMonitor
 from monitor_core.reference import Record
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, as_columns, record
@@ -22,7 +21,7 @@ SAMPLES = 120
 seeds = st.integers(0, 2**32 - 1)
 cases = st.lists(st.sampled_from(CASES), min_size=1, max_size=6)
 law = settings(deadline=None, max_examples=20)
-Events = list[Event]
+Events = list[AnyEvent]
 
 
 def lively(case: Case, rng: np.random.Generator) -> tuple[AxisModel, Settings]:

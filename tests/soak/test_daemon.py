@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 
 from monitor_core.bank import FEWEST_LANES
 from service.kernel_cache import VARIABLE
-from service.monitoring.warming import CacheFiller
+from service.monitoring.warming import HYPOTHESES, CacheFiller
 from tests.bench.costs import memory_mb
 from tests.end_to_end.processes import daemon, demo_config, running, wait_for
 
@@ -44,7 +44,7 @@ def test_memory_does_not_grow(tmp_path: Path) -> None:
 def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     with capture_logs() as logs:
-        assert CacheFiller().fill([1, FEWEST_LANES])
+        assert CacheFiller().fill([1, FEWEST_LANES, HYPOTHESES])
         monkeypatch.setattr(sys, "executable", "/no/such/program")
-        assert CacheFiller().fill([1, FEWEST_LANES])
+        assert CacheFiller().fill([1, FEWEST_LANES, HYPOTHESES])
     assert logs == []

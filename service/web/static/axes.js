@@ -42,7 +42,7 @@ function makeCard(axis) {
     ),
   );
   function show(now) {
-    const alarmed = now.parameters.some((p) => p.status === "alarm");
+    const alarmed = now.parameters.some((p) => p.status === "alarm") || now.detectors.some((d) => d.alarms && d.open.length > 0);
     className(node, alarmed ? "card alarmed" : "card");
     const seconds = now.last_sample_age_s;
     text(age, seconds === null ? "no sample yet" : `last sample ${span(seconds)} ago`);
@@ -66,8 +66,15 @@ function describe(axis) {
   if (axis.samples > used) parts.push(`${count(axis.samples - used)} not used`);
   if (lost > 0) parts.push(`${count(lost)} values dropped`);
   if (axis.gated_by !== null) parts.push(`nothing is learned: ${axis.gated_by}`);
-  parts.push(...axis.confounded);
+  parts.push(...axis.detectors.map(detectorOf).filter((words) => words !== ""), ...axis.confounded);
   return parts.join(" · ");
+}
+
+/** That the bank of hypotheses alarms; of the detector that looks on, which alarms it would have raised. */
+function detectorOf(detector) {
+  const name = detector.name === "bank" ? "bank of hypotheses" : "CUSUM tests";
+  if (detector.alarms) return detector.name === "bank" ? `alarms by the ${name}` : "";
+  return detector.open.length > 0 ? `the ${name} would say ${detector.open.join(", ")}` : "";
 }
 
 function makeRow(parameter) {

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.alarms.book import EpisodeBook
 from monitor_core.alarms.episodes import Calm, Crossing, Episode, Name
 from monitor_core.monitor import AxisMonitor
 from service.monitoring.banks import Change, Monitors
@@ -113,7 +112,7 @@ def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
 def test_an_alarm_that_ended_after_the_checkpoint_stays_ended(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].book = EpisodeBook([OPEN])
+    monitors[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
     journal.record(AXIS, "N m s/rad", 0.06, replace(OPEN, ended_us=40))
     found, restored = again(tmp_path, checkpoints, journal)
@@ -124,7 +123,7 @@ def test_an_alarm_that_ended_after_the_checkpoint_stays_ended(
 def test_the_journal_is_newer_than_the_checkpoint(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].book = EpisodeBook([OPEN])
+    monitors[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
     newer = replace(OPEN, updated_us=60, crossings=9)
     journal.record(AXIS, "N m s/rad", 0.06, newer)
@@ -137,7 +136,7 @@ def test_the_journal_is_newer_than_the_checkpoint(
 def test_an_alarm_that_got_another_name_after_the_checkpoint_is_the_same(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].book = EpisodeBook([OPEN])
+    monitors[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
     named = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))
     journal.record(AXIS, "N m s/rad", 0.06, OPEN)
@@ -153,7 +152,7 @@ def test_an_alarm_that_got_another_name_after_the_checkpoint_is_the_same(
 def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].book = EpisodeBook([OPEN])
+    monitors[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.unrecorded == (Change(AXIS, OPEN),)
@@ -197,7 +196,7 @@ def test_alarms_of_what_is_no_longer_monitored(
     journal.record("demo.axis7", "1", 1.0, replace(OPEN, parameter="kT"))
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.messages == (
-        "demo.axis1: the alarm of fc was ended: that parameter is no longer monitored",
+        "demo.axis1: the alarm of fc was ended: that is no longer monitored",
         "demo.axis7 is no longer configured, but has open alarms in the journal",
     )
     assert found[AXIS].book.open == ()

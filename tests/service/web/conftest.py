@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from monitor_core.alarms.episodes import Cause, Episode, Name
-from monitor_core.facts import AxisFacts, Observation, ParameterFacts, Status
+from monitor_core.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
 from service.ingest.stamps import NOT_KNOWN, Stamps
 from service.monitoring.snapshot import (
     AxisSnapshot,
@@ -104,6 +104,11 @@ COUNTERS = {
     "projected": 7,
 }
 
+DETECTORS = (
+    DetectorFacts("cusum", True, "fm", 0.725, ("fm",)),
+    DetectorFacts("bank", False, "torque sign", 1.5, ("torque sign",)),
+)
+
 NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N m s/rad"), "kT": (1.0, "1")}
 
 
@@ -119,7 +124,7 @@ def history(points: int) -> History:
 
 def monitored_axis(name: str = "axis1") -> AxisSnapshot:
     """An axis with an open alarm on fm."""
-    facts = AxisFacts(NOON_US - 400_000, PARAMETERS, 1.37e-6, ("1/Ja is not observed",), COUNTERS)
+    facts = AxisFacts(NOON_US - 400_000, PARAMETERS, 1.37e-6, ("1/Ja is not observed",), COUNTERS, DETECTORS)
     dropped = {"no_partner": 5, "late": 0}
     return AxisSnapshot(
         id=f"demo.{name}",
@@ -144,7 +149,8 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     parameters = tuple(
         replace(p, estimate=p.nominal, g_up=0.0, g_down=0.0, status=Status.WAITING) for p in PARAMETERS
     )
-    facts = AxisFacts(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0))
+    silent = tuple(replace(d, leading="", evidence=0.0, open=()) for d in DETECTORS)
+    facts = AxisFacts(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
     axis = replace(monitored_axis(name), bus="can1", facts=facts, open_episodes=(), history=History())
     return replace(axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN)
 

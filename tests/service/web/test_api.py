@@ -188,7 +188,10 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
             "parameter": "fm",
             "direction": "up",
             "stage": "named",
-            "causes": [{"parameter": "fm", "probability": 0.97}, {"parameter": "kT", "probability": 0.03}],
+            "causes": [
+                {"parameter": "fm", "probability": 0.97, "alike": []},
+                {"parameter": "kT", "probability": 0.03, "alike": []},
+            ],
             "doubt": "",
             "kind": "step",
             "words": "fm is 0.018 N m s/rad (31 %) above its nominal value",

@@ -1,0 +1,64 @@
+"""Rules for an axis's detectors: the bank of hypotheses is only said to alarm where it can."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from service.config.nominal import nominal_file_of
+from service.config.positions import Keys
+from service.config.schema import AxisConfig
+from service.config.tables import Absent
+from service.config.thresholds_file import thresholds_file_of
+from service.config.wording import Finding
+
+KIND: Keys = ("detector", "kind")
+INSTEAD = 'use "cusum"'
+
+
+def follows(axis: AxisConfig) -> bool:
+    """Whether nominal values follow signals."""
+    found = nominal_file_of(axis)
+    return bool(axis.model.varying) or (found is not None and bool(found.varying))
+
+
+def one_output(axis: AxisConfig) -> Iterator[Finding]:
+    """Hypotheses predict one output."""
+    if axis.detector.kind == "bank" and axis.both:
+        yield Finding(KIND, f"the bank predicts one output, and this axis has angle and speed: {INSTEAD}")
+
+
+def the_same_nominals(axis: AxisConfig) -> Iterator[Finding]:
+    """Its predictors have fixed values."""
+    if axis.detector.kind == "bank" and follows(axis):
+        yield Finding(KIND, f"the bank does not follow nominal values that vary: {INSTEAD}")
+
+
+def told_apart(axis: AxisConfig) -> Iterator[Finding]:
+    """What the nominal values cannot tell apart no detector can."""
+    found = nominal_file_of(axis)
+    if axis.detector.kind == "bank" and found is not None and found.untold(axis.model.monitor):
+        pairs = ", ".join(" and ".join(pair) for pair in found.untold(axis.model.monitor))
+        yield Finding(KIND, f"the nominal values cannot tell {pairs} apart: identify the axis again")
+
+
+def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
+    """A file of thresholds that was made without the bank has none for it."""
+    found = thresholds_file_of(axis)
+    if found is None:
+        if axis.model.thresholds_file is not None:
+            raise Absent("thresholds_file")
+        return
+    if axis.detector.kind == "bank" and not found.hypothesis:
+        message = f"{found.path.name} has no thresholds of the bank: calibrate again, or {INSTEAD}"
+        yield Finding(KIND, message)
+    if found.hypothesis and "budget_s" in axis.detector.model_fields_set:
+        message = f"{found.path.name} has thresholds of the bank: remove this, or"
+        yield Finding(("detector", "budget_s"), message, ("model", "thresholds_file"))
+
+
+DETECTOR_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
+    one_output,
+    the_same_nominals,
+    told_apart,
+    its_own_thresholds,
+)

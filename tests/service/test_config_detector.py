@@ -1,0 +1,154 @@
+"""Which detector alarms: as said, else the bank where it has thresholds of its own; refused by line where it cannot."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from service.axes import AxisError, axis_model, axis_settings
+from service.commands.check import check
+from service.config import ConfigErrors, load
+from service.detectors import Detectors, detectors_of
+from tests.service.calibration.test_thresholds_file import named
+from tests.service.calibration.thresholds_texts import thresholds_text
+from tests.service.identification.conftest import robot_text, write_robot
+
+app = typer.Typer()
+app.command()(check)
+
+OWN = [
+    {"cause": "kT", "size": 0.2, "h": 9.0, "allowance": 0.01, "alike": ["torque scale"]},
+    {"cause": "torque sign", "h": 8.0},
+]
+
+
+def hypotheses(entries: list[dict[str, object]]) -> str:
+    rows = [f"{key} = {json.dumps(value)}" for one in entries for key, value in (("", ""), *one.items())]
+    return "\n" + "\n".join("[[hypothesis]]" if row == ' = ""' else row for row in rows) + "\n"
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    return write_robot(tmp_path)
+
+
+def detector(path: Path, *rows: str) -> Path:
+    text = path.read_text(encoding="utf-8")
+    path.write_text(
+        text.replace("[robot.axis.detector]\n", "\n".join(["[robot.axis.detector]", *rows, ""])),
+        encoding="utf-8",
+    )
+    return path
+
+
+def calibrated(path: Path, entries: list[dict[str, object]]) -> Path:
+    axis = load(path, {}).axes[0].config
+    (path.parent / "thresholds.toml").write_text(
+        thresholds_text(axis) + hypotheses(entries), encoding="utf-8"
+    )
+    path.write_text(named(robot_text()), encoding="utf-8")
+    return path
+
+
+def found(path: Path) -> Detectors:
+    (axis,) = load(path, {}).axes
+    model = axis_model(axis.config)
+    return detectors_of(axis, model, axis_settings(axis, model))
+
+
+def problem(path: Path) -> tuple[str, str]:
+    with pytest.raises(ConfigErrors) as caught:
+        load(path, {})
+    (one,) = caught.value.problems
+    assert one.line is not None
+    return one.key, one.message
+
+
+def checked(path: Path) -> str:
+    result = CliRunner().invoke(app, ["--config", str(path)], env={"COLUMNS": "300"})
+    assert result.exit_code == 0, result.stderr
+    return re.sub(r"\s+", " ", result.stdout)
+
+
+def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None:
+    one = found(robot)
+    assert one.alarms == "cusum"
+    assert one.beside is not None
+    assert "alarms: cusum (bank looks on)" in checked(robot)
+
+
+def test_alone(robot: Path) -> None:
+    assert found(detector(robot, "beside = false")) == Detectors("cusum", None, "")
+    assert "bank" not in checked(robot)
+
+
+def test_the_bank_without_a_record_is_said_to_go_by_the_guarantee(robot: Path) -> None:
+    one = found(detector(robot, 'kind = "bank"', "budget_s = 3600.0"))
+    assert one.alarms == "bank"
+    said = checked(robot)
+    assert "no more than one false alarm in an hour if the model is exact" in said
+    assert "axiswatch calibrate" in said
+
+
+def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
+    one = found(calibrated(robot, OWN))
+    assert one.alarms == "bank"
+    assert one.beside is not None
+    assert one.beside.bank.causes == ("kT", "torque sign")
+    assert one.beside.bank.hypotheses[0].alike == ("torque scale",)
+    said = checked(robot)
+    assert "alarms: bank (h from its records)" in said
+    assert "guarantee" not in said
+    assert found(detector(robot, 'kind = "cusum"')).alarms == "cusum"
+
+
+def test_a_file_of_thresholds_without_the_bank(robot: Path) -> None:
+    assert found(calibrated(robot, [])).alarms == "cusum"
+    key, message = problem(detector(robot, 'kind = "bank"'))
+    assert key.endswith("detector.kind")
+    assert message == 'thresholds.toml has no thresholds of the bank: calibrate again, or use "cusum"'
+
+
+def test_a_budget_beside_thresholds_of_its_own(robot: Path) -> None:
+    calibrated(robot, OWN)
+    key, message = problem(detector(robot, "budget_s = 3600.0"))
+    assert key.endswith("detector.budget_s")
+    assert message.startswith("thresholds.toml has thresholds of the bank: remove this, or")
+
+
+def test_a_file_for_other_causes(robot: Path) -> None:
+    calibrated(robot, [{"cause": "fc", "size": 0.2, "h": 9.0}])
+    with pytest.raises(AxisError, match="limits of fc, which the axis does not have"):
+        found(robot)
+
+
+BOTH: Callable[[str], str] = lambda text: text.replace(  # noqa: E731
+    "[robot.axis.time]", '[robot.axis.speed]\ncolumn = "speed"\n\n[robot.axis.time]'
+).replace("output_noise", "speed_noise = 0.01\noutput_noise")
+VARYING: Callable[[str], str] = lambda text: (  # noqa: E731
+    text
+    + '[[robot.axis.signal]]\nname = "temperature"\ncolumn = "temp"\n'
+    + '[[robot.axis.model.varying]]\nparameter = "fm"\nsignal = "temperature"\nslope = -0.001\nreference = 40.0\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(BOTH, "one output, and this axis has angle and speed"), (VARYING, "nominal values that vary")],
+)
+def test_where_the_bank_cannot_run(change: Callable[[str], str], words: str, robot: Path) -> None:
+    text = re.sub(r"^(bus|message|signal|counter_\w+) = .*\n", "", robot_text(), flags=re.MULTILINE)
+    text = re.sub(r"^\[\[bus\]\].*?(?=^\[\[robot\]\])", "", text, flags=re.MULTILINE | re.DOTALL)
+    robot.write_text(change(text), encoding="utf-8")
+    one = found(robot)
+    assert (one.alarms, one.beside) == ("cusum", None)
+    assert one.why
+    key, message = problem(detector(robot, 'kind = "bank"'))
+    assert key.endswith("detector.kind")
+    assert words in message
