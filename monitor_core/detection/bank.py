@@ -44,8 +44,9 @@ LOOKS = 20
 """Looks at the shares in each of them."""
 SECOND = 0.01
 """How likely a second cause is beforehand, beside a change of the first."""
-GONE = 2.0
-"""Standard deviations: a cause whose whole size is below so many of them is over."""
+GONE, REST = 2.0, 0.2
+"""Standard deviations; share of what stood: a cause whose whole size is below so much is over.  Sizes between those of
+the hypotheses are off by a tenth.  What is really left is then a change of its own, and seen as one."""
 
 
 class HypothesisBank:
@@ -288,7 +289,8 @@ class HypothesisBank:
         before = self.standing.get(best.cause)
         if before is None or math.isnan(before.size):
             return []
-        return [best.cause] if abs(before.size + best.size) < GONE * best.size_sd else []
+        tolerance = np.fmax(GONE * best.size_sd, REST * abs(before.size))
+        return [best.cause] if abs(before.size + best.size) < tolerance else []
 
     def _standing_as(self, best: Share, lane: int) -> Hypothesis:
         """All that stands of a cause: what stood before and this."""
