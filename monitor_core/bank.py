@@ -12,7 +12,7 @@ from monitor_core.assembly import Assembly, fill
 from monitor_core.constants import constants_of, naming_samples, vague
 from monitor_core.kernel.block import Samples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
-from monitor_core.kernel.evidence import EVERY, KEPT, Noted, kept_numbers
+from monitor_core.kernel.evidence import KEPT, NAMING, Noted, kept_numbers, noted_numbers
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import Floats, constant_rows
@@ -77,7 +77,7 @@ class Bank:
         st.theta[:, a] = model.theta0
         st.t[a] = NEVER
         st.onset[:, :, a] = NEVER
-        st.left[a] = EVERY * naming_samples(s)
+        st.left[a] = naming_samples(s)
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
         st.credit[a] = CREDIT
@@ -189,7 +189,7 @@ class Bank:
         capacity = sum(N // naming_samples(s) + 1 for s in self.settings)
         numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
         before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
-        return Noted(*numbers, np.empty((1 + 2 * p + p * p, capacity)), *before)
+        return Noted(*numbers, np.empty((noted_numbers(p), capacity)), *before)
 
     def _named(self, events: Events, noted: Noted) -> Iterator[tuple[int, Event]]:
         """All events, in their order; evidence stands between them where it was noted."""
@@ -199,7 +199,9 @@ class Bank:
             yield from (self._event(events, k) for k in range(done, before))
             done = before
             a = int(noted.what[1, c])
-            yield a, self._judges[a].evidence(noted, c)
+            yield a, self._judges[a].reading(noted, c)
+            if noted.what[0, c] == NAMING:
+                yield a, self._judges[a].evidence(noted, c)
         yield from (self._event(events, k) for k in range(done, int(events.filled[0])))
 
     def _event(self, events: Events, k: int) -> tuple[int, Crossing | Calm]:

@@ -15,7 +15,7 @@ SLOW_MEMORIES = 10
 
 
 def naming_samples(s: Settings) -> int:
-    """Samples from the first crossing until there is evidence for a name, and of calm that end an alarm."""
+    """Samples from the first crossing to the evidence for a name, between readings, and of calm that ends an alarm."""
     return round(CALM_MEMORIES * s.memory)
 
 

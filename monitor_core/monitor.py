@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from monitor_core.alarms.book import EpisodeBook
 from monitor_core.alarms.detector import Book, DetectorName
 from monitor_core.alarms.episodes import Calm, Crossing, Episode, Event, Evidence
-from monitor_core.alarms.evidence import HELD
+from monitor_core.alarms.evidence import HELD, INVALID
 from monitor_core.alarms.saved import episodes_from_array, episodes_to_array
 from monitor_core.bank import Bank, standard_deviation
 from monitor_core.detection import detector as hypotheses
@@ -21,6 +21,7 @@ from monitor_core.detection.detector import BankDetector
 from monitor_core.detection.events import Event as BankEvent
 from monitor_core.directions import confounded, untold
 from monitor_core.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
+from monitor_core.history.entries import Reading
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS, COUNTERS2, NEVER, SCHEMA, UNSEEN
 from monitor_core.kernel.tables import Floats
@@ -29,8 +30,6 @@ from monitor_core.settings import Settings
 
 _T = TypeVar("_T", bound=np.generic)
 _PRIME = 2**127 - 1
-INVALID = 100.0
-"""Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
 _OBSERVATION = tuple(Observation)
 _TRACKING = {
     Observation.OBSERVED: Status.TRACKING,
@@ -151,6 +150,14 @@ class AxisMonitor:
         second = f" {s.second}" if s.second else ""
         return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}{second}"
 
+    @property
+    def history_key(self) -> str:
+        """What a slow history belongs to: other nominal values or another predictor would move it, a memory not."""
+        s, m = self.settings, self.model
+        drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
+        predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale} {s.second}"
+        return f"drive={drive} {sorted(m.nominal.items())} {predictor}"
+
     def run(
         self,
         t_us: NDArray[np.int64],
@@ -191,8 +198,11 @@ class AxisMonitor:
     def apply(self, event: AnyEvent) -> list[Episode]:
         """Take an event of this axis into the book of its detector; returns the alarms that it changed.
 
-        Those are the episodes raised, updated or ended by the detector that alarms.
+        Those are the episodes raised, updated or ended by the detector that alarms.  Readings are for the slow
+        history, which is kept elsewhere.
         """
+        if isinstance(event, Reading):
+            return []
         of: DetectorName = "cusum" if isinstance(event, Crossing | Calm | Evidence) else "bank"
         episodes = self.book_of(of).apply(event)
         return episodes if of == self.alarms else []

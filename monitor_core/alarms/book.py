@@ -73,7 +73,7 @@ class EpisodeBook:
             self._cross(event)
         elif isinstance(event, Calm):
             self._end([e for e in self._open if e.parameter == event.parameter])
-        elif event.past is not None and self._open:
+        elif isinstance(event, Evidence) and event.past is not None and self._open:
             self._judge(event)
         ended = [e for e in before if all(_identity(e) != _identity(o) for o in self._open)]
         return [replace(e, ended_us=event.time_us) for e in ended] + [

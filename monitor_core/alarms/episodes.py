@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 from monitor_core.alarms.onset import Past
+from monitor_core.history.entries import Reading
 
 Direction = Literal["up", "down"]
 DIRECTIONS: tuple[Direction, Direction] = ("up", "down")
@@ -16,8 +17,9 @@ DIRECTIONS: tuple[Direction, Direction] = ("up", "down")
 Stage = Literal["changed", "named"]
 """changed: something has; named: the evidence for what it is, is in."""
 
-Kind = Literal["", "step", "drift"]
-"""How it changed: at once, or little by little; empty: it cannot be told."""
+Kind = Literal["", "step", "drift", "forecast"]
+"""How it changed: at once, or little by little; empty: it cannot be told.  forecast: no change, but a slow drift that
+is about to reach a limit."""
 
 Doubt = Literal["", "several", "model", "sign", "still"]
 """several: no single parameter explains it; model: the model no longer holds, so a sensor is more likely than any
@@ -67,10 +69,10 @@ class Evidence:
     held: tuple[int, ...]
     """-1, 1: the lower, the upper bound holds the estimate; 0: none does"""
     past: Past | None = field(default=None, compare=False)
-    """How the deviations went until then; None: this is no evidence for a name, but for the slow course."""
+    """How the deviations went until then; None: it is not known, and nothing is named."""
 
 
-Event = Crossing | Calm | Evidence
+Event = Crossing | Calm | Evidence | Reading
 
 
 class Cause(NamedTuple):
@@ -85,6 +87,19 @@ class Cause(NamedTuple):
         """From what became of it as JSON."""
         parameter, probability, *alike = entry
         return cls(parameter, probability, tuple(alike[0]) if alike else ())
+
+
+class Reach(NamedTuple):
+    """When what the user gave a limit reaches it; see monitor_core.history.forecast."""
+
+    name: str
+    unit: str
+    limit: float
+    above: bool
+    """It must stay below"""
+    state: str
+    low_us: int
+    high_us: int | None
 
 
 class Name(NamedTuple):
@@ -122,6 +137,8 @@ class Episode:
     kind: Kind = ""
     past: tuple[Name, ...] = ()
     """What it was called before"""
+    reaches: tuple[Reach, ...] = ()
+    """Of a forecast: the limit"""
 
     @property
     def first(self) -> tuple[str, Direction]:

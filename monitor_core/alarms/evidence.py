@@ -4,14 +4,20 @@ import numpy as np
 
 from monitor_core.alarms.episodes import Evidence
 from monitor_core.alarms.onset import Past, lately, past_of
+from monitor_core.constants import naming_samples
+from monitor_core.history.entries import Reading
 from monitor_core.kalman import slowest_time_constant
-from monitor_core.kernel.evidence import NAMING, Noted
+from monitor_core.kernel.evidence import Noted
+from monitor_core.kernel.state import UNSEEN
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
 SINCE = 12
 """Quarters of a memory from the first crossing to the evidence."""
+
+INVALID = 100.0
+"""Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
 
 HELD = 0.1
 """Of the way from the nominal value to a bound: an estimate that is held scatters by so much."""
@@ -32,6 +38,7 @@ class Judge:
         self, model: AxisModel, settings: Settings, lower: Floats, upper: Floats, P_nom: Floats
     ) -> None:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
+        self._theta0, self._naming = model.theta0, naming_samples(settings)
         alpha1, _, allowance = settings.tests(len(self._names))
         self._tolerance = float(alpha1.max() * np.sqrt(settings.divisor))
         self._allowed = np.diag((allowance * model.scale) ** 2)
@@ -40,15 +47,28 @@ class Judge:
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
 
+    def reading(self, noted: Noted, c: int) -> Reading:
+        """Column c of what was noted, for the slow course."""
+        s, p, value = self._s, len(self._names), noted.value[:, c]
+        theta, d, P = value[1 : 1 + p], value[1 + p : 1 + 2 * p], value[1 + 2 * p :][: p * p]
+        known = (value[-p:] != UNSEEN) & (self._held(theta, theta - d) == 0) & (value[0] <= INVALID * s.lam0)
+        return Reading(
+            time_us=int(noted.what[2, c]),
+            value=tuple(map(float, self._theta0 + d)),
+            variance=tuple(map(float, s.lam0 * P[:: p + 1] / s.divisor)),
+            known=tuple(map(bool, known)),
+            span_s=self._naming * s.interval_s,
+            correlation=s.lam**self._naming,
+        )
+
     def evidence(self, noted: Noted, c: int) -> Evidence:
         """Column c of what was noted."""
         s, p, value = self._s, len(self._names), noted.value[:, c]
-        theta, d, P = value[1 : 1 + p], value[1 + p : 1 + 2 * p], value[1 + 2 * p :].reshape(p, p)
+        theta, d, P = value[1 : 1 + p], value[1 + p : 1 + 2 * p], value[1 + 2 * p :][: p * p].reshape(p, p)
         V = s.lam0 * P / s.divisor
-        naming = noted.what[0, c] == NAMING
         held = tuple(int(way) for way in self._held(theta, theta - d))
-        past = self._past(noted, c) if naming else None
-        found = None if past is None else lately(past, SINCE)
+        past = self._past(noted, c)
+        found = lately(past, SINCE)
         since, since_V = (d, V) if found is None else found
         return Evidence(
             time_us=int(noted.what[2, c]),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.alarms.episodes import Cause, Episode, Name
+from monitor_core.alarms.episodes import Cause, Episode, Name, Reach
 
 
 def episodes_to_array(episodes: Iterable[Episode]) -> NDArray[np.generic]:
@@ -36,4 +36,5 @@ def episodes_from_array(array: NDArray[np.generic], causes: Collection[str]) -> 
 def _episode(fields: dict[str, Any]) -> Episode:
     causes = tuple(Cause.read(cause) for cause in fields.pop("causes"))
     past = tuple(Name(*name) for name in fields.pop("past"))
-    return Episode(**fields, causes=causes, past=past)
+    reaches = tuple(Reach(*reach) for reach in fields.pop("reaches", ()))
+    return Episode(**fields, causes=causes, past=past, reaches=reaches)

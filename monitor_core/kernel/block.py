@@ -294,7 +294,7 @@ def run(
                     alarm(lanes, con.h, t, st.g, st.onset, d, con.widen, st.P_nom, P, tests, a0, reset, con.calm,
                           st.left, st.noting, filled, what, value)
                 gather(lanes, con.calm, con.span, t, st.left, st.noting, st.learned, st.calm, st.lam0_running, theta, d,
-                       P, tracks, a0, kept_t, kept_d, filled, noted)
+                       P, st.observed, tracks, a0, kept_t, kept_d, filled, noted)
                 calm_down(lanes, con.calm, t, st.calm, d, P, tests, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
             hold(lanes, kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,

@@ -1,9 +1,9 @@
 """Evidence: the deviations of all parameters with their covariance, from which causes are told apart.
 
 A change has arrived in theta some memory lengths after it has happened.  So from the first crossing of an axis on the
-samples that are learned are counted, and theta - theta_0 and P are noted when they are enough; else now and then, for
-the slow course of the parameters.  How theta went until then is kept for a while, for the onset of a change.  All of it
-depends on samples only, not on how they are cut into blocks.
+samples that are learned are counted, and theta - theta_0 and P are noted when they are enough.  Otherwise, too, each
+time that so many have been learned, for the slow course of the parameters.  How theta went until then is kept for a
+while, for the onset of a change.  All of it depends on samples only, not on how they are cut into blocks.
 """
 
 from typing import Any, NamedTuple
@@ -17,9 +17,6 @@ from monitor_core.kernel.tables import Floats, Ints
 COURSE, NAMING = 0, 1
 """What evidence is for: the slow course of the parameters, or the name of what has crossed its threshold."""
 
-EVERY = 20
-"""Evidence for the course is noted after so many times the samples that a naming takes: once in 60 memory lengths."""
-
 KEPT = 64
 """Deviations that are kept of the time before: one in each quarter of a memory."""
 
@@ -29,7 +26,9 @@ class Noted(NamedTuple):
 
     filled: NDArray[np.int64]  # (1,)
     what: NDArray[np.int64]  # (4, capacity): COURSE or NAMING, axis, time us, number of the events before it
-    value: NDArray[np.float64]  # (1 + 2 p + p p, capacity): running variance, theta, theta - theta0, P
+    value: NDArray[
+        np.float64
+    ]  # (noted_numbers, capacity): running variance, theta, theta - theta0, P, observed
     t: NDArray[
         np.int64
     ]  # (capacity, KEPT) NAMING: times of the deviations before, us, oldest first; NEVER: none
@@ -39,6 +38,11 @@ class Noted(NamedTuple):
 def kept_numbers(p: int) -> int:
     """How many numbers are kept of one moment: the deviations, and the upper triangle of P."""
     return p + p * (p + 1) // 2
+
+
+def noted_numbers(p: int) -> int:
+    """How many numbers are noted."""
+    return 1 + 3 * p + p * p
 
 
 _numbers = aside(kept_numbers)
@@ -58,6 +62,7 @@ def gather(
     theta: Floats,
     d: Floats,
     P: Floats,
+    observed: Ints,
     on: Ints,
     a0: int,
     kept_t: Ints,
@@ -86,6 +91,7 @@ def gather(
             theta,
             d,
             P,
+            observed,
             on,
             a0,
             kept_t,
@@ -138,6 +144,7 @@ def _note(
     theta: Floats,
     d: Floats,
     P: Floats,
+    observed: Ints,
     on: Ints,
     a0: int,
     kept_t: Ints,
@@ -167,6 +174,7 @@ def _note(
             noted.value[1 + p + i, c] = d[i, a]
             for j in range(p):
                 noted.value[1 + 2 * p + p * i + j, c] = P[i, j, a]
+            noted.value[1 + 2 * p + p * p + i, c] = observed[i, a]
         if noting[a] == NAMING:
             newest = learned[a] // int(span[a])
             for q in range(KEPT):
@@ -176,4 +184,4 @@ def _note(
                     noted.before[c, q, i] = kept_d[k * noted.before.shape[2] + i, a0 + a]
             for i in range(p):
                 calm[i, a] = 0 if calm[i, a] > needed[a] else calm[i, a]
-        left[a], noting[a] = EVERY * int(needed[a]), COURSE
+        left[a], noting[a] = int(needed[a]), COURSE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 import sys
 from datetime import UTC, datetime
@@ -20,13 +19,11 @@ from service.commands.optional_value import OptionalValueCommand
 from service.commands.progress import steps_bar
 from service.commands.which_drive import axis_named
 from service.commands.writing import STDOUT, write
+from service.durations import seconds_in
 
 if TYPE_CHECKING:
     from service.calibration.found import Calibration, Provenance
 
-UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "y": 31557600.0}
-_TIME = re.compile(r"(?P<number>[\d.]+)\s*(?P<unit>[a-z]*)")
-_SPELLED = {"hour": "h", "day": "d", "year": "y", "minute": "min", "second": "s", "m": "min"}
 
 Budget = Annotated[
     str,
@@ -106,16 +103,10 @@ def seconds_of(text: str) -> float:
     Raises:
         typer.BadParameter: it is none.
     """
-    match = _TIME.fullmatch(text.strip().lower())
-    unit = (match["unit"] if match else "") or "s"
-    unit = next((short for word, short in _SPELLED.items() if unit in (word, f"{word}s")), unit)
     try:
-        seconds = float(match["number"]) * UNITS[unit] if match else 0.0
-    except (ValueError, KeyError):
-        seconds = 0.0
-    if not 1 <= seconds <= 1000 * UNITS["y"]:
-        raise typer.BadParameter(f"{text}: write a time, such as 10min, 1h, 30d or 1y", param_hint="--budget")
-    return seconds
+        return seconds_in(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--budget") from None
 
 
 def _sizes(text: str) -> tuple[float, ...]:

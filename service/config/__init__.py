@@ -3,6 +3,7 @@
 from service.config.conditions import conditions_of, in_words, needed, unsaid
 from service.config.drives import drive_of, given_values
 from service.config.encoder import step_noise
+from service.config.limits import limits_of
 from service.config.loading import load
 from service.config.nominal import Predictor, nominal_file_of, predictor_of
 from service.config.problems import ConfigErrors, Problem
@@ -19,6 +20,7 @@ from service.config.schema import (
     ServiceConfig,
     SignalConfig,
     TimeConfig,
+    TrendConfig,
     WebConfig,
 )
 from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
@@ -41,12 +43,14 @@ __all__ = [
     "SignalConfig",
     "ThresholdsFile",
     "TimeConfig",
+    "TrendConfig",
     "WebConfig",
     "bounds_of",
     "conditions_of",
     "drive_of",
     "given_values",
     "in_words",
+    "limits_of",
     "load",
     "needed",
     "nominal_file_of",

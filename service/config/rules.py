@@ -12,6 +12,7 @@ from service.config.crosschecks import DBC_RULES
 from service.config.detector_rules import DETECTOR_RULES
 from service.config.encoder_rules import ENCODER_RULES
 from service.config.estimator_rules import ESTIMATOR_RULES
+from service.config.limit_rules import LIMIT_RULES
 from service.config.model_rules import MODEL_RULES
 from service.config.nominal_rules import NOMINAL_RULES
 from service.config.positions import Keys
@@ -232,6 +233,7 @@ AXIS_RULES: tuple[Rule[AxisConfig], ...] = (
     further_signals,
     *NOMINAL_RULES,
     *MODEL_RULES,
+    *LIMIT_RULES,
     *SKEW_RULES,
     *ENCODER_RULES,
     *ESTIMATOR_RULES,

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 from monitor_core.model import Output
 from service.config.sources import Source, sources_of
 from service.config.tables import ABSENT, Absent, Reading, Table, present
+from service.durations import seconds_in
 from service.modeling import SUFFIX
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -186,6 +187,14 @@ class VaryingConfig(Table):
     )
 
 
+def _one_or_two(value: object) -> object:
+    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Limits = Annotated[tuple[Real, ...], BeforeValidator(_one_or_two), Field(min_length=1, max_length=2)]
+"""A limit, above or below the nominal value, or [lower, upper]."""
+
+
 class ModelConfig(Table):
     """[robot.axis.model]: the drive, its nominal values, and what is watched."""
 
@@ -220,6 +229,11 @@ class ModelConfig(Table):
     )
     bounds: dict[str, tuple[Real, Real]] = Field(
         default_factory=dict, description="name = [lower, upper]: the estimate stays between them"
+    )
+    limits: dict[str, Limits] = Field(
+        default_factory=dict,
+        description="name = limit, or [lower, upper], of a monitored parameter or its reciprocal: when it will be"
+        " reached is foretold",
     )
     varying: tuple[VaryingConfig, ...] = Field(
         (), description="nominal values that follow signals, beside those of the nominal_file"
@@ -333,6 +347,27 @@ class DetectorConfig(Table):
     )
 
 
+def _time(value: object) -> object:
+    if not isinstance(value, str):
+        raise ValueError('must be a time in quotes, such as "14 days"')
+    return seconds_in(value)
+
+
+class TrendConfig(Table):
+    """[robot.axis.trend]: the slow course of the parameters, and forecasts."""
+
+    interval_s: Positive = Field(
+        3600.0,
+        le=86400,
+        description="operating time [s] of one mean of the slow history; forecasts need 120 times as long",
+    )
+    warn_before: Annotated[Positive, BeforeValidator(_time)] = Field(
+        "14 days",
+        validate_default=True,
+        description='an alarm is raised when a limit may be reached within this time, such as "14 days"',
+    )
+
+
 class AxisConfig(Table):
     """[[robot.axis]]: one axis, where its samples come from and how they are watched."""
 
@@ -369,6 +404,7 @@ class AxisConfig(Table):
     model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
     estimator: EstimatorConfig = Field(default_factory=EstimatorConfig, description="recursive estimator")
     detector: DetectorConfig = Field(default_factory=DetectorConfig, description="change detector")
+    trend: TrendConfig = Field(default_factory=TrendConfig, description="slow course and forecasts")
 
     @property
     def records_only(self) -> bool:

@@ -1,12 +1,12 @@
 """The monitors of all axes: samples by the names of their axes into the fleet, its events into episodes."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.alarms.episodes import Crossing, Episode
 from monitor_core.fleet import Block, Fleet
+from monitor_core.history.entries import Reading
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import NEVER
 from monitor_core.monitor import AnyEvent, AxisMonitor
@@ -16,17 +16,12 @@ from service.config import NamedAxis, conditions_of
 from service.detectors import detectors_of
 from service.ingest.table_record import SampleBlock
 from service.ingest.turns import AMBIGUOUS, Motion, Turns, turns_of
+from service.monitoring.change import Change as Change
+from service.monitoring.trends import Trends
 from service.monitoring.warming import HYPOTHESES
 
 Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""
-
-
-class Change(NamedTuple):
-    """An episode of an axis as it is now: raised, updated or ended."""
-
-    axis_id: str
-    episode: Episode
 
 
 Onlooker = Callable[[str, Block, Trace, Sequence[Crossing]], None]
@@ -49,6 +44,9 @@ class Monitors:
         self._fleet = Fleet(models, settings, beside, {a: one.alarms for a, one in enumerate(found)})
         self.by_id: Mapping[str, AxisMonitor] = dict(zip(self._ids, self._fleet.monitors, strict=True))
         self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
+        keys = [monitor.history_key for monitor in self._fleet.monitors]
+        self.trends = Trends(axes, models, keys)
+        """The slow courses of all axes"""
         self._resumed = False
         conditions = [(axis.id, m, conditions_of(axis)) for axis, m in zip(axes, models, strict=True)]
         self._operating = {axis_id: Operating(m, c) for axis_id, m, c in conditions if c}
@@ -60,8 +58,14 @@ class Monitors:
         return [
             Change(self._ids[a], episode)
             for a, event in self._run(blocks, onlooker)
-            for episode in self._fleet.monitors[a].apply(event)
+            for episode in self._take(a, event)
         ]
+
+    def _take(self, a: int, event: AnyEvent) -> Sequence[Episode]:
+        if isinstance(event, Reading):
+            self.trends.take(self._ids[a], event)
+            return ()
+        return self._fleet.monitors[a].apply(event)
 
     def _run(self, blocks: Mapping[int, Block], onlooker: Onlooker | None) -> list[tuple[int, AnyEvent]]:
         if onlooker is None:

@@ -62,7 +62,7 @@ def axis_view(axis: NamedAxis, monitor: AxisMonitor, interval_s: float, length_s
 
 def _as_recorded(facts: AxisFacts, open_episodes: Iterable[Episode]) -> AxisFacts:
     """The facts with the alarms of the journal, where the monitor is ahead of it."""
-    recorded = {e.parameter for e in open_episodes}
+    recorded = {e.parameter for e in open_episodes if e.kind != "forecast"}
     if all((p.status is Status.ALARM) == (p.name in recorded) for p in facts.parameters):
         return facts
     return replace(

@@ -45,7 +45,8 @@ def restore(
         messages += _close_unmonitored(axis_id, monitor, journal, now_us)
         recorded = journal.open_episodes(axis_id)
         opened += [Change(axis_id, e) for e in recorded]
-        unrecorded += [Change(axis_id, e) for e in _agree(axis_id, monitor, recorded, journal)]
+        changes = [e for e in recorded if e.kind != "forecast"]  # those are not the monitor's
+        unrecorded += [Change(axis_id, e) for e in _agree(axis_id, monitor, changes, journal)]
     messages += _of_removed_axes(monitors, journal)
     return Restored(min(times, default=None), tuple(opened), tuple(unrecorded), tuple(messages))
 

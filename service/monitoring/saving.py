@@ -6,6 +6,7 @@ from time import monotonic
 import structlog
 
 from monitor_core.monitor import AxisMonitor
+from service.monitoring.trends import Trends
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.database import StoreError
 
@@ -27,6 +28,7 @@ class Saver:
         saved_us: time of the checkpoint that the monitors were restored from.
         now_us: wall clock.
         clock: seconds, for the interval.
+        trends: the slow histories, saved with them.
     """
 
     def __init__(
@@ -37,9 +39,10 @@ class Saver:
         saved_us: int | None,
         now_us: Callable[[], int],
         clock: Callable[[], float] = monotonic,
+        trends: Trends | None = None,
     ) -> None:
         self._checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
-        self._now_us, self._clock = now_us, clock
+        self._now_us, self._clock, self._trends = now_us, clock, trends
         self._due = clock() + interval_s
         self.saved_us = saved_us
         self.problem: str | None = None
@@ -55,6 +58,7 @@ class Saver:
         self._due = self._clock() + self._interval_s
         now_us = self._now_us()
         states = [state for axis_id, m in self._monitors.items() for state in _states(axis_id, m)]
+        states += [AxisState(*part) for part in self._trends.to_save()] if self._trends else []
         try:
             self._checkpoints.save_many(states, now_us)
         except StoreError as error:
@@ -62,6 +66,8 @@ class Saver:
             log.error("checkpoint failed", reason=str(error))
             return
         self.saved_us, self.problem = now_us, None
+        if self._trends:
+            self._trends.saved()
 
 
 def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[AxisState]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from monitor_core.alarms.episodes import Episode
 from monitor_core.facts import AxisFacts
 from service.ingest.stamps import NOT_KNOWN, Stamps
+from service.monitoring.trends import ParameterTrend
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +68,10 @@ class AxisSnapshot:
     """How far its time stamps scatter"""
     other_causes: tuple[str, ...] = ()
     """What alarms may name beside the monitored parameters"""
+    trends: tuple[ParameterTrend, ...] = ()
+    """The slow course of each parameter"""
+    histories_lost: int = 0
+    """Slow histories that could not be put back at the start"""
 
     @property
     def causes(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ snapshot that shows them is swapped in, in one assignment.
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from time import perf_counter
 
 import structlog
@@ -114,6 +115,7 @@ class Worker:
         start = perf_counter()
         counts = [self._take(bus) for bus in self._buses]
         self._alarms.record(self._core.run())
+        self._alarms.record(self._core.monitors.trends.look(1))
         if any(counts):
             self._time.observe(perf_counter() - start)
         return any(count >= MOST_FRAMES for count in counts)
@@ -130,6 +132,7 @@ class Worker:
                 pass
             self._core.flush()
             self._alarms.record(self._core.run())
+            self._alarms.record(self._core.monitors.trends.look())
         self._saver.save()
         self.snapshot = self._snapshot()
 
@@ -150,7 +153,9 @@ class Worker:
         dropped = {**ingest.axis_dropped(axis_id), **self._core.monitors.dropped(axis_id)}
         gated_by = self._core.monitors.waits_for(axis_id)
         events, stamps = ingest.axis_events(axis_id), ingest.axis_stamps(axis_id)
-        return view.snapshot(open_alarms, dropped, events, gated_by, stamps)
+        trends = self._core.monitors.trends
+        shown = view.snapshot(open_alarms, dropped, events, gated_by, stamps)
+        return replace(shown, trends=trends.of(axis_id), histories_lost=trends.lost[axis_id])
 
     def _all_messages(self) -> tuple[str, ...]:
         now = (self._alarms.problem, self._saver.problem, self._recording.problem)

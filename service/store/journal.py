@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from monitor_core.alarms.episodes import Cause, Direction, Doubt, Episode, Kind, Name, Stage
+from monitor_core.alarms.episodes import Cause, Direction, Doubt, Episode, Kind, Name, Reach, Stage
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -46,6 +46,10 @@ MIGRATIONS = (
     UPDATE alarm SET first_parameter = parameter, first_direction = direction;
     CREATE INDEX alarm_open ON alarm (axis) WHERE ended_us IS NULL;
     """,
+    # Forecasts: the limit that is about to be reached, and when.
+    """
+    ALTER TABLE alarm ADD COLUMN reaches TEXT NOT NULL DEFAULT '[]';
+    """,
 )
 
 
@@ -77,6 +81,7 @@ class Alarm:
     onset_high_us: int | None = None
     kind: Kind = ""
     past: tuple[Name, ...] = ()
+    reaches: tuple[Reach, ...] = ()
 
     @property
     def first(self) -> tuple[str, Direction]:
@@ -97,7 +102,11 @@ _NAMES = tuple(field.name for field in fields(Alarm))
 _COLUMNS = ", ".join(_NAMES)
 _NUMBERS = ("nominal", "size", "size_sd")
 """SQLite keeps NaN as NULL."""
-_LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name]] = {"causes": Cause.read, "past": Name._make}
+_LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
+    "causes": Cause.read,
+    "past": Name._make,
+    "reaches": Reach._make,
+}
 """Kept as JSON, each entry read by one of these."""
 
 
@@ -222,7 +231,8 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
 def _known(connection: sqlite3.Connection, entry: Entry) -> Alarm | None:
     """The alarm that the episode belongs to: this very episode, or else an open one of the same name.
 
-    An episode that has ended looks for itself only, so that repeating its record cannot end a later alarm, nor does one
+    A forecast is another thing than a change of the same parameter, and belongs to no alarm but itself.  So does an
+    episode that has ended, so that repeating its record cannot end a later alarm, nor does one
     that has been named: another one of that name is about to end.
     """
     e = entry.episode
@@ -232,14 +242,18 @@ def _known(connection: sqlite3.Connection, entry: Entry) -> Alarm | None:
         "parameter": parameter,
         "direction": direction,
         "raised": e.raised_us,
+        "forecast": e.kind == "forecast",
     }
     itself = (
         "WHERE axis = :axis AND first_parameter = :parameter AND first_direction = :direction"
-        " AND raised_us = :raised ORDER BY id DESC LIMIT 1"
+        " AND raised_us = :raised AND (kind = 'forecast') = :forecast ORDER BY id DESC LIMIT 1"
     )
     found = _select(connection, itself, values)
     if not found and e.ended_us is None and e.stage == "changed":
-        alike = "WHERE axis = :axis AND parameter = :parameter AND direction = :direction AND ended_us IS NULL LIMIT 1"
+        alike = (
+            "WHERE axis = :axis AND parameter = :parameter AND direction = :direction AND ended_us IS NULL"
+            " AND kind <> 'forecast' LIMIT 1"
+        )
         found = _select(connection, alike, values)
     return found[0] if found else None
 
