@@ -3,9 +3,10 @@
 import math
 from typing import Protocol
 
-from monitor_core.alarms.episodes import Cause, Doubt, Kind, Stage
+from monitor_core.alarms.episodes import Cause, Doubt, Kind, Reach, Stage
 from monitor_core.drive import DELAY
 from service.sensor_words import sensor_words
+from service.trend_words import reach_words
 
 SURE = 0.95
 """A cause that is likelier needs no second one beside it."""
@@ -43,11 +44,22 @@ class Told(Protocol):
 
     @property
     def kind(self) -> Kind:
-        """Step or drift."""
+        """Step or drift, or a forecast."""
+
+    @property
+    def reaches(self) -> tuple[Reach, ...]:
+        """Of a forecast: the limit."""
+
+    @property
+    def updated_us(self) -> int:
+        """When this was so."""
 
 
 def episode_words(e: Told, nominal: float, unit: str) -> str:
     """An alarm in words, as sure as it is: "something has changed, at first sight fm: fm is .."."""
+    if e.reaches:
+        fact = alarm_words(e.parameter, e.size, nominal, unit)
+        return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
     fact = alarm_words(e.parameter, e.size, nominal, unit)
     if e.stage == "changed":
         return f"something has changed, at first sight {e.parameter}: {fact}"

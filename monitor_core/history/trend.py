@@ -20,7 +20,7 @@ FEWEST = 24
 SPAN = 120
 """Hours (of time, in lengths of an entry's operation) that they must span: days differ from nights."""
 
-MOST = 240
+MOST = 160
 """Entries that are looked at; more are merged."""
 
 COARSE = 12

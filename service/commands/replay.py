@@ -12,7 +12,7 @@ from rich.text import Text
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
 from service.commands.progress import progress_bar
-from service.commands.replay_report import Report, as_json, doubts, stamp_remarks, tables
+from service.commands.replay_report import Report, as_json, doubts, stamp_remarks, tables, trends
 from service.commands.writing import STDOUT, write
 from service.config import Config
 
@@ -57,6 +57,8 @@ def replay(config: ConfigPath, records: Records, json: Json = None, report: Page
     console = Console()
     for table in tables(found):
         console.print(table)
+    for words in trends(found):
+        console.print(Text.assemble(("Trend: ", "bold"), words), soft_wrap=True)
     for words in (*doubts(found), *stamp_remarks(found)):
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
     if json is not None:
@@ -75,6 +77,7 @@ def _replay(config: Config, paths: list[Path], where: Path | None) -> tuple[Repo
         with progress_bar(record.path.name) as progress:
             for step in record.steps():
                 report.add(monitors.run(step.samples, onlooker))
+                report.add(monitors.trends.look())
                 progress(step.done)
         report.add_dropped(record)
     return report, drawing

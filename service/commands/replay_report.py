@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.alarms.episodes import Episode, Name
+from monitor_core.alarms.episodes import Episode, Name, Reach
 from monitor_core.facts import AxisFacts, DetectorFacts, ParameterFacts
 from service.alarm_words import episode_words
 from service.config import Config, NamedAxis
@@ -18,6 +18,8 @@ from service.ingest.records import Record
 from service.ingest.stamps import Stamps, remarks
 from service.monitoring.alarms import Quantity, quantities
 from service.monitoring.banks import Change, Monitors
+from service.monitoring.trends import ParameterTrend
+from service.trend_words import reach_words, trend_words
 from service.web.times import iso, maybe_iso
 
 Json = dict[str, Any]
@@ -97,6 +99,19 @@ def doubts(report: Report) -> Iterator[str]:
             yield f"{axis.id}: {words}"
 
 
+def trends(report: Report) -> Iterator[str]:
+    """What the slow courses say, of axes whose records are long enough, in words."""
+    for axis in report.config.axes:
+        for p in report.monitors.trends.of(axis.id):
+            if p.trend is not None:
+                yield "; ".join([f"{axis.id}: {trend_words(p.name, p.unit, p.trend)}", *_reached(p)])
+
+
+def _reached(p: ParameterTrend) -> Iterator[str]:
+    now_us = p.entries[-1].end_us if p.entries else 0
+    return (reach_words(r, now_us) for r in p.reaches)
+
+
 def stamp_remarks(report: Report) -> Iterator[str]:
     """What the time stamps say about the configuration, in words."""
     for axis in report.config.axes:
@@ -166,6 +181,7 @@ def _axis(report: Report, axis_id: str) -> Json:
         "stamps": report.stamps[axis_id]._asdict() if axis_id in report.stamps else None,
         "parameters": [_parameter(p) for p in facts.parameters],
         "detectors": [_detector(d) for d in facts.detectors],
+        "trends": [_trend(p) for p in report.monitors.trends.of(axis_id)],
         "alarms": [_alarm(e, report.quantity(axis_id, e.parameter)) for e in report.alarms(axis_id)],
     }
 
@@ -188,6 +204,24 @@ def _parameter(p: ParameterFacts) -> Json:
     return named | {name: _number(value) for name, value in numbers.items()}
 
 
+def _trend(p: ParameterTrend) -> Json:
+    t = p.trend
+    return {
+        "parameter": p.name,
+        "words": trend_words(p.name, p.unit, t),
+        "entries": len(p.entries),
+        "probability": None if t is None else t.probability,
+        "slope_per_day": None if t is None else t.slope * 86400,
+        "slope_per_day_sd": None if t is None else t.slope_sd * 86400,
+        "limits": [_limit(r, words) for r, words in zip(p.reaches, _reached(p), strict=True)],
+    }
+
+
+def _limit(r: Reach, words: str) -> Json:
+    times = {"low": iso(r.low_us), "high": maybe_iso(r.high_us)}
+    return {"name": r.name, "limit": r.limit, "unit": r.unit, "state": r.state, **times, "words": words}
+
+
 def _alarm(e: Episode, of: Quantity) -> Json:
     return {
         "parameter": e.parameter,
@@ -197,6 +231,7 @@ def _alarm(e: Episode, of: Quantity) -> Json:
         "causes": [cause._asdict() for cause in e.causes],
         "doubt": e.doubt,
         "kind": e.kind,
+        "reaches": [_limit(r, reach_words(r, e.updated_us)) for r in e.reaches],
         "onset": iso(e.onset_us),
         "onset_low": maybe_iso(e.onset_low_us),
         "onset_high": maybe_iso(e.onset_high_us),

@@ -22,6 +22,7 @@ _LARGEST_ID = 2**63 - 1
 Limit = Annotated[int, Query(ge=1, le=1000, description="at most so many")]
 Offset = Annotated[int, Query(ge=0, le=_LARGEST_ID, description="without the first so many")]
 Points = Annotated[int, Query(ge=1, le=100_000, description="at most so many points, the last ones")]
+Entries = Annotated[int, Query(ge=1, le=10_000, description="at most so many entries, neighbours merged")]
 Moment = Annotated[
     AwareDatetime | None, Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z")
 ]
@@ -62,11 +63,17 @@ def _axes(world: World) -> APIRouter:
         limit: Points = 3600,
     ) -> models.History:
         """The last points of an axis later than since, oldest first, in columns."""
-        found = _axis(world, axis)
-        names = [p.name for p in found.facts.parameters]
-        if parameter is not None and parameter not in names:
-            raise NotKnownError(f"{axis} has no monitored parameter {parameter!r}", names)
+        found = _axis(world, axis, parameter)
         return views.history(found, parameter, microseconds(since), limit)
+
+    @api.get("/axes/{axis}/trend", summary="Slow course of an axis", responses=_NOT_FOUND)
+    def trend(
+        axis: str,
+        parameter: Annotated[str | None, Query(description="only this one; default: all")] = None,
+        points: Entries = 1200,
+    ) -> models.Trend:
+        """Whether the parameters drift, when they reach their limits, and the means over hours that tell it."""
+        return views.trend(_axis(world, axis, parameter), parameter, points)
 
     return api
 
@@ -104,9 +111,13 @@ def _alarms(world: World) -> APIRouter:
     return api
 
 
-def _axis(world: World, axis_id: str) -> AxisSnapshot:
+def _axis(world: World, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
+    """The axis, which monitors that parameter."""
     snapshot = world.snapshot()
     found = snapshot.axis(axis_id)
     if found is None:
         raise NotKnownError(f"there is no axis {axis_id!r}", [axis.id for axis in snapshot.axes])
+    names = [p.name for p in found.facts.parameters]
+    if parameter is not None and parameter not in names:
+        raise NotKnownError(f"{axis_id} has no monitored parameter {parameter!r}", names)
     return found

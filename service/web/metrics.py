@@ -19,6 +19,7 @@ from prometheus_client.registry import Collector
 from monitor_core.alarms.episodes import DIRECTIONS, Direction, Stage
 from monitor_core.facts import DetectorFacts, Observation, ParameterFacts
 from service.monitoring.snapshot import AxisSnapshot, Snapshot
+from service.web import trend_metrics
 from service.web.world import VERSION, age_s, sample_age_s
 
 _Series = tuple[tuple[str, ...], float]
@@ -52,6 +53,7 @@ class SnapshotCollector(Collector):
         yield from _parameters(snapshot.axes)
         yield from _detectors(snapshot.axes)
         yield from _axes(snapshot.axes, now_us)
+        yield from trend_metrics.families(snapshot.axes)
         yield from _buses(snapshot)
         yield from _service(snapshot, now_us)
 

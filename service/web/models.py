@@ -171,6 +171,70 @@ class History(Body):
     parameters: list[Course]
 
 
+class Reach(Body):
+    """When a limit is reached."""
+
+    name: str = Field(description="what has the limit: the parameter, or its reciprocal")
+    limit: Number = Field(description="in unit")
+    unit: str = Field(description="1 for a ratio")
+    above: bool = Field(description="true: it must stay below; false: above")
+    state: Literal["ahead", "open", "far", "beyond"] = Field(
+        description="ahead: it is reached between low and high with a probability of 90 %; open: after low, perhaps "
+        "never; far: not in sight, not before low; beyond: it was reached between low and high"
+    )
+    low: Time = Field(description="UTC; before it with a probability of 5 %")
+    high: Time | None = Field(
+        description="UTC; after it with a probability of 5 %; null: the interval is open"
+    )
+    words: str = Field(
+        description="the same in words, counted from the last entry, or from when the alarm was updated"
+    )
+
+
+class Drift(Body):
+    """What the slow history of a parameter says."""
+
+    time: Time = Field(description="of the last entry that was looked at, UTC")
+    since: Time = Field(description="of the first, UTC")
+    steady: Number = Field(description="probability that it has not changed")
+    drift: Number = Field(description="probability that it drifts, from the beginning or since some time")
+    step: Number = Field(description="probability that it changed at once")
+    both: Number = Field(description="probability that it changed at once, and drifts since")
+    level: Number = Field(description="now, in the parameter's unit")
+    level_sd: Number = Field(description="its standard deviation")
+    slope_per_day: Number = Field(description="of all these possibilities, in the parameter's unit per day")
+    slope_per_day_sd: Number = Field(description="its standard deviation")
+    scatter: Number = Field(
+        description="standard deviation of an entry about its course, in the parameter's unit"
+    )
+
+
+class SlowCourse(Body):
+    """The slow course of a parameter, a column each, oldest first: means over hours of operation, later of days."""
+
+    name: str
+    unit: str
+    nominal: Number = Field(description="commissioned value, in the parameter's unit")
+    words: str
+    drift: Drift | None = Field(description="null: too little is known yet")
+    limits: list[Reach]
+    time: list[Time] = Field(description="middle of each entry, UTC")
+    mean: list[Number] = Field(
+        description="in the parameter's unit; where its nominal value follows conditions, at those of reference"
+    )
+    standard_deviation: list[Number] = Field(description="of the mean, by P: at least so much")
+    operating_s: list[Number] = Field(description="time in operation in which it was observed [s]")
+
+
+class Trend(Body):
+    """The slow courses of an axis."""
+
+    axis: str
+    interval_s: Number = Field(description="time in operation of a whole entry [s]")
+    lost: int = Field(description="histories that could not be put back at the start")
+    parameters: list[SlowCourse]
+
+
 class Cause(Body):
     """What may have changed."""
 
@@ -216,7 +280,11 @@ class Alarm(Body):
         "longer holds, as if a sensor were wrong; sign: as if torque or motion had changed its sign; still: no motion "
         "follows the torque; empty: no doubt"
     )
-    kind: Kind = Field(description="step or drift; empty: it cannot be told, or not yet")
+    kind: Kind = Field(
+        description="step or drift; empty: it cannot be told, or not yet; forecast: no change, but a slow drift that "
+        "is about to reach a limit, or has"
+    )
+    reaches: list[Reach] = Field(description="of a forecast: the limit, and when it is reached")
     words: str = Field(description="the alarm in a sentence, e.g. the torque frame is 0.5 ms late: ..")
     active: bool = Field(description="it has not ended")
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")

@@ -1,12 +1,17 @@
 """Snapshots and alarms as bodies of answers."""
 
+import math
 from collections.abc import Sequence
 
-from monitor_core.alarms.episodes import Name
+from monitor_core.alarms.episodes import Name, Reach
 from monitor_core.facts import DetectorFacts, ParameterFacts
+from monitor_core.history.entries import thinned
+from monitor_core.history.trend import Trend
 from service.alarm_words import episode_words
 from service.monitoring.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
+from service.monitoring.trends import ParameterTrend
 from service.store import journal
+from service.trend_words import reach_words, trend_words
 from service.web import models
 from service.web.health import reasons_not_ready
 from service.web.times import iso, maybe_iso
@@ -103,6 +108,51 @@ def _course(p: ParameterFacts, i: int, points: Sequence[HistoryPoint]) -> models
     )
 
 
+def trend(a: AxisSnapshot, parameter: str | None = None, points: int = 1200) -> models.Trend:
+    """The slow courses of an axis, each of so many entries at most."""
+    return models.Trend(
+        axis=a.id,
+        interval_s=a.trends[0].hour_s if a.trends else None,
+        lost=a.histories_lost,
+        parameters=[_slow(p, points) for p in a.trends if parameter is None or p.name == parameter],
+    )
+
+
+def _slow(p: ParameterTrend, points: int) -> models.SlowCourse:
+    entries, now_us = thinned(p.entries, points), p.entries[-1].end_us if p.entries else 0
+    return models.SlowCourse(
+        name=p.name,
+        unit=p.unit,
+        nominal=p.nominal,
+        words=trend_words(p.name, p.unit, p.trend),
+        drift=None if p.trend is None else _drift(p.trend),
+        limits=[_reach(r, now_us) for r in p.reaches],
+        time=[iso(e.middle_us) for e in entries],
+        mean=[e.mean for e in entries],
+        standard_deviation=[math.sqrt(e.variance) for e in entries],
+        operating_s=[e.operating_s for e in entries],
+    )
+
+
+def _drift(t: Trend) -> models.Drift:
+    return models.Drift(
+        time=iso(t.time_us),
+        since=iso(t.since_us),
+        **t.probability,
+        level=t.level,
+        level_sd=t.level_sd,
+        slope_per_day=t.slope * 86400,
+        slope_per_day_sd=t.slope_sd * 86400,
+        scatter=t.scatter,
+    )
+
+
+def _reach(r: Reach, now_us: int) -> models.Reach:
+    times = {"low": iso(r.low_us), "high": maybe_iso(r.high_us)}
+    named = {"name": r.name, "limit": r.limit, "unit": r.unit, "above": r.above, "state": r.state}
+    return models.Reach.model_validate({**named, **times, "words": reach_words(r, now_us)})
+
+
 def alarm(a: journal.Alarm) -> models.Alarm:
     """One alarm of the journal."""
     return models.Alarm(
@@ -117,6 +167,7 @@ def alarm(a: journal.Alarm) -> models.Alarm:
         ],
         doubt=a.doubt,
         kind=a.kind,
+        reaches=[_reach(r, a.updated_us) for r in a.reaches],
         words=episode_words(a, a.nominal, a.unit),
         active=a.active,
         unit=a.unit,

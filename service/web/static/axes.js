@@ -40,6 +40,7 @@ function makeCard(axis) {
       el("thead", { role: "rowgroup" }, el("tr", { role: "row" }, ...COLUMNS.map(([name, kind]) => head(name, kind)))),
       el("tbody", { role: "rowgroup" }, ...rows.map((row) => row.node)),
     ),
+    el("ul", { className: "trends", "data-axis": axis.id, "aria-label": `Slow course of ${axis.id}`, hidden: true }),
   );
   function show(now) {
     const alarmed = now.parameters.some((p) => p.status === "alarm") || now.detectors.some((d) => d.alarms && d.open.length > 0);

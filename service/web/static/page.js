@@ -4,6 +4,7 @@ import { showAlarms } from "./alarms.js";
 import { showAxes } from "./axes.js";
 import { className, list, text } from "./dom.js";
 import { moment, span, zone } from "./format.js";
+import { showTrends } from "./trends.js";
 
 const EVERY_MS = 1000;
 const PATIENCE_MS = 4000;
@@ -33,6 +34,7 @@ async function refresh() {
     showService(service, active.total);
     showAxes(axes.axes);
     showAlarms(active, ended);
+    await showTrends(axes.axes, ask);
   } catch (error) {
     lostSince ??= new Date();
     showLost(error);

@@ -1,15 +1,19 @@
 """A daemon that stands still: a snapshot of two axes, a journal, a clock that only moves when told."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from monitor_core.alarms.episodes import Cause, Episode, Name
+from monitor_core.alarms.episodes import Cause, Episode, Name, Reach
 from monitor_core.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
+from monitor_core.history.entries import Entry
+from monitor_core.history.trend import trend_of
 from service.ingest.stamps import NOT_KNOWN, Stamps
 from service.monitoring.snapshot import (
     AxisSnapshot,
@@ -19,6 +23,7 @@ from service.monitoring.snapshot import (
     HistoryPoint,
     Snapshot,
 )
+from service.monitoring.trends import ParameterTrend
 from service.store.journal import Journal
 from service.web.app import create_app
 
@@ -91,6 +96,36 @@ PARAMETERS = (
     ),
 )
 
+HOUR_US = 3_600_000_000
+ENTRIES = tuple(
+    Entry(
+        start_us,
+        start_us + HOUR_US,
+        start_us + HOUR_US // 2,
+        0.06 + 1e-4 * k + 3e-4 * math.sin(k),
+        4e-8,
+        3600.0,
+    )
+    for k, start_us in enumerate(range(NOON_US - 200 * HOUR_US, NOON_US, HOUR_US))
+)
+"""Two hundred hours in which fm grows by a third."""
+
+
+@cache
+def slow_courses() -> tuple[ParameterTrend, ...]:
+    """That of fm is known, with numbers that are the same on every processor; of the others there is too little."""
+    found = trend_of(ENTRIES, 0.06, 3600.0)
+    assert found is not None
+    probability = {"steady": 0.0, "drift": 0.97, "step": 0.0, "both": 0.03}
+    drift = found._replace(
+        probability=probability, level=0.08, level_sd=2e-4, slope=2.75e-8, slope_sd=1.5e-9, scatter=3e-4
+    )
+    ends_us = NOON_US + 12 * 86_400_000_000, NOON_US + 20 * 86_400_000_000
+    reached = Reach("fm", "N m s/rad", 0.09, True, "ahead", *ends_us)
+    unknown = [ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS[:2]]
+    return (*unknown, ParameterTrend("fm", "N m s/rad", 0.06, 3600.0, ENTRIES, drift, (reached,)))
+
+
 COUNTERS = {
     "used": 118_804,
     "seeding": 2000,
@@ -141,6 +176,7 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         clock={"clock_reanchored": 3},
         history=history(100),
         stamps=Stamps("cyclic", 0.00041, 0.0050002),
+        trends=slow_courses(),
     )
 
 
@@ -152,7 +188,10 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     silent = tuple(replace(d, leading="", evidence=0.0, open=()) for d in DETECTORS)
     facts = AxisFacts(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
     axis = replace(monitored_axis(name), bus="can1", facts=facts, open_episodes=(), history=History())
-    return replace(axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN)
+    unknown = tuple(ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS)
+    return replace(
+        axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN, trends=unknown, histories_lost=1
+    )
 
 
 def whole_snapshot() -> Snapshot:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.alarms.episodes import Episode
+from monitor_core.alarms.episodes import Episode, Reach
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
@@ -131,6 +131,43 @@ def test_history_comes_in_columns(client: TestClient) -> None:
     assert Ja["nominals"] == [0.01] * 100
 
 
+def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: TestClient) -> None:
+    trend = client.get("/api/v1/axes/demo.axis1/trend?points=50").json()
+    assert (trend["axis"], trend["interval_s"], trend["lost"]) == ("demo.axis1", 3600.0, 0)
+    kT, _, fm = trend["parameters"]
+    assert (kT["drift"], kT["limits"], kT["time"]) == (None, [], [])
+    assert kT["words"] == "kT: too little is known yet to tell a drift"
+    assert fm["words"] == "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day"
+    assert (fm["drift"]["drift"], fm["drift"]["slope_per_day"]) == (0.97, pytest.approx(2.75e-8 * 86400))
+    (limit,) = fm["limits"]
+    assert limit["words"] == "fm reaches 0.09 N m s/rad in 12 to 20 days"
+    assert (limit["low"], limit["high"]) == ("2026-03-13T12:00:00.000000Z", "2026-03-21T12:00:00.000000Z")
+    assert len(fm["time"]) == len(fm["mean"]) == len(fm["standard_deviation"]) == len(fm["operating_s"]) == 50
+    assert fm["standard_deviation"][-1] == pytest.approx(1e-4)  # of four hours, each 2e-4
+    assert sum(fm["operating_s"]) == pytest.approx(200 * 3600)
+
+
+def test_the_slow_course_of_one_parameter_and_of_none(client: TestClient) -> None:
+    found = client.get("/api/v1/axes/demo.axis1/trend?parameter=fm").json()
+    assert [p["name"] for p in found["parameters"]] == ["fm"]
+    assert len(found["parameters"][0]["time"]) == 200
+    assert client.get("/api/v1/axes/demo.axis1/trend?parameter=fx").status_code == 404
+    assert client.get("/api/v1/axes/demo.axis2/trend").json()["lost"] == 1
+
+
+def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alarm: Episode) -> None:
+    limit = Reach("fm", "N m s/rad", 0.09, True, "open", fm_alarm.updated_us + 86_400_000_000, None)
+    stage.journal.record(
+        "demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, kind="forecast", reaches=(limit,))
+    )
+    (alarm,) = client.get("/api/v1/alarms").json()["alarms"]
+    assert alarm["kind"] == "forecast"
+    assert alarm["words"].startswith(
+        "fm reaches 0.09 N m s/rad in 24 hours or later, perhaps never; now fm is "
+    )
+    assert [(r["state"], r["high"]) for r in alarm["reaches"]] == [("open", None)]
+
+
 def test_history_of_one_parameter_since_a_time(client: TestClient) -> None:
     path = "/api/v1/axes/demo.axis1/history?parameter=1/Ja&since=2026-03-01T11:59:57Z"
     body = get(client, path)
@@ -194,6 +231,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
             ],
             "doubt": "",
             "kind": "step",
+            "reaches": [],
             "words": "fm is 0.018 N m s/rad (31 %) above its nominal value",
             "active": True,
             "unit": "N m s/rad",

@@ -14,6 +14,7 @@ PATHS = {
     "/api/v1/axes": "/api/v1/axes",
     "/api/v1/axes/{axis}": "/api/v1/axes/demo.axis1",
     "/api/v1/axes/{axis}/history": "/api/v1/axes/demo.axis1/history",
+    "/api/v1/axes/{axis}/trend": "/api/v1/axes/demo.axis1/trend",
     "/api/v1/alarms": "/api/v1/alarms",
     "/api/v1/alarms/{id}": "/api/v1/alarms/1",
     "/healthz": "/healthz",
@@ -42,7 +43,8 @@ def conforms(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> bool:
     match schema["type"]:
         case "object" if "properties" in schema:
             assert schema["additionalProperties"] is False
-            return value.keys() == schema["properties"].keys() and all(
+            fits = isinstance(value, dict) and value.keys() == schema["properties"].keys()
+            return fits and all(
                 conforms(value[name], one, root) for name, one in schema["properties"].items()
             )
         case "object":

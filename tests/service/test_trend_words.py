@@ -1,0 +1,93 @@
+"""The slow course and the limits in words: never a time without an interval."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from monitor_core.alarms.episodes import Cause, Reach
+from monitor_core.history.trend import trend_of
+from service.alarm_words import episode_words
+from service.trend_words import reach_words, trend_words
+from tests.core.history.courses_of_months import SIZE, months
+
+DAY_US = 86_400_000_000
+NOW_US = 1_772_366_400_000_000
+UNIT = "N m s/rad"
+
+
+def reach(state: str, low: float, high: float | None) -> Reach:
+    ends = (NOW_US + round(low * DAY_US), None if high is None else NOW_US + round(high * DAY_US))
+    return Reach("fm", UNIT, 0.09, True, state, *ends)
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (reach("ahead", 12.2, 19.8), "fm reaches 0.09 N m s/rad in 12 to 20 days"),
+        (reach("ahead", -1.0, 0.6), "fm reaches 0.09 N m s/rad in 0 to 14 hours"),
+        (reach("open", 12.2, None), "fm reaches 0.09 N m s/rad in 12 days or later, perhaps never"),
+        (reach("far", 50.0, None), "fm = 0.09 N m s/rad is not in sight: not within 50 days"),
+        (
+            reach("beyond", -3.0, -2.0),
+            "fm has been above 0.09 N m s/rad since a time between 2026-02-26 12:00 UTC and 2026-02-27 12:00 UTC",
+        ),
+    ],
+)
+def test_limits(what: Reach, words: str) -> None:
+    assert reach_words(what, NOW_US) == words
+
+
+@given(st.floats(0, 3000), st.floats(0, 3000))
+def test_a_time_ahead_always_has_two_ends_in_order(low: float, more: float) -> None:
+    words = reach_words(reach("ahead", low, low + more), NOW_US)
+    units = "(seconds|minutes|hours|days|years)"
+    found = re.fullmatch(rf"fm reaches 0\.09 N m s/rad in ([\d.]+) to ([\d.]+) {units}", words)
+    assert found is not None
+    assert float(found[1]) <= float(found[2])
+
+
+def test_courses() -> None:
+    rng = np.random.default_rng(1)
+    courses = {
+        r"fm is steady: 0\.0(6|59)\d* N m s/rad ± \S+": lambda t: SIZE + 0 * t,
+        r"fm drifts up by \S+ N m s/rad ± \S+ per day": lambda t: SIZE + 1e-4 * t,
+        r"fm fell at once by \S+ N m s/rad ± \S+, about 2025-10-\d\d \d\d:\d\d UTC": lambda t: (
+            SIZE - 0.02 * (t > 100)
+        ),
+    }
+    for pattern, course in courses.items():
+        trend = trend_of(months(rng, 200, course, 0.0005), SIZE, 3600.0)
+        assert re.fullmatch(pattern, trend_words("fm", UNIT, trend)), trend_words("fm", UNIT, trend)
+    assert trend_words("fm", UNIT, None) == "fm: too little is known yet to tell a drift"
+
+
+def test_what_is_not_sure_is_told_with_its_shares() -> None:
+    trend = trend_of(months(np.random.default_rng(1), 200, lambda t: SIZE + 0 * t, 0.0005), SIZE, 3600.0)
+    assert trend is not None
+    unsure = trend._replace(probability={"steady": 0.3, "drift": 0.6, "step": 0.08, "both": 0.02})
+    assert trend_words("fm", UNIT, unsure).startswith("fm: drift or steady or step, 62:30:8; ")
+
+
+@dataclass
+class Forecast:
+    parameter: str = "fm"
+    size: float = 0.02
+    stage: str = "named"
+    causes: tuple[Cause, ...] = ()
+    doubt: str = ""
+    kind: str = "forecast"
+    reaches: tuple[Reach, ...] = (reach("ahead", 12.2, 19.8),)
+    updated_us: int = NOW_US
+
+
+def test_an_alarm_about_a_limit() -> None:
+    words = (
+        "fm reaches 0.09 N m s/rad in 12 to 20 days; now fm is 0.02 N m s/rad (33 %) above its nominal value"
+    )
+    assert episode_words(Forecast(), 0.06, UNIT) == words  # type: ignore[arg-type]
