@@ -1,6 +1,7 @@
 """The reference experiment, from samples to names: shares named right, onset, size, a second fault, sensors."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -31,11 +32,12 @@ H_US = 5000
 
 
 def histories(
-    seed: int, t_us: Sequence[int], u: Floats, y: Floats
+    seed: int, t_us: Sequence[int], u: Floats, y: Floats, joint: bool = False
 ) -> tuple[list[list[Episode]], list[AxisMonitor]]:
     """Everything each axis, a column, said; and its monitor."""
     W = u.shape[1]
-    bank = Bank([MODEL] * W, [settings_of("speed", seed)] * W)
+    settings = replace(settings_of("speed", seed), joint=joint)
+    bank = Bank([MODEL] * W, [settings] * W)
     monitors = [AxisMonitor(bank, a) for a in range(W)]
     said: list[list[Episode]] = [[] for _ in monitors]
     for a, event in bank.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
@@ -49,7 +51,8 @@ def first_named(said: Sequence[Episode]) -> Episode | None:
 
 def test_causes_onsets_and_sizes_of_the_reference_experiment(seed: int) -> None:
     """+/-20 % in kT, 1/Ja and fm.  Of 600 such runs (100 each) all 579 that were named were named right, 98 % of
-    the intervals held the onset and 91 % of the sizes lay within 1.645 of their standard deviations."""
+    the intervals held the onset and 91 % of the sizes lay within 1.645 of their standard deviations; of fm 81 to 87 %,
+    see below.  tests/soak/test_naming.py counts more."""
     records = [
         experiments(range(seed + 100 * k, seed + 100 * k + SEEDS), {name: factor}, samples=SAMPLES)
         for k, (name, factor) in enumerate(FAULTS)
@@ -82,6 +85,27 @@ def test_causes_onsets_and_sizes_of_the_reference_experiment(seed: int) -> None:
     assert np.mean(within) > 0.74
     assert "drift" not in steps
     assert steps.count("step") > 0.8 * len(steps)
+
+
+def test_sizes_of_friction_scatter_as_stated(seed: int) -> None:
+    """With the state that moves with theta, as the daemon has it by default where the memory is as short as here (1.8
+    of the predictor's slowest time constants).  The paper's recursion scatters 1.2 to 1.3 times as much as it says."""
+    records = [
+        experiments(range(seed + 500 * k, seed + 500 * k + 100), {"fm": factor}, samples=SAMPLES)
+        for k, factor in enumerate((1.2, 0.8))
+    ]
+    u, y = (np.concatenate([getattr(record, field) for record in records], axis=1) for field in ("u", "y"))
+    said, _ = histories(seed, records[0].t_us.tolist(), u, y, joint=True)
+    z = []
+    for factor, episodes in zip(np.repeat([1.2, 0.8], 100), said, strict=True):
+        e = first_named(episodes)
+        if e is not None and e.parameter == "fm":
+            z.append((e.size - (factor - 1) * MODEL.nominal["fm"]) / e.size_sd)
+    rms, within = np.sqrt(np.mean(np.square(z))), np.mean(np.abs(z) < 1.645)
+    print(f"{len(z)} sizes of fm: rms error {rms:.2f} of the stated, {within:.3f} within 90 %")
+    assert len(z) > 120
+    assert 0.7 < rms < 1.15
+    assert within > 0.82
 
 
 def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float], W: int = 8) -> Record:
