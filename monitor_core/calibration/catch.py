@@ -1,6 +1,6 @@
 """What would have been found of faults that begin anywhere in a healthy record: when, and under which name."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,29 +71,48 @@ def catch(
         ValueError: the record is too short for that.
     """
     N = round(seconds / settings.interval_s)
-    monitor = AxisMonitor.alone(model, settings)
-    first = _ready(monitor, one)
-    last = len(one.t_us) - N - 1
-    if last <= first:
-        raise ValueError("the record is too short")
-    at = np.unique(np.linspace(first, last, onsets).astype(np.int64))
+    at = places(model, settings, one, onsets, N)
     columns = _columns(model, settings, one, at)
-    states = innovations(model, settings, one, at.tolist())
-    u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
     bank = Bank([model] * LANES, [settings] * LANES)
     found = []
-    for number, fault in enumerate(faults):
-        values = changed(model, fault.parameter, fault.size)
-        load = load_of(model, values)
-        u, y = one.u, None
-        if load is not None:
-            u = torque(model, settings, one, load, u_scale)
-        else:
-            y = _faulty_outputs(model, settings, one, values, at, N, states.eps, states.x)
+    for number, (fault, load, u, y) in enumerate(injected(model, settings, one, faults, at, N)):
         outcome = _watched(bank, one, u, y, at, N, columns)
         found.append(_caught(fault, load, u, outcome, settings.interval_s))
         progress((number + 1) / len(faults))
     return found, len(at)
+
+
+def places(model: AxisModel, settings: Settings, one: Samples, onsets: int, N: int) -> Ints:
+    """Samples of a record at which faults begin, with N of them left to be watched.
+
+    Raises:
+        ValueError: the record is too short for that.
+    """
+    first = _ready(AxisMonitor.alone(model, settings), one)
+    last = len(one.t_us) - N - 1
+    if last <= first:
+        raise ValueError("the record is too short")
+    return np.unique(np.linspace(first, last, onsets).astype(np.int64))
+
+
+def injected(
+    model: AxisModel, settings: Settings, one: Samples, faults: Sequence[Fault], at: Ints, N: int
+) -> Iterator[tuple[Fault, Load | None, Floats, Floats | None]]:
+    """Each fault, put into the record.
+
+    How it loads the motor, if that is known exactly, and the torque of the whole record with it, wherever it begins;
+    else the outputs (N, onsets) from each onset on.
+    """
+    states = innovations(model, settings, one, at.tolist())
+    u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
+    for fault in faults:
+        values = changed(model, fault.parameter, fault.size)
+        load = load_of(model, values)
+        if load is not None:
+            yield fault, load, torque(model, settings, one, load, u_scale), None
+        else:
+            y = _faulty_outputs(model, settings, one, values, at, N, states.eps, states.x)
+            yield fault, None, one.u, y
 
 
 def _ready(monitor: AxisMonitor, one: Samples) -> int:

@@ -4,7 +4,7 @@ Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their 
 recursion makes of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +63,7 @@ def simulated(
         ValueError: no record has innovations.
     """
     watch = _Watch(model, settings, k)
-    sources = [source for one in records if (source := _source(model, settings, one)) is not None]
+    sources = [source for one in records if (source := source_of(model, settings, one)) is not None]
     if not sources:
         raise ValueError("nothing was learned from any record")
     whole = sum(len(source.u) for source in sources)
@@ -78,7 +78,7 @@ def simulated(
 
 
 @dataclass(frozen=True)
-class _Source:
+class Source:
     """Of a record: what its copies need, from where the estimates run on."""
 
     u: Floats
@@ -89,7 +89,8 @@ class _Source:
     t_us: int
 
 
-def _source(model: AxisModel, settings: Settings, one: Samples) -> _Source | None:
+def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | None:
+    """What copies of a record need; None where too little was learned from it."""
     monitor, start = AxisMonitor.alone(model, untested(settings)), 0
     step = settings.span
     st = monitor.bank.state
@@ -104,16 +105,23 @@ def _source(model: AxisModel, settings: Settings, one: Samples) -> _Source | Non
     if len(eps) < 2 * settings.memory:
         return None
     column, t_us = monitor.bank.column(0), int(st.t[0])
-    return _Source(one.u[start:], eps - eps.mean(), found.x[0], float(one.u[start - 1]), column, t_us)
+    return Source(one.u[start:], eps - eps.mean(), found.x[0], float(one.u[start - 1]), column, t_us)
 
 
-def _run(
-    model: AxisModel, settings: Settings, of: _Source, watch: "_Watch", rng: np.random.Generator
-) -> None:
+def _run(model: AxisModel, settings: Settings, of: Source, watch: "_Watch", rng: np.random.Generator) -> None:
     """LANES copies of a record."""
     bank = watch.bank
     for a in range(LANES):
         bank.restore(a, *of.column)
+    watch.begin()
+    for t_us, u, y in copies_of(model, settings, of, rng):
+        watch.take(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
+
+
+def copies_of(
+    model: AxisModel, settings: Settings, of: Source, rng: np.random.Generator
+) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
+    """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES)."""
     plants = Plants(model, settings, [model.nominal])
     which = np.zeros(LANES, np.int64)
     # From the sample before, whose torque acts up to the first.
@@ -122,13 +130,12 @@ def _run(
     _, x = plants.run(which, start, before[0], before, np.zeros((1, LANES)))
     step, N = round(settings.interval_s * 1e6), len(of.u)
     draw = _Draw(of.eps, max(1, round(BLOCK * settings.memory)), rng)
-    watch.begin()
     for k in range(0, N, CHUNK):
         u = np.repeat(of.u[k : k + CHUNK, np.newaxis], LANES, axis=1)
         y, x = plants.run(which, x, before[0], u, draw.take(len(u)))
         before = u[-1:]
         t_us = of.t_us + step * np.arange(k + 1, k + 1 + len(u), dtype=np.int64)
-        watch.take(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
+        yield t_us, u, y
 
 
 class _Draw:

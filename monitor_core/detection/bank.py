@@ -91,6 +91,20 @@ class HypothesisBank:
         self._lanes = np.arange(self._predictors.own.shape[1])
         self._memory = memory_of(self._tables, len(self._lanes))
 
+    @property
+    def allowance(self) -> Floats:
+        """Of each hypothesis."""
+        return self._allowance
+
+    @property
+    def memory(self) -> Memory:
+        """A copy of the state, for a bank of the same hypotheses around the same axis."""
+        return _copy(self._memory)
+
+    @memory.setter
+    def memory(self, memory: Memory) -> None:
+        self._memory = _copy(memory)
+
     def reset(self) -> None:
         """As if it had seen nothing."""
         if self.standing:
@@ -313,6 +327,10 @@ class HypothesisBank:
         M.whole[PHASE, 0], M.whole[WAIT, 0], M.whole[CHECKS, 0] = WATCHING, 1, 0
         if M.whole[LAST, 0] != NEVER:
             M.whole[SETTLED, 0] = M.whole[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
+
+
+def _copy(memory: Memory) -> Memory:
+    return Memory(**{name: array.copy() for name, array in memory._asdict().items()})
 
 
 def _time_constant(model: AxisModel, s: Settings) -> float:

@@ -22,9 +22,9 @@ _OFFSETS = (0.3, 1.2)
 _NOISES = (1.5, 3.0)
 _LOST = (2.0, 16.0)
 _LAST = 0.01
-"""How likely it is beforehand, beside the others, that a signal is another one altogether, or a scale is that never
-changes."""
-_BISECTIONS = 40
+"""How likely it is beforehand, beside the others, that a signal is another one altogether, a scale that never changes
+is, or that there is nothing but noise."""
+_BISECTIONS = 24
 
 TORQUE_SCALE, OUTPUT_SCALE = "torque scale", "output scale"
 TORQUE_SIGN, OUTPUT_SIGN = "torque sign", "output sign"
@@ -74,7 +74,8 @@ def change(model: AxisModel, settings: Settings, cause: str, size: float) -> Hyp
     if cause == TORQUE_OFFSET:
         return Hypothesis(cause, size, torque=Distortion(offset=size * torque_unit(model, settings)))
     if cause == OUTPUT_NOISE:
-        return Hypothesis(cause, size, variance=math.exp(2 * size))
+        # Whatever has changed looks like noise at first, while the state of the axis still is that of before.
+        return Hypothesis(cause, size, variance=math.exp(2 * size), weight=_LAST)
     plain: dict[str, Callable[[], Hypothesis]] = {
         TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size))),
         # That of an encoder is made, and looks almost like a torque constant: named when nothing else will do.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.catch import Caught
 from monitor_core.calibration.doubts import duration
+from monitor_core.calibration.hypotheses import BankLimits
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
@@ -26,6 +27,14 @@ class Provenance:
     version: str
     date: str
     command: str
+
+
+@dataclass(frozen=True)
+class Bank:
+    """The bank of hypotheses: its limits, and what it would have caught, in the order of the CUSUM tests' faults."""
+
+    limits: BankLimits
+    caught: Sequence[Caught]
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,8 @@ class Calibration:
     sources: Sequence[Source]
     warnings: Sequence[str]
     provenance: Provenance
+    bank: Bank | None = None
+    """None: the axis can have none"""
 
     @property
     def between_s(self) -> tuple[float, float, float]:
@@ -61,6 +72,18 @@ class Calibration:
         """In one sentence."""
         most, low, high = (duration(v) for v in self.between_s)
         return f"one false alarm in {most}, with 90 % certainty between one in {low} and one in {high}"
+
+    @property
+    def bank_between_s(self) -> tuple[float, float, float]:
+        """As ``between_s``, of the bank.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self.bank is None:
+            raise ValueError("the axis has no bank of hypotheses")
+        h, r = self.settings.interval_s, self.bank.limits
+        return h / r.whole, h / r.upper, h / r.lower
 
     def smallest(self, name: str) -> tuple[float | None, float | None]:
         """Smallest increase and decrease, in sizes, found within the time in 9 of 10; None: none that was tried."""

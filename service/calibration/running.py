@@ -9,6 +9,7 @@ import numpy as np
 
 from monitor_core.calibration.budget import nu_over_sigma, rates, tails, thresholds
 from monitor_core.calibration.catch import Caught, Fault, catch
+from monitor_core.calibration.catch_by_bank import catch_by_bank
 from monitor_core.calibration.doubts import (
     CalibrationError,
     check_healthy,
@@ -18,20 +19,25 @@ from monitor_core.calibration.doubts import (
     duration,
 )
 from monitor_core.calibration.healthy import Samples, deviations
+from monitor_core.calibration.hypotheses import bank_limits
 from monitor_core.calibration.injection import changed
 from monitor_core.calibration.scatter import scatter
 from monitor_core.calibration.spread import allowance
 from monitor_core.calibration.surrogate import SAMPLES, simulated
+from monitor_core.detection.detector import unfit
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 from service.axes import axis_model, axis_settings
-from service.calibration.found import Calibration, Provenance
+from service.calibration.found import Bank, Calibration, Provenance
 from service.calibration.reading import read
 from service.config import Config, NamedAxis
+from service.config.detector_rules import follows
 
 WITHIN = 10.0
 """Memories within which faults are to be found, unless told otherwise."""
 LEAST_WITHIN = 2.0
+BANK_COPIES = 0.25
+"""Samples of copies that the bank is run over, beside those of the CUSUM tests."""
 LOOKED_AT = 2.0
 """Of that time each fault is watched."""
 _DOUBTFUL, _EXTRAPOLATED = 2.0, 30.0
@@ -107,9 +113,12 @@ def calibrate(
     check_promise(scattered, rate, samples, settings.interval_s)
     calibrated = replace(settings, thresholds=own)
     caught, onsets = _caught(model, calibrated, records, wishes, within_s, progress)
+    bank = _bank(
+        axis, model, calibrated, records, [one.fault for one in caught], wishes, within_s, rng, progress
+    )
     result = Calibration(
         axis, model, calibrated, wishes.budget_s, within_s, scattered, rate, allowed, caught, onsets, sources, (),
-        provenance,
+        provenance, bank,
     )  # fmt: skip
     return replace(result, warnings=tuple(_warnings(result)))
 
@@ -138,6 +147,36 @@ def _caught(
         except ValueError:
             continue
     return [], 0
+
+
+def _bank(
+    axis: NamedAxis,
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    faults: Sequence[Fault],
+    wishes: Wishes,
+    within_s: float,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Bank | None:
+    """The limits of the bank, and what it catches of the same faults; None where the axis can have none."""
+    if unfit(model, settings) or follows(axis.config):
+        return None
+    told: Callable[[float], None] = lambda part: progress("bank of hypotheses", 0.8 * part, 1.0)  # noqa: E731
+    copies = round(wishes.copies * BANK_COPIES)
+    limits = bank_limits(model, settings, records, wishes.budget_s / settings.interval_s, rng, copies, told)
+    longest = max(records, key=lambda one: len(one.t_us))
+    for share in (LOOKED_AT, 1.0) if faults else ():
+        try:
+            caught = catch_by_bank(
+                model, settings, limits.own, longest, faults, wishes.onsets, share * within_s
+            )
+        except ValueError:
+            continue
+        progress("bank of hypotheses", 1.0, 1.0)
+        return Bank(limits, caught)
+    return Bank(limits, ())
 
 
 def _possible(model: AxisModel, name: str, change: float) -> bool:

@@ -8,11 +8,16 @@ from monitor_core.calibration.doubts import duration
 from service.calibration.found import Calibration
 from service.reports.calibration_plots import power_picture
 from service.reports.calibration_words import (
+    BANK_TITLES,
     FAULT_TITLES,
+    HYPOTHESIS_TITLES,
     THRESHOLD_TITLES,
+    bank_promise,
+    bank_rows,
     confusion_rows,
     confusion_titles,
     fault_rows,
+    hypothesis_rows,
     threshold_rows,
 )
 from service.reports.page import (
@@ -29,7 +34,7 @@ from service.reports.page import (
 )
 from service.reports.words import escaped, percent
 
-_LEFT = ("fault", "how", "named first", "")
+_LEFT = ("fault", "how", "named first", "named", "")
 
 
 def as_html(of: Calibration) -> str:
@@ -51,6 +56,7 @@ def _content(of: Calibration) -> Iterator[str]:
         yield section(
             "Name of the first alarm", _rows(confusion_titles(of), confusion_rows(of)), legend(_FIRST)
         )
+    yield section("Bank of hypotheses", *_bank(of))
     yield section("Where it comes from", _provenance(of))
 
 
@@ -65,6 +71,24 @@ _INJECTED = (
     " model says that the fault changes, added to the record."
 )
 _FIRST = "Faults of all sizes that were tried, by the parameter whose alarm came first."
+
+
+_BANK = (
+    "The second detector: predictors side by side, one for each cause and size of a change, faults of the sensors among"
+    " them. g is the sum of log-likelihood ratios, less the allowance; alarm when g &gt; h. Each has the same share"
+    " of the budget, and keeps it with a certainty of 95 %. Names are those that the alarm got, up to three memories"
+    " after it was raised."
+)
+
+
+def _bank(of: Calibration) -> Iterator[str]:
+    yield f"<p>{escaped(bank_promise(of))}</p>"
+    if of.bank is None:
+        return
+    if of.bank.caught:
+        yield _rows(BANK_TITLES, bank_rows(of))
+    yield _rows(HYPOTHESIS_TITLES, hypothesis_rows(of))
+    yield legend(_BANK)
 
 
 def _tiles(of: Calibration) -> Iterator[tuple[str, str]]:

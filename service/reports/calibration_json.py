@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from typing import Any
 
 from monitor_core.calibration.catch import Caught
-from service.calibration.found import Calibration
+from service.calibration.found import Bank, Calibration
 from service.thresholds import made_with
 
 Json = dict[str, Any]
@@ -23,6 +24,7 @@ def as_json(of: Calibration) -> str:
         "false_alarms": {"one_in_s": most, "interval_s": [low, high], "confidence": 0.9},
         "memories": of.scatter.memories,
         "parameters": [_parameter(of, i) for i in range(len(of.model.monitored))],
+        "bank": None if of.bank is None else _bank(of, of.bank),
         "onsets": of.onsets,
         "faults": [_fault(of, one) for one in of.caught],
         "first_named": {
@@ -52,6 +54,15 @@ def _parameter(of: Calibration, i: int) -> Json:
         "mean": float(s.mean_d[i]),
         "one_false_alarm_in_s": float(of.settings.interval_s / of.rates.parameters[i]),
         "smallest_found": {"increase": up, "decrease": down},
+    }
+
+
+def _bank(of: Calibration, bank: Bank) -> Json:
+    most, low, high = of.bank_between_s
+    return {
+        "false_alarms": {"one_in_s": most, "interval_s": [low, high], "confidence": 0.9},
+        "hypotheses": [asdict(one) for one in bank.limits.own],
+        "faults": [_fault(of, one) for one in bank.caught],
     }
 
 

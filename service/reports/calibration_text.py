@@ -11,11 +11,16 @@ from rich.text import Text
 
 from service.calibration.found import Calibration
 from service.reports.calibration_words import (
+    BANK_TITLES,
     FAULT_TITLES,
+    HYPOTHESIS_TITLES,
     THRESHOLD_TITLES,
+    bank_promise,
+    bank_rows,
     confusion_rows,
     confusion_titles,
     fault_rows,
+    hypothesis_rows,
     threshold_rows,
 )
 
@@ -30,6 +35,11 @@ def print_text(of: Calibration, console: Console) -> None:
             _table(f"Faults that begin at {of.onsets} places of the record", FAULT_TITLES, fault_rows(of))
         )
         console.print(_table("Name of the first alarm, all sizes", confusion_titles(of), confusion_rows(of)))
+    console.print(Text(bank_promise(of)), soft_wrap=True)
+    if of.bank is not None:
+        console.print(_table("Thresholds of the bank of hypotheses", HYPOTHESIS_TITLES, hypothesis_rows(of)))
+        if of.bank.caught:
+            console.print(_table("The same faults, by the bank", BANK_TITLES, bank_rows(of)))
     for words in of.warnings:
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
-from service.calibration.found import Calibration
+from service.calibration.found import Bank, Calibration
 from service.config.thresholds_file import FORMAT, KIND
 from service.reports.toml_words import toml_key, toml_value
 from service.thresholds import made_with
@@ -12,7 +13,15 @@ from service.thresholds import made_with
 
 def as_toml(of: Calibration) -> str:
     """The whole file."""
-    blocks = [_head(of), _thresholds(of), _rate(of), _made_with(of), _nominal(of), _provenance(of)]
+    blocks = [
+        _head(of),
+        _thresholds(of),
+        _rate(of),
+        *_bank(of),
+        _made_with(of),
+        _nominal(of),
+        _provenance(of),
+    ]
     return "\n".join("\n".join([*block, ""]) for block in blocks)
 
 
@@ -43,6 +52,32 @@ def _rate(of: Calibration) -> Iterator[str]:
     yield f"one_in_s = {toml_value(most)}  # most likely"
     yield f"interval_s = {toml_value([low, high])}  # 90 %"
     yield f"within_s = {toml_value(of.within_s)}  # faults are to be found in so long"
+
+
+def _bank(of: Calibration) -> Iterator[Iterator[str]]:
+    if of.bank is not None:
+        yield _hypotheses(of.bank)
+        yield _bank_rate(of)
+
+
+def _hypotheses(of: Bank) -> Iterator[str]:
+    yield "# Of the bank of hypotheses: alarm when g, the sum of log-likelihood ratios less the allowance, exceeds h."
+    for one in of.limits.own:
+        yield "[[hypothesis]]"
+        yield f"cause = {toml_value(one.cause)}"
+        if math.isfinite(one.size):
+            yield f"size = {toml_value(one.size)}"
+        yield f"h = {toml_value(one.h)}"
+        yield f"allowance = {toml_value(one.allowance)}"
+        if one.alike:
+            yield f"alike = {toml_value(list(one.alike))}"
+
+
+def _bank_rate(of: Calibration) -> Iterator[str]:
+    most, low, high = of.bank_between_s
+    yield "[bank_false_alarms]"
+    yield f"one_in_s = {toml_value(most)}  # most likely"
+    yield f"interval_s = {toml_value([low, high])}  # 90 %"
 
 
 def _made_with(of: Calibration) -> Iterator[str]:

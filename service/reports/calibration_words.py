@@ -6,11 +6,14 @@ import math
 from collections.abc import Iterator
 
 from monitor_core.calibration.catch import Caught
+from monitor_core.calibration.doubts import duration
 from service.calibration.found import Calibration
 from service.reports.words import percent, plain
 
 THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate", "smallest found, up", "down")
 FAULT_TITLES = ("fault", "how", "found in time", "median delay", "in 9 of 10 by", "named first")
+BANK_TITLES = ("fault", "found in time", "median delay", "CUSUM tests", "in 9 of 10 by", "named")
+HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")
 
 
 def threshold_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
@@ -26,6 +29,38 @@ def threshold_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
             percent(float(of.scatter.sigma[i])),
             *(_smallest(v) for v in (up, down)),
         )
+
+
+def bank_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
+    """What the bank of hypotheses finds of each fault, beside the CUSUM tests' median delay."""
+    for one, paper in zip(of.bank.caught if of.bank else (), of.caught, strict=False):
+        yield (
+            f"{one.fault.parameter} {percent(one.fault.size, signed=True)}",
+            percent(one.found_within(of.within_s)),
+            _seconds(one.delay(0.5)),
+            _seconds(paper.delay(0.5)),
+            _seconds(one.delay(0.9)),
+            _names(one),
+        )
+
+
+def hypothesis_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
+    """One for each cause."""
+    own = of.bank.limits.own if of.bank else ()
+    for cause in dict.fromkeys(one.cause for one in own):
+        mine = [one for one in own if one.cause == cause]
+        low, high = min(one.h for one in mine), max(one.h for one in mine)
+        allowed = max(one.allowance for one in mine)
+        between = f"{low:.1f}" if len(mine) == 1 else f"{low:.1f} to {high:.1f}"
+        yield cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"
+
+
+def bank_promise(of: Calibration) -> str:
+    """False alarms of the bank, in one sentence; why there is none."""
+    if of.bank is None:
+        return "No bank of hypotheses: the axis can have none."
+    most, low, high = (duration(v) for v in of.bank_between_s)
+    return f"Bank of hypotheses: one false alarm in {most}, with 90 % certainty between one in {low} and one in {high}."
 
 
 def _smallest(size: float | None) -> str:

@@ -90,7 +90,7 @@ def _sections(found: Replayed) -> Iterator[str]:
 
 def _axis(axis: ReplayedAxis, salt: str) -> Iterator[str]:
     if axis.facts.samples:
-        yield f"<p>{escaped(_span(axis))}</p>"
+        yield f"<p>{escaped(_span(axis))}{escaped(_detectors(axis))}</p>"
         yield parameter_table(axis)
     if axis.course.used:
         yield from (f"<figure>{picture}</figure>" for picture in axis_pictures(axis, salt))
@@ -98,6 +98,18 @@ def _axis(axis: ReplayedAxis, salt: str) -> Iterator[str]:
     else:
         yield "<p>No sample of this axis.</p>"
     yield f"<h3>What became of the samples</h3>{counter_table(axis)}"
+
+
+def _detectors(axis: ReplayedAxis) -> str:
+    """Whose alarms these are, and which are open by the detector that looks on."""
+    said = ""
+    for one in axis.facts.detectors:
+        name = "bank of hypotheses" if one.name == "bank" else "CUSUM tests"
+        if one.alarms:
+            said += f" Alarms are those of the {name}."
+        else:
+            said += f" At the end the {name} would have open: {', '.join(one.open) or 'none'}."
+    return said
 
 
 def _span(axis: ReplayedAxis) -> str:

@@ -182,8 +182,9 @@ def _with_unit(p: ParameterFacts) -> str:
 
 
 def _mark_alarms(panels: Sequence[Axes], axis: ReplayedAxis, name: str, unit: TimeUnit) -> None:
-    line = axis.course.timeline
-    for alarm in (one for one in axis.alarms if one.parameter == name):
+    """Those of the parameter, and those of no parameter, such as a fault of a sensor."""
+    line, names = axis.course.timeline, {p.name for p in axis.facts.parameters}
+    for alarm in (one for one in axis.alarms if one.parameter == name or one.parameter not in names):
         onset, raised, ended = (line.find(t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us))
         for axes in panels:
             if onset is not None:

@@ -124,6 +124,28 @@ def test_what_a_sample_costs(irregular: bool, seed: int, say: Say) -> None:
     )
 
 
+def test_what_a_sample_costs_in_the_blocks_of_the_daemon(seed: int, say: Say) -> None:
+    """Every tenth of a second: what Python adds to each call, and what the making of a bank costs, once."""
+    samples = 20_000
+    t_us, u, y = experiment(seed, samples=samples)
+    bank = bank_of("speed", math.inf, seed)
+
+    def in_blocks(size: int) -> Callable[[], object]:
+        def run() -> object:
+            bank.reset()
+            for k in range(0, samples, size):
+                bank.run(t_us[k : k + size], u[k : k + size], y[k : k + size])
+            return bank
+
+        return run
+
+    times = in_turns({size: in_blocks(size) for size in (20, 100, samples)}, 5)
+    rows = [(size, f"{1e6 * time / samples:.2f}") for size, time in times.items()]
+    say(f"A bank of {len(bank.hypotheses)} hypotheses, by samples in a block", ("samples", "us/sample"), rows)
+    made = in_turns({"": lambda: bank_of("speed", math.inf, seed)}, 3)[""]
+    say("Making a bank", ("", "s"), [("hypotheses found and told apart", f"{made:.2f}")])
+
+
 def _run(bank: HypothesisBank, t_us: NDArray[np.int64], u: Floats, y: Floats) -> Callable[[], object]:
     def run() -> object:
         bank.reset()

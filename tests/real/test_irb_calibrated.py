@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from monitor_core.calibration.doubts import CalibrationError
+from monitor_core.detection.detector import BankDetector, Limits
 from monitor_core.monitor import AxisMonitor
 from service.calibration.found import Calibration, Provenance
 from service.calibration.running import Wishes, calibrate
@@ -63,6 +64,33 @@ def test_a_fault_in_the_second_half_is_named_in_time(
     delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
     print(f"irb {alarm}: {delay_s:.2f} s")
     assert 0 < delay_s < WITHIN_S
+
+
+@pytest.mark.parametrize(
+    ("torque_constant", "viscous", "name"),
+    [(1.2, 0.0, "kT"), (0.8, 0.0, "kT"), (1, VISCOUS, "fm"), (1, -VISCOUS, "fm")],
+)
+def test_the_bank_with_its_own_thresholds_is_quiet_and_finds_the_same_faults(
+    found: Calibration, path: Path, torque_constant: float, viscous: float, name: str
+) -> None:
+    """At first sight the name may be another one; after three memories it is right."""
+    assert found.bank is not None
+    record: Record = read(path)
+    limits = Limits(1.0, found.bank.limits.own)
+    watched = AxisMonitor.alone(
+        found.model, found.settings, BankDetector(found.model, found.settings, limits), "bank"
+    )
+    assert watched.run(*record) == []
+    start = len(record.u) // 2
+    faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
+    watched = AxisMonitor.alone(
+        found.model, found.settings, BankDetector(found.model, found.settings, limits), "bank"
+    )
+    episodes = watched.run(*faulty)
+    delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
+    print(f"irb, bank, {name}: {delay_s:.2f} s")
+    assert 0 < delay_s < WITHIN_S
+    assert [(e.parameter, e.stage) for e in watched.book.open] == [(name, "named")]
 
 
 def test_a_year_cannot_be_promised_from_ten_seconds(path: Path) -> None:

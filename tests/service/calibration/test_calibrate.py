@@ -7,6 +7,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 
@@ -16,6 +17,7 @@ from service.calibration.found import Calibration, Provenance
 from service.calibration.running import Wishes, calibrate
 from service.commands.calibrate import seconds_of
 from service.config import Config, load
+from service.detectors import detectors_of
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
 from service.reports.calibration_toml import as_toml
@@ -75,17 +77,61 @@ def test_the_file_is_used_by_the_daemon(robot: Path, found: Calibration, tmp_pat
     assert content["record"][0]["samples"] == 12000
 
 
+def test_the_bank_is_calibrated_with_the_same_records_and_then_alarms(
+    robot: Path, found: Calibration, tmp_path: Path
+) -> None:
+    assert found.bank is not None
+    own = found.bank.limits.own
+    assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {one.cause for one in own}
+    assert all(5 < one.h < 60 for one in own)
+    most, low, high = found.bank_between_s
+    assert low < most < high
+    assert low > 0.8 * 600
+    (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
+    (tmp_path / "thresholds.toml").write_text(as_toml(found), encoding="utf-8")
+    (tmp_path / "robot.toml").write_text(named(robot_text()), encoding="utf-8")
+    axis = load(tmp_path / "robot.toml", {}).axes[0]
+    model = axis_model(axis.config)
+    chosen = detectors_of(axis, model, axis_settings(axis, model))
+    assert chosen.alarms == "bank"
+    assert chosen.beside is not None
+    bank = chosen.beside.bank
+    assert [(of.cause, of.alike) for of in bank.hypotheses] == [(one.cause, one.alike) for one in own]
+    np.testing.assert_allclose(bank.allowance, [one.allowance for one in own])
+
+
+def test_what_the_bank_would_have_caught(found: Calibration) -> None:
+    """Faults of a fifth: all, under their names, and sooner than the tests of estimates, which need a memory."""
+    assert found.bank is not None
+    large = [
+        (one, paper)
+        for one, paper in zip(found.bank.caught, found.caught, strict=True)
+        if abs(one.fault.size) == 0.2
+    ]
+    assert len(large) == 6
+    for one, paper in large:
+        print(one.fault, one.delay(0.5), paper.delay(0.5), one.first)
+        assert one.fault == paper.fault
+        assert one.found_within(found.within_s) == 1.0
+        assert one.delay(0.5) < paper.delay(0.5)
+    right = [first == one.fault.parameter for one, _ in large for first in one.first]
+    assert sum(right) > 0.8 * len(right)
+
+
 def test_json(found: Calibration) -> None:
     content = json.loads(as_json(found))
     assert [p["name"] for p in content["parameters"]] == ["kT", "1/Ja", "fm"]
     assert len(content["faults"]) == 3 * 2 * 2
     assert content["false_alarms"]["interval_s"][0] < content["false_alarms"]["one_in_s"]
     assert content["provenance"]["version"] == "1.2.3"
+    assert len(content["bank"]["hypotheses"]) == len(found.bank.limits.own if found.bank else ())
+    assert len(content["bank"]["faults"]) == 12
 
 
 def test_page(found: Calibration) -> None:
     page = as_html(found)
     assert page.count("<svg") == 3
+    assert "Bank of hypotheses" in page
     assert "<healthy.csv>" not in page
     assert not re.search(r"#01010\d|nan|inf\b", page)
     for words in ("Thresholds", "What will be found", "Name of the first alarm", "exact", "simulated"):

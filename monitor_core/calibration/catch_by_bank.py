@@ -1,0 +1,97 @@
+"""What the bank of hypotheses would have found of faults that begin anywhere in a healthy record."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.calibration.catch import Caught, Fault, injected, places
+from monitor_core.calibration.healthy import Samples
+from monitor_core.detection.bank import HypothesisBank
+from monitor_core.detection.detector import Limit, Limits, bank_of
+from monitor_core.detection.events import Changed, Named
+from monitor_core.kernel.hypotheses import Memory
+from monitor_core.kernel.tables import Floats, Ints
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+PARTS = 20
+"""In which a fault is watched: from one in which it is named on no more."""
+
+
+class _First(NamedTuple):
+    """The first alarm, s after the onset; what it was called when it was named, or, until then, at first sight."""
+
+    delay_s: float = math.inf
+    cause: str = ""
+    size: float = 0.0
+
+
+def catch_by_bank(
+    model: AxisModel,
+    settings: Settings,
+    own: Sequence[Limit],
+    one: Samples,
+    faults: Sequence[Fault],
+    onsets: int,
+    seconds: float,
+    progress: Callable[[float], None] = lambda _: None,
+) -> list[Caught]:
+    """As ``catch``, by the bank with these limits; ``first`` is the cause that it names.
+
+    Raises:
+        ValueError: the record is too short for that.
+    """
+    N = round(seconds / settings.interval_s)
+    at = places(model, settings, one, onsets, N)
+    bank = bank_of(model, settings, Limits(1.0, tuple(own)))
+    memories = _healthy(bank, one, at)
+    found = []
+    for number, (fault, load, u, y) in enumerate(injected(model, settings, one, faults, at, N)):
+        firsts = [
+            _first(bank, one, u, None if y is None else y[:, k], int(a), N, memories[k])
+            for k, a in enumerate(at.tolist())
+        ]
+        found.append(
+            Caught(
+                fault,
+                load is not None,
+                np.array([first.delay_s for first in firsts]),
+                tuple(first.cause for first in firsts),
+                tuple("" if not first.cause else "down" if first.size < 0 else "up" for first in firsts),
+                float(np.abs(u).max()) if load is not None else math.nan,
+            )
+        )
+        progress((number + 1) / len(faults))
+    return found
+
+
+def _healthy(bank: HypothesisBank, one: Samples, at: Ints) -> list[Memory]:
+    """The state of the healthy bank just before each of these samples; none of its hypotheses alarms meanwhile."""
+    quiet = HypothesisBank(bank.model, bank.settings, bank.hypotheses, allowance=bank.allowance)
+    done, found = 0, []
+    for end in at.tolist():
+        part = one.part(done, end)
+        quiet.run(part.t_us, part.u, part.y, part.gate)
+        found.append(quiet.memory)
+        done = end
+    return found
+
+
+def _first(
+    bank: HypothesisBank, one: Samples, u: Floats, y: Floats | None, at: int, N: int, memory: Memory
+) -> _First:
+    bank.reset()
+    bank.memory = memory
+    first = _First()
+    for rows in np.array_split(np.arange(at, at + N), PARTS):
+        outputs = one.y[rows] if y is None else y[rows - at]
+        gate = None if one.gate is None else one.gate[rows]
+        for event in bank.run(one.t_us[rows], u[rows], outputs, gate):
+            if isinstance(event, Changed) and not first.cause:
+                delay = float(event.time_us - one.t_us[at]) * 1e-6 + bank.settings.interval_s
+                first = _First(delay, event.shares[0].cause, event.shares[0].size)
+            elif isinstance(event, Named):
+                return first._replace(cause=event.shares[0].cause, size=event.shares[0].size)
+    return first
