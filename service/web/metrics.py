@@ -126,7 +126,9 @@ _OBSERVED = {Observation.OBSERVED: 1.0, Observation.WEAK: 0.5, Observation.UNSEE
 
 def _is_open(axis: AxisSnapshot, parameter: str, direction: str, *stages: Stage) -> bool:
     return any(
-        (e.parameter, e.direction) == (parameter, direction) and e.stage in (stages or (e.stage,))
+        (e.parameter, e.direction) == (parameter, direction)
+        and e.stage in (stages or (e.stage,))
+        and e.kind != "forecast"  # those have their own metric
         for e in axis.open_episodes
     )
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 
+from monitor_core.alarms.episodes import Reach
 from service.monitoring.snapshot import AxisSnapshot
 
 
@@ -30,6 +31,11 @@ def families(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
         " (high) end of the interval of 90 %; negative where it has been reached; no upper end where it is open.",
         labels=("axis", "parameter", "limit", "bound"),
     )
+    warned = GaugeMetricFamily(
+        "axiswatch_limit_alarm_active",
+        "1 while an alarm is open as a limit is about to be reached, or has been, else 0.",
+        labels=("axis", "parameter", "limit"),
+    )
     lost = CounterMetricFamily(
         "axiswatch_histories_lost",
         "Slow histories that could not be put back at the start, as they were damaged or of another model.",
@@ -46,7 +52,19 @@ def families(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
             probability.add_metric(labels, p.trend.probability["drift"] + p.trend.probability["both"])
             for r in p.reaches:
                 side = "upper" if r.above else "lower"
+                warned.add_metric((axis.id, r.name, side), float(_is_open(axis, p.name, r)))
                 for bound, t_us in (("low", r.low_us), ("high", r.high_us)):
                     if t_us is not None:
                         reached.add_metric((axis.id, r.name, side, bound), (t_us - p.trend.time_us) / 1e6)
-    yield from (slope, deviation, probability, reached, lost)
+    yield from (slope, deviation, probability, reached, warned, lost)
+
+
+def _is_open(axis: AxisSnapshot, parameter: str, r: Reach) -> bool:
+    """Whether an alarm about this limit is open."""
+    told = [
+        of
+        for e in axis.open_episodes
+        if e.kind == "forecast" and e.parameter == parameter
+        for of in e.reaches
+    ]
+    return any((of.name, of.above) == (r.name, r.above) for of in told)

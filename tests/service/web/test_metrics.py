@@ -52,6 +52,20 @@ def test_metrics_are_as_in_the_golden_file(stage: Stage) -> None:
     assert text == GOLDEN.read_text(encoding="utf-8")
 
 
+def test_a_forecast_is_no_alarm_of_a_change(stage: Stage) -> None:
+    """It has a metric of its own."""
+    axis = stage.snapshot.axes[0]
+    (limit,) = axis.trends[2].reaches
+    (fm,) = axis.open_episodes
+    for forecast in (False, True):
+        e = replace(fm, kind="forecast", reaches=(limit,)) if forecast else fm
+        axes = (replace(axis, open_episodes=(e,)), *stage.snapshot.axes[1:])
+        stage.snapshot = replace(stage.snapshot, axes=axes)
+        found = values(own(stage))
+        assert found["axiswatch_alarm_active", "demo.axis1", "up", "fm"] == float(not forecast)
+        assert found["axiswatch_limit_alarm_active", "demo.axis1", "upper", "fm"] == float(forecast)
+
+
 @pytest.mark.prometheus
 def test_promtool_has_nothing_to_say(client: TestClient, need: Callable[[str], str]) -> None:
     text = scrape(client)

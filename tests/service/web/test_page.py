@@ -90,6 +90,16 @@ def test_it_shows_axes_with_estimates(page: Page) -> None:
     expect(page.get_by_role("article", name="demo.axis2")).to_contain_text("no sample yet")
 
 
+def test_it_shows_the_slow_course_where_it_is_known(page: Page) -> None:
+    page.goto("/")
+    courses = page.get_by_role("list", name="Slow course of demo.axis1").get_by_role("listitem")
+    expect(courses).to_have_count(1)
+    drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
+    expect(courses).to_contain_text(drift)
+    expect(courses.get_by_role("img", name="fm over the slow history")).to_be_visible()
+    expect(page.get_by_role("list", name="Slow course of demo.axis2")).to_be_hidden()
+
+
 def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:
     page.goto("/")
     expect(page.locator("#state")).to_have_text("not ready")

@@ -1,0 +1,76 @@
+"""A drift of months, compressed: an entry each three seconds, from the record to the forecast."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from service.commands.main import app
+from service.config import load
+from service.simulation.robot import Fault, SimulatedRobot
+from tests.end_to_end.processes import demo_config
+
+START_S = 1_760_000_000
+LENGTH_S = 400.0
+PER_S = 0.0006
+"""Part of its nominal value by which fm grows in a second: by half after 833 s."""
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]:
+    folder = tmp_path_factory.mktemp("drift")
+    file = demo_config(folder, 'interface = "virtual"\nchannel = "drift"', axes=1)
+    text = file.read_text(encoding="utf-8")
+    text = text.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
+    text = text.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
+    text = text.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"')
+    own = '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nwarn_before = "10 min"\n\n'
+    file.write_text(text.replace("[robot.axis.estimator]", f"{own}[robot.axis.estimator]"), encoding="utf-8")
+    rows = ["t,u,phi"]
+    # A fault is a factor of what is there by then.
+    drift = [
+        Fault("demo.axis1", {"fm": 1 + PER_S / (1 + PER_S * k)}, k + 0.5) for k in range(round(LENGTH_S))
+    ]
+    for moment in SimulatedRobot(load(file, {}), seed, drift).moments():
+        if moment.time_s > LENGTH_S:
+            break
+        u, phi, *_ = moment.readings["demo.axis1"]
+        rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
+    (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    command = ["replay", "--config", str(file), str(folder / "a.csv")]
+    result = CliRunner().invoke(app, [*command, "--json", "-"])
+    assert result.exit_code == 0, result.output
+    (axis,) = json.loads(result.stdout)["axes"]
+    shown = CliRunner().invoke(app, command)
+    return {**axis, "shown": shown.stdout}
+
+
+def test_the_drift_has_its_slope(found: dict[str, Any]) -> None:
+    fm = found["trends"][2]
+    assert fm["entries"] > 90
+    assert fm["probability"]["drift"] + fm["probability"]["both"] > 0.9
+    slope = 0.06 * PER_S * 86400
+    assert fm["slope_per_day"] == pytest.approx(slope, abs=6 * fm["slope_per_day_sd"])
+    assert fm["slope_per_day_sd"] < 0.3 * slope
+
+
+def test_the_others_do_not_drift(found: dict[str, Any]) -> None:
+    for parameter in found["trends"][:2]:
+        assert abs(parameter["slope_per_day"]) < 6 * parameter["slope_per_day_sd"]
+
+
+def test_the_limit_is_foretold_in_an_interval(found: dict[str, Any]) -> None:
+    (limit,) = found["trends"][2]["limits"]
+    assert limit["state"] in ("ahead", "open")
+    assert limit["words"].startswith("fm reaches 0.09 N m s/rad in ")
+    assert "Trend: demo.axis1: fm " in found["shown"]
+    assert "fm reaches 0.09 N m s/rad in " in found["shown"].replace("\n", " ")
+
+
+def test_an_alarm_of_its_own_kind_is_raised_beside_that_of_the_change(found: dict[str, Any]) -> None:
+    kinds = [alarm["kind"] for alarm in found["alarms"] if alarm["parameter"] == "fm"]
+    assert kinds.count("forecast") == 1
+    assert len(kinds) >= 2

@@ -1,0 +1,83 @@
+"""Limits in the configuration: of what is monitored, on the right side, and as the engine takes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from service.axes import axis_model
+from service.config import ConfigErrors, load
+from service.config.limits import limits_of
+from tests.end_to_end.processes import demo_config
+
+
+def written(folder: Path, limits: str, trend: str = "") -> Path:
+    file = demo_config(folder, 'interface = "virtual"\nchannel = "limits"', axes=1)
+    tables = f"[robot.axis.model.limits]\n{limits}\n\n[robot.axis.trend]\n{trend}\n\n[robot.axis.estimator]"
+    text = file.read_text(encoding="utf-8").replace("[robot.axis.estimator]", tables, 1)
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def problems(file: Path) -> list[tuple[str, str]]:
+    with pytest.raises(ConfigErrors) as caught:
+        load(file, {})
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return [(lines[p.line - 1] if p.line else "", p.message) for p in caught.value.problems]
+
+
+def test_limits_are_those_of_the_monitored_parameters(tmp_path: Path) -> None:
+    axis = (
+        load(written(tmp_path, "fm = 0.09\nkT = [0.9, 1.1]\nJa = 120", 'warn_before = "3 weeks"'), {})
+        .axes[0]
+        .config
+    )
+    limits = limits_of(axis, axis_model(axis))
+    (fm,) = limits["fm"]
+    assert (fm.value, fm.shown) == (0.09, 0.09)
+    assert (fm.upper, fm.name, fm.unit, fm.above) == (True, "fm", "N m s/rad", True)
+    assert [(kT.value, kT.upper) for kT in limits["kT"]] == [(0.9, False), (1.1, True)]
+    (Ja,) = limits["1/Ja"]  # more inertia is a smaller reciprocal
+    assert Ja.value == pytest.approx(1 / 120)
+    assert (Ja.upper, Ja.name, Ja.unit, Ja.above) == (False, "Ja", "kg m^2", True)
+    assert (axis.trend.warn_before, axis.trend.interval_s) == (21 * 86400, 3600)
+
+
+def test_defaults(tmp_path: Path) -> None:
+    axis = load(written(tmp_path, "fm = 0.03"), {}).axes[0].config
+    assert axis.trend.warn_before == 14 * 86400
+    assert [limit.upper for limit in limits_of(axis, axis_model(axis))["fm"]] == [False]
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ("fx = 0.09", "not monitored: there is kT, 1/Ja, fm"),
+        ("Jm = 0.09", "not monitored"),
+        ("fm = 0.06", "above or below the nominal value"),
+        ("fm = [0.07, 0.09]", "lower < nominal < upper, nominal = 0.06"),
+        ("fm = [0.09, 0.03]", "lower < nominal < upper"),
+        ("fm = 99.0", "never reached: the estimate stays between"),
+        ("Ja = 9999", "never reached: the estimate stays between"),
+        ('fm = "0.09"', "fm"),
+        ("fm = [0.01, 0.09, 0.1]", "fm"),
+        ("fm = true", "fm"),
+    ],
+)
+def test_mistakes_are_named_with_their_line(limits: str, words: str, tmp_path: Path) -> None:
+    ((line, message),) = problems(written(tmp_path, limits))
+    assert line.startswith(limits.split(" = ")[0])
+    assert words in f"{line} {message}"
+
+
+def test_a_parameter_and_its_reciprocal_have_one_limit(tmp_path: Path) -> None:
+    ((line, message),) = problems(written(tmp_path, '"1/Ja" = 0.012\nJa = 120'))
+    assert line.startswith("Ja")
+    assert "has one already" in message
+
+
+@pytest.mark.parametrize("time", ['"soon"', "14", '"0 days"', '"-3 d"'])
+def test_a_time_is_written_with_its_unit(time: str, tmp_path: Path) -> None:
+    ((line, _),) = problems(written(tmp_path, "fm = 0.09", f"warn_before = {time}"))
+    assert line.startswith("warn_before")
