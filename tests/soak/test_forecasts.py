@@ -27,6 +27,10 @@ class Scatter(NamedTuple):
     for_h: float
 
 
+Course = Callable[[np.random.Generator, int, float], tuple[Callable[[Floats], Floats], float]]
+"""By the hours of a history, and those from its end to the limit: the course, and the hour at which it reaches it."""
+
+
 def begins_late(
     rng: np.random.Generator, hours: int, ahead_h: float
 ) -> tuple[Callable[[Floats], Floats], float]:
@@ -41,11 +45,7 @@ def drifts(_: np.random.Generator, hours: int, ahead_h: float) -> tuple[Callable
     return lambda t: SIZE + (LIMIT - SIZE) * t / (hours + ahead_h), hours + ahead_h
 
 
-def told(
-    rng: np.random.Generator,
-    scatter: Scatter,
-    course: Callable[..., tuple[Callable[[Floats], Floats], float]],
-) -> bool:
+def told(rng: np.random.Generator, scatter: Scatter, course: Course) -> bool:
     """Five to thirty days, and the limit 0.3 to 2 times as far ahead: whether the interval holds the truth."""
     hours = round(np.exp(rng.uniform(np.log(125), np.log(720))))
     of, truth_h = course(rng, hours, rng.uniform(0.3, 2.0) * hours)
@@ -68,10 +68,8 @@ def holds(f: Forecast, truth_us: int) -> bool:
     ],
     ids=["5 h", "24 h", "48 h", "begins late"],
 )
-def test_the_interval_holds_the_truth_in_nine_of_ten(
-    scatter: Scatter, course: Callable[..., tuple[Callable[[Floats], Floats], float]], seed: int
-) -> None:
-    """Measured, 600 each: MEASURED.  Where the scatter is white it is wider than it needs to be."""
+def test_the_interval_holds_the_truth_in_nine_of_ten(scatter: Scatter, course: Course, seed: int) -> None:
+    """Measured, 600 each: 0.963, 0.943, 0.920, 0.962.  Where the scatter is white it is wider than it needs to be."""
     rng = np.random.default_rng(seed)
     share = np.mean([told(rng, scatter, course) for _ in range(HISTORIES)])
     print(f"{scatter}: {share:.3f}")
