@@ -9,30 +9,26 @@
   the second belongs to the first and ends; if another single parameter explains all, the first is corrected to it.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from monitor_core.alarms.changes import SURE
+from monitor_core.alarms.detector import SHOWN, Book, direction_of, with_name
 from monitor_core.alarms.episodes import (
     NO_PARAMETER,
     Calm,
     Cause,
     Crossing,
-    Direction,
     Doubt,
     Episode,
     Event,
     Evidence,
     Kind,
-    Name,
 )
 from monitor_core.alarms.isolation import Causes, single_faults, sizes
 from monitor_core.alarms.onset import change_of, scatter
-
-SHOWN = 0.01
-"""Causes that are less likely are not told."""
 
 DISMISSED = 0.05
 """An alarm that has a name is corrected when its cause is less likely than this."""
@@ -47,38 +43,19 @@ FIRST = 8.0
 """Odds beforehand of the parameter that crossed first against each other one: among eight parameters it was the right
 one in 55 of 100 large changes, and more often of small ones."""
 
-MOST_NAMES = 20
 TORQUE_CONSTANT = "kT"
 
 
-class EpisodeBook:
+class EpisodeBook(Book[Event]):
     """The open episodes of one axis, at most one of each parameter, and at most one that has no name yet."""
 
-    def __init__(self, open_episodes: Iterable[Episode] = ()) -> None:
-        self._open = [e for e in open_episodes if e.ended_us is None]
-
-    @property
-    def open(self) -> tuple[Episode, ...]:
-        """The open episodes, the oldest first."""
-        return tuple(self._open)
-
-    def is_open(self, parameter: str) -> bool:
-        """Whether the parameter has an open episode."""
-        return any(e.parameter == parameter for e in self._open)
-
-    def apply(self, event: Event) -> list[Episode]:
-        """Take one event; returns the episodes that it raised, changed or ended, as they are now."""
-        before = list(self._open)
+    def _take(self, event: Event) -> None:
         if isinstance(event, Crossing):
             self._cross(event)
         elif isinstance(event, Calm):
             self._end([e for e in self._open if e.parameter == event.parameter])
         elif isinstance(event, Evidence) and event.past is not None and self._open:
             self._judge(event)
-        ended = [e for e in before if all(_identity(e) != _identity(o) for o in self._open)]
-        return [replace(e, ended_us=event.time_us) for e in ended] + [
-            e for e in self._open if e not in before
-        ]
 
     def _cross(self, c: Crossing) -> None:
         unnamed = [e for e in self._open if e.stage == "changed"]
@@ -143,14 +120,14 @@ class EpisodeBook:
         new = replace(
             e,
             parameter=evidence.parameters[i],
-            direction=_direction(size),
+            direction=direction_of(size),
             stage="named",
             updated_us=evidence.time_us,
             size=size,
             size_sd=sd,
             causes=_told(evidence, causes),
             doubt=_doubt(evidence, i, causes),
-            past=_with_name(e, evidence.time_us),
+            past=with_name(e, evidence.time_us),
         )
         explained = alone and causes.explains(evidence.tolerance)
         self._put(_with_onset(new, evidence, i, explained))
@@ -160,19 +137,9 @@ class EpisodeBook:
         named = [e for e in self._open if e.stage == "named"]
         changed = [evidence.parameters.index(e.parameter) for e in named]
         for e, (size, size_sd) in zip(named, _sizes(evidence, changed), strict=True):
-            past = e.past if _direction(size) == e.direction else _with_name(e, evidence.time_us)
-            new = replace(e, size=size, size_sd=size_sd, direction=_direction(size), past=past)
+            past = e.past if direction_of(size) == e.direction else with_name(e, evidence.time_us)
+            new = replace(e, size=size, size_sd=size_sd, direction=direction_of(size), past=past)
             self._put(replace(new, updated_us=evidence.time_us))
-
-    def _put(self, e: Episode) -> None:
-        self._open = [e if _identity(o) == _identity(e) else o for o in self._open]
-
-    def _end(self, ended: Sequence[Episode]) -> None:
-        self._open = [o for o in self._open if o not in ended]
-
-
-def _identity(e: Episode) -> tuple[int, str, Direction]:
-    return e.raised_us, *e.first
 
 
 def _raised(c: Crossing) -> Episode:
@@ -191,7 +158,7 @@ def _raised(c: Crossing) -> Episode:
 
 def _updated(e: Episode, c: Crossing) -> Episode:
     """With one more crossing of its own parameter; the other way round, it has turned."""
-    past = e.past if c.direction == e.direction else _with_name(e, c.time_us)
+    past = e.past if c.direction == e.direction else with_name(e, c.time_us)
     return replace(
         e,
         direction=c.direction,
@@ -201,12 +168,6 @@ def _updated(e: Episode, c: Crossing) -> Episode:
         crossings=e.crossings + 1,
         past=past,
     )
-
-
-def _with_name(e: Episode, until_us: int) -> tuple[Name, ...]:
-    """What it was called, with what it is called until now; the first is always kept."""
-    names = (*e.past, Name(until_us, e.stage, e.parameter, e.direction))
-    return names if len(names) <= MOST_NAMES else (names[0], *names[2 - MOST_NAMES :])
 
 
 def _with_onset(e: Episode, evidence: Evidence, i: int, alone: bool) -> Episode:
@@ -232,10 +193,6 @@ def _kind(drift: float) -> Kind:
     if abs(drift) < SURE:
         return ""
     return "drift" if drift > 0 else "step"
-
-
-def _direction(size: float) -> Direction:
-    return "down" if size < 0 else "up"
 
 
 def _causes(evidence: Evidence, crossed: Episode, known: Sequence[Episode] = ()) -> Causes:

@@ -7,8 +7,8 @@ size is known well, and it ends with ``Over``.  More of a cause that stands, or 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from monitor_core.alarms.book import MOST_NAMES, SHOWN
-from monitor_core.alarms.episodes import Cause, Direction, Episode, Name
+from monitor_core.alarms.detector import SHOWN, Book, direction_of, with_name
+from monitor_core.alarms.episodes import Cause, Episode
 from monitor_core.detection.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.hypotheses import HEALTHY
 from monitor_core.detection.naming import Share
@@ -16,7 +16,7 @@ from monitor_core.detection.quantities import Quantity
 from monitor_core.kernel.state import NEVER
 
 
-class HypothesisBook:
+class HypothesisBook(Book[Event]):
     """The open episodes of one axis; an episode is raised at the ``since_us`` of the events that it is made of.
 
     Args:
@@ -25,37 +25,23 @@ class HypothesisBook:
     """
 
     def __init__(self, quantity: Callable[[str], Quantity], open_episodes: Iterable[Episode] = ()) -> None:
+        super().__init__(open_episodes)
         self._quantity = quantity
-        self._open = [e for e in open_episodes if e.ended_us is None]
 
-    @property
-    def open(self) -> tuple[Episode, ...]:
-        """The open episodes, the oldest first."""
-        return tuple(self._open)
-
-    def is_open(self, parameter: str) -> bool:
-        """Whether the cause has an open episode."""
-        return any(e.parameter == parameter for e in self._open)
-
-    def apply(self, event: Event) -> list[Episode]:
-        """Take one event; returns the episodes that it raised, changed or ended, as they are now."""
-        before = list(self._open)
+    def _take(self, event: Event) -> None:
         if isinstance(event, Changed):
             self._change(event)
         elif isinstance(event, Named):
             self._name(event)
         else:
-            self._end(event)
-        now = {_identity(e) for e in self._open}
-        ended = [replace(e, ended_us=event.time_us) for e in before if _identity(e) not in now]
-        return ended + [e for e in self._open if e not in before]
+            self._finish(event)
 
     def _change(self, event: Changed) -> None:
         share = event.shares[0]
         standing = self._of(share.cause)
         if standing is not None:
             again = replace(standing, updated_us=event.time_us, crossings=standing.crossings + 1)
-            self._put(standing, again)
+            self._put(again)
         elif share.cause != HEALTHY:
             self._open.append(self._raised(event.time_us, event.onset, share))
 
@@ -66,14 +52,14 @@ class HypothesisBook:
         fresh, standing = self._since(event.since_us), self._of(share.cause)
         if standing is not None and standing != fresh:
             self._open = [e for e in self._open if e != fresh]
-            self._put(standing, self._named(standing, event, standing.onset_us))
+            self._put(self._named(standing, event, standing.onset_us))
         elif fresh is not None:
-            self._put(fresh, self._named(fresh, event, None))
+            self._put(self._named(fresh, event, None))
         else:
             raised = self._raised(event.since_us, event.onset, share)
             self._open.append(replace(self._named(raised, event, None), past=()))
 
-    def _end(self, event: Over) -> None:
+    def _finish(self, event: Over) -> None:
         """The cause, and, as then nothing else has changed, what was about to be named."""
         fresh = self._since(event.since_us)
         self._open = [e for e in self._open if e != fresh and e.parameter != event.cause]
@@ -83,7 +69,7 @@ class HypothesisBook:
         low, best, high = _within(onset)
         return Episode(
             parameter=share.cause,
-            direction=_direction(share.size),
+            direction=direction_of(share.size),
             onset_us=best,
             raised_us=since_us,
             updated_us=since_us,
@@ -99,7 +85,7 @@ class HypothesisBook:
         """With the name and the size of the event, and its onset where ``onset_us`` is None."""
         share = event.shares[0]
         size, sd = self._quantity(share.cause).change(share.size, share.size_sd)
-        direction = _direction(size)
+        direction = direction_of(size)
         same = (e.stage, e.parameter, e.direction) == ("named", share.cause, direction)
         new = replace(
             e,
@@ -114,7 +100,7 @@ class HypothesisBook:
                 for s in event.shares
                 if s.probability >= SHOWN and s.cause
             ),
-            past=e.past if same else _with_name(e, event.time_us),
+            past=e.past if same else with_name(e, event.time_us),
         )
         if onset_us is not None:
             return new
@@ -127,23 +113,6 @@ class HypothesisBook:
 
     def _since(self, since_us: int) -> Episode | None:
         return next((e for e in self._open if e.raised_us == since_us), None)
-
-    def _put(self, old: Episode, new: Episode) -> None:
-        self._open = [new if e == old else e for e in self._open]
-
-
-def _identity(e: Episode) -> tuple[int, str, Direction]:
-    return e.raised_us, *e.first
-
-
-def _with_name(e: Episode, until_us: int) -> tuple[Name, ...]:
-    names = (*e.past, Name(until_us, e.stage, e.parameter, e.direction))
-    return names if len(names) <= MOST_NAMES else (names[0], *names[2 - MOST_NAMES :])
-
-
-def _direction(size: float) -> Direction:
-    """Up where there is no size."""
-    return "down" if size < 0 else "up"
 
 
 def _within(onset: Onset) -> tuple[int | None, int, int]:
