@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from monitor_core.alarms.episodes import Cause, Direction, Doubt, Episode, Kind, Name, Reach, Stage
+from monitor_core.alarms.episodes import Cause, Episode, Name, Reach
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -53,44 +53,14 @@ MIGRATIONS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """An alarm of the journal.  Times in microseconds since 1970; nominal and size in ``unit``.
-
-    ``size`` is estimate - nominal when it was updated, ``size_sd`` its standard deviation; the others are those of
-    Episode.
-    """
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alarm(Episode):
+    """An episode in the journal.  Times in microseconds since 1970; nominal and size in ``unit``."""
 
     id: int
     axis: str
-    parameter: str
-    direction: Direction
     unit: str
     nominal: float
-    onset_us: int
-    raised_us: int
-    updated_us: int
-    ended_us: int | None
-    size: float
-    size_sd: float
-    crossings: int
-    stage: Stage = "changed"
-    causes: tuple[Cause, ...] = ()
-    doubt: Doubt = ""
-    onset_low_us: int | None = None
-    onset_high_us: int | None = None
-    kind: Kind = ""
-    past: tuple[Name, ...] = ()
-    reaches: tuple[Reach, ...] = ()
-
-    @property
-    def first(self) -> tuple[str, Direction]:
-        """Parameter and direction of the first crossing."""
-        return (
-            (self.past[0].parameter, self.past[0].direction)
-            if self.past
-            else (self.parameter, self.direction)
-        )
 
     @property
     def active(self) -> bool:
