@@ -25,9 +25,9 @@ from monitor_core.kernel.conditions import close, follow
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.delay import delayed, switch
 from monitor_core.kernel.evidence import Noted, gather
-from monitor_core.kernel.interval import for_interval, walk
+from monitor_core.kernel.interval import corrected_ago, for_interval, walk
 from monitor_core.kernel.laurent import evaluate
-from monitor_core.kernel.mean import begin_again, mean, own_interval
+from monitor_core.kernel.mean import begin_again, mean, own_interval, sampled
 from monitor_core.kernel.outliers import running_variance, sift
 from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.recursion import (
@@ -206,7 +206,7 @@ def run(
         place, part_slot = times(T.part_place, wide), times(T.part_slot, W)
         psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
         u, y, h, h_first = floats(W), floats(W), floats(W), floats(W)
-        h_before, over, lost = floats(W), floats(W), ints(W)
+        h_before, over, ago, lost = floats(W), floats(W), floats(W), ints(W)
         lam, K, more_S = floats(W), table(T.n, W), floats(W)
         K2, work2, marks2 = (
             table(2 * T.n * T.two, W),
@@ -236,7 +236,8 @@ def run(
             if samples.gate.shape[0]:
                 close(lanes, k, a0, samples.gate, does)
             if moving:
-                for_interval(lanes, con.interval, con.lam, con.K, h, lam, K)
+                corrected_ago(lanes, con.interval, h, st.in_a_row, ago)
+                for_interval(lanes, con.interval, con.lam, con.K, h, h if T.two else ago, lam, K)
                 if drift:
                     walk(lanes, con.drift, st.seed_left, lam, share)
                 evaluate(lanes, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V,
@@ -287,7 +288,8 @@ def run(
                 if joint:
                     carry(lanes, con.joint, X, moved)
                 if T.mean >= 0:
-                    begin_again(lanes, T.mean, T.n, moves, X)
+                    sampled(lanes, does, lost)
+                    begin_again(lanes, T.mean, T.n, lost, X)
                 _tally(lanes, does, hit, st.counts)
                 deviate(lanes, con.theta0, st.shift, con.alpha1, con.allowance, con.lam0, theta, P, d, nu)
                 if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.outliers import SURELY
 from monitor_core.kernel.tables import GAINS, Floats, Ints
 
 
@@ -20,10 +21,17 @@ def walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats)
 
 
 @kernel
+def corrected_ago(lanes: Any, interval: Floats, h: Floats, in_a_row: Ints, ago: Floats) -> None:
+    """How long ago the state was corrected (W,): h, and an interval for each outlier passed over since then."""
+    for a in range(len(lanes)):
+        ago[a] = h[a] + interval[a] * float(in_a_row[a] % SURELY)
+
+
+@kernel
 def for_interval(
-    lanes: Any, interval: Floats, lam: Floats, K: Floats, h: Floats, lam_h: Floats, K_h: Floats
+    lanes: Any, interval: Floats, lam: Floats, K: Floats, h: Floats, ago: Floats, lam_h: Floats, K_h: Floats
 ) -> None:
-    """lambda^(h / interval) (W,), and K (n, W) after the interval h (W,).
+    """lambda^(h / interval) (W,), and K (n, W) where the state was corrected so long ``ago`` (W,).
 
     A memory is a time: a sample that is missing ages what is known as one that came.  The gain, which grows as the
     prediction grows uncertain, is interpolated between those after 0, 1, 2 .. whole intervals, the rows of ``K``.
@@ -31,8 +39,8 @@ def for_interval(
     n = K_h.shape[0]
     for a in range(len(lanes)):
         regular = abs(h[a] - interval[a]) < 1e-9
-        r = 1.0 if regular else h[a] / interval[a]
-        lam_h[a] = lam[a] if regular else math.exp(r * math.log(lam[a]))
+        lam_h[a] = lam[a] if regular else math.exp(h[a] / interval[a] * math.log(lam[a]))
+        r = 1.0 if abs(ago[a] - interval[a]) < 1e-9 else ago[a] / interval[a]
         k = min(int(r), GAINS - 2)
         part = min(r - k, 1.0)
         for i in range(n):

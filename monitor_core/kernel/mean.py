@@ -6,6 +6,7 @@ begins.  The correction by K leaves s alone, as s begins again after it.
 
 from typing import Any
 
+from monitor_core.kernel.admission import SETTLE
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.tables import Floats, Ints
 
@@ -40,6 +41,13 @@ def begin_again(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
     for r in range(s, X.shape[0], n):
         for a in range(len(lanes)):
             X[r, a] = 0.0 if on[a] else X[r, a]
+
+
+@kernel
+def sampled(lanes: Any, does: Ints, on: Ints) -> None:
+    """Where the drive has sampled (W,): also where the predictor passed its sample over."""
+    for a in range(len(lanes)):
+        on[a] = does[a] >= SETTLE
 
 
 @kernel

@@ -113,7 +113,7 @@ def cross(
     work, more = floats(SECTIONS * n * T.blocks * wide), floats(4 * wide)
     for a in range(H):
         intervals[a], lams[a], over[a] = P.axis[INTERVAL, 0], P.axis[LAM, 0], h
-    for_interval(lanes, intervals, lams, P.K, over, lam, K)
+    for_interval(lanes, intervals, lams, P.K, over, over, lam, K)
     _parts(lanes, P.own, h, before, held, now)
     _over(lanes, T, P, torque_before, before, u, x, work, more)
     if T.mean >= 0:

@@ -65,7 +65,7 @@ def foresee(
         whole[a] = h_first[a] + h[a]
     for which in range(2):
         of = gains[(1 + which) * GAINS * n : (2 + which) * GAINS * n]
-        for_interval(lanes, interval, lam, of, whole, zero, K2[which * n : (which + 1) * n])
+        for_interval(lanes, interval, lam, of, whole, whole, zero, K2[which * n : (which + 1) * n])
     for a in range(len(lanes)):
         zero[a] = c[a] = 0.0
         y[a] = samples[k, min(a0 + a, samples.shape[1] - 1)] if samples.shape[0] else math.nan

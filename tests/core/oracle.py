@@ -179,7 +179,8 @@ class Paper:
         eps = y - C @ self.x  # (11)
         psi = np.array([C @ z + d[0] @ self.x for z, d in zip(self.z, dC, strict=True)])  # (16)
         self.t = t
-        K = self._gain(h, self.s.K, self.s.K_after)
+        since = 0 if self.s.second or self.in_a_row >= 3 else self.in_a_row  # passed over, so that x went on
+        K = self._gain(h + since * self.s.interval_s, self.s.K, self.s.K_after)
         if self.s.second and math.isnan(y2):
             K = self._gain(h, self.s.second.alone, self.s.second.alone_after)
         e2, psi2 = self._beside(y2, eps, psi, K)
