@@ -143,7 +143,7 @@ def errors_after_a_push(
 
 def test_a_state_that_went_on_alone_is_corrected_by_the_gain_for_that(seed: int) -> None:
     """With that of one interval it swings from sample to sample, and theta learns from that: of 60 seeds five times
-    as much, 4.7 at least."""
+    as much, 4.3 at least."""
     model = reference_model("angle")
     noises = model, H, TORQUE_NOISE, ANGLE_NOISE
     K, lam0 = filter_gain(*noises)

@@ -1,0 +1,230 @@
+"""An axis that is not what the monitor's model says: five masses in a position loop, picking and placing, warming up.
+
+Beside the masses that a model of three does not have: friction with a Stribeck part and another law than the monitor's,
+ripple of the torque, a torque disturbance that is not white, an encoder of 16 bit, and viscous friction that falls by a
+third while the motor warms up by 20 K.  The drive itself measures finer than what it sends, controls at 2 kHz, and
+sends its torque as the mean over each interval.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.discretize import zero_order_hold
+from monitor_core.kernel.compile import entry
+from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.library import five_mass
+from monitor_core.model import AxisModel
+
+INTERVAL_S = 0.005
+SUBSTEPS = 10
+"""Of an interval: the drive controls, and friction is held, for 0.5 ms."""
+BANDWIDTH = 2 * np.pi * 5.0
+INTEGRAL_S = 0.3
+"""Of the speed controller."""
+R = 1 / 118
+
+TORQUE_RMS = 2.2
+"""N m, of the plant with the values below: what friction and disturbance are given in parts of."""
+COULOMB, STRIBECK, RIPPLE, DISTURBANCE = 0.30, 0.15, 0.02, 0.05
+PER_TURN = 6.0
+DISTURBANCE_S = 0.25
+"""Time constant of the disturbance."""
+STRIBECK_SPEED, SLIDING_SPEED = 2.0, 0.2
+"""rad/s: where the Stribeck part has fallen to 1/e, and where friction has its full size."""
+STEP = 2 * np.pi / 2**16
+"""Of the encoder, rad."""
+WARMER, COLD = 20.0, 20.0
+"""K by which the motor warms up, and its temperature in the morning, degrees."""
+THIRD = np.log(1.5)
+"""Viscous friction falls like exp(-THIRD (T - COLD) / WARMER): by a third."""
+
+SPEED, ACCELERATION, DISTANCE = 50.0, 150.0, (8.0, 50.0)
+"""Of the motions: the largest speed and acceleration of the fastest, rad/s and rad/s^2, and how far they go, rad."""
+SLOWEST, DWELL_S = 0.5, (0.2, 1.0)
+"""Speed and acceleration of the slowest over those of the fastest, and how long the axis stands between them."""
+_RANGE = 60.0
+"""rad, to either side of zero."""
+
+
+def _five_masses() -> dict[str, float]:
+    """On the motor's side as masses, springs and dampers of robot arms are; on the arm's side in the drive."""
+    J, k, d = (8e-3, 12e-3, 4.6e-3, 2.4e-3), (28.0, 45.0, 38.0, 12.0), (0.05, 0.04, 0.02, 0.01)
+    behind = {
+        f"{x}{i}": v / R**2 for x, of in zip("Jkd", (J, k, d), strict=True) for i, v in enumerate(of, 1)
+    }
+    return {"Jm": 5.9e-3, **behind, "fm": 0.06, "fc": COULOMB * TORQUE_RMS, "tau0": 0.0, "kT": 1.0, "r": R}
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What a plant is like; torques in N m at the motor, temperatures and times in K and s."""
+
+    values: Mapping[str, float]
+    stribeck: float = STRIBECK * TORQUE_RMS
+    ripple: float = RIPPLE
+    disturbance: float = DISTURBANCE * TORQUE_RMS
+    warming_s: float = 1200.0
+
+
+NOMINAL = Truth(_five_masses())
+
+
+def redrawn(rng: np.random.Generator, by: float = 0.2) -> Truth:
+    """All values by up to so much more or less; gear ratio and torque constant are what the controller knows."""
+    values = {
+        name: v if name in ("kT", "r") else v * rng.uniform(1 - by, 1 + by)
+        for name, v in NOMINAL.values.items()
+    }
+    others = {
+        name: getattr(NOMINAL, name) * rng.uniform(1 - by, 1 + by)
+        for name in ("stribeck", "ripple", "disturbance")
+    }
+    return replace(NOMINAL, values=values, **others)
+
+
+class Block(NamedTuple):
+    """Samples in a row: times, torque as the drive reports it, angle and temperature as they are sent (N,)."""
+
+    t_us: NDArray[np.int64]
+    u: Floats
+    y: Floats
+    temperature: Floats
+
+
+class MismatchPlant:
+    """The plant in time.  Its motion, disturbance and phase of the ripple come from ``rng``."""
+
+    def __init__(self, truth: Truth, rng: np.random.Generator) -> None:
+        self._truth, self._rng = truth, rng
+        model = AxisModel(five_mass("angle"), {**truth.values, "fc": 0.0, "tau0": 0.0}, ())
+        A, B, C = model.matrices()
+        d = model.balance()
+        b = B[:, [kind == TORQUE for kind in model.drive.inputs]] / truth.values["kT"]
+        A, b = A / d[:, np.newaxis] * d, b / d[:, np.newaxis]
+        self._Ad, Bd = zero_order_hold(A, b, INTERVAL_S / SUBSTEPS)
+        self._Bd = np.ascontiguousarray(Bd[:, 0])
+        self._angle = np.ascontiguousarray(C[0] * d)
+        self._speed = np.ascontiguousarray(self._angle @ A)
+        inertia = truth.values["Jm"] + R**2 * sum(truth.values[f"J{i}"] for i in range(1, 5))
+        self._gains = np.array([BANDWIDTH / np.sqrt(2), inertia * BANDWIDTH * np.sqrt(2), inertia])
+        self._x = np.zeros(len(A))
+        self._held = np.zeros(2)  # integral of the controller, disturbance
+        self._phase = rng.uniform(0, 2 * np.pi)
+        self._moves, self._end, self._at = np.zeros((0, 4)), (0.0, 0.0), 0
+
+    def take(
+        self, seconds: float, fault: Mapping[str, float] | None = None, test: Floats | None = None
+    ) -> Block:
+        """The next samples; meanwhile kT, fc and fm have so many times their values, as ``fault`` says.
+
+        ``test`` (N,) is a torque that is added to the controller's [N m].
+        """
+        truth, N = self._truth, round(seconds / INTERVAL_S)
+        broken = {**dict.fromkeys(("kT", "fc", "fm"), 1.0), **(fault or {})}
+        k = self._at + np.arange(N)
+        t = np.asarray(k * INTERVAL_S, np.float64)
+        warm = COLD + WARMER * (1 - np.exp(-t / truth.warming_s))
+        healthy = np.exp(-THIRD * (warm - COLD) / WARMER)
+        viscous = np.asarray(truth.values["fm"] * (broken["fm"] * healthy - 1), np.float64)
+        self._plan(t[-1] + INTERVAL_S)
+        friction = np.array([truth.values["fc"] * broken["fc"], truth.stribeck, truth.values["tau0"]])
+        u, y = np.empty(N), np.empty(N)
+        _simulate(
+            self._Ad, self._Bd, self._angle, self._speed, self._gains, self._moves, t, viscous, friction,
+            broken["kT"] * truth.values["kT"], truth.ripple, self._phase, truth.disturbance,
+            self._rng.standard_normal(N), np.zeros(N) if test is None else test, self._held, self._x, u, y,
+        )  # fmt: skip
+        self._at += N
+        return Block(
+            np.round(k * INTERVAL_S * 1e6).astype(np.int64), u, np.round(y / STEP) * STEP, np.round(warm, 1)
+        )
+
+    def _plan(self, until: float) -> None:
+        """Moves (begin, duration, from, distance) up to a time; those that are over are forgotten."""
+        rng, (begin, at), new = self._rng, self._end, []
+        while begin <= until:
+            distance = rng.uniform(*DISTANCE)
+            to = (
+                at + distance
+                if at + distance < _RANGE and (rng.random() < 0.5 or at - distance < -_RANGE)
+                else at - distance
+            )
+            pace = rng.uniform(SLOWEST, 1.0)
+            # The minimum-jerk motion: its largest speed and acceleration over the mean ones.
+            duration = max(
+                1.875 * distance / (pace * SPEED), np.sqrt(5.774 * distance / (pace * ACCELERATION))
+            )
+            new.append((begin, duration, at, to - at))
+            begin, at = begin + duration + rng.uniform(*DWELL_S), to
+        now = self._at * INTERVAL_S
+        kept = np.concatenate([self._moves, np.array(new).reshape(-1, 4)])
+        last = max(int(np.searchsorted(kept[:, 0], now, "right")) - 1, 0)
+        self._moves, self._end = kept[last:], (begin, at)
+
+
+@entry
+def _simulate(
+    Ad: Floats,
+    Bd: Floats,
+    angle: Floats,
+    speed: Floats,
+    gains: Floats,
+    moves: Floats,
+    t: Floats,
+    viscous: Floats,
+    friction: Floats,
+    kT: float,
+    ripple: float,
+    phase: float,
+    disturbance: float,
+    noise: Floats,
+    test: Floats,
+    held: Floats,
+    x: Floats,
+    u: Floats,
+    y: Floats,
+) -> None:
+    """Cascaded control with feedforward along minimum-jerk moves; ``held`` (2,) and ``x`` (n,) go on."""
+    n, h, move = x.size, INTERVAL_S / SUBSTEPS, 0
+    a = np.exp(-INTERVAL_S / DISTURBANCE_S)
+    w = np.zeros(n)
+    for k in range(t.size):
+        held[1] = a * held[1] + np.sqrt(1 - a * a) * disturbance * noise[k]
+        total, q = 0.0, 0.0
+        for j in range(n):
+            q += angle[j] * x[j]
+        y[k] = q
+        for part in range(SUBSTEPS):
+            now = t[k] + part * h
+            while move + 1 < moves.shape[0] and moves[move + 1, 0] <= now:
+                move += 1
+            T, way = moves[move, 1], moves[move, 3]
+            s = min((now - moves[move, 0]) / T, 1.0)
+            wanted = moves[move, 2] + way * s**3 * (10 - 15 * s + 6 * s * s)
+            wanted_speed = way / T * 30 * s * s * (1 - s) ** 2
+            acceleration = way / (T * T) * 60 * s * (1 - s) * (1 - 2 * s)
+            q, v = 0.0, 0.0
+            for j in range(n):
+                q += angle[j] * x[j]
+                v += speed[j] * x[j]
+            off = gains[0] * (wanted - q) + wanted_speed - v
+            held[0] += gains[1] * h / INTEGRAL_S * off
+            torque = gains[1] * off + held[0] + gains[2] * acceleration + test[k]
+            total += torque
+            rubbing = (friction[0] + friction[1] * np.exp(-((v / STRIBECK_SPEED) ** 2))) * np.tanh(
+                v / SLIDING_SPEED
+            )
+            acting = kT * torque * (1 + ripple * np.sqrt(2.0) * np.sin(PER_TURN * q + phase))
+            acting += held[1] + friction[2] - rubbing - viscous[k] * v
+            for i in range(n):
+                moved = Bd[i] * acting
+                for j in range(n):
+                    moved += Ad[i, j] * x[j]
+                w[i] = moved
+            for i in range(n):
+                x[i] = w[i]
+        u[k] = total / SUBSTEPS

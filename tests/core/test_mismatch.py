@@ -1,0 +1,87 @@
+"""A monitor of three masses on an axis of five with all that models lack: quiet, and its faults are named.
+
+Nominal values, gain and thresholds are those that ``identify`` and ``calibrate`` found in records of the plant, as
+tests/soak/test_mismatch.py has them found for twenty plants and ten hours each.
+"""
+
+import numpy as np
+import pytest
+
+from monitor_core.kalman import filter_gain, gains_after
+from monitor_core.library import three_mass
+from monitor_core.model import AxisModel
+from monitor_core.operating import Conditions, Follow, Term
+from monitor_core.settings import Settings, Threshold
+from tests.core.mismatch_plant import COLD, INTERVAL_S, NOMINAL, STEP, TORQUE_RMS, WARMER, MismatchPlant, R
+from tests.core.mismatch_watch import FAULTS, Watch, after_fault, right
+
+FOUND = {
+    "Jm": 0.01551645314,
+    "Jg": 125.7015065,
+    "Ja": 140.4358972,
+    "kg": 342341.0432,
+    "ka": 168001.0909,
+    "dg": 825.6970626,
+    "da": 297.7105027,
+    "fm": 0.04409790637,
+    "fc": 0.7780608457,
+    "tau0": -0.00136814947,
+    "kT": 1.0,
+    "r": R,
+}
+TORQUE_NOISE, OUTPUT_NOISE, INNOVATION_VARIANCE = 0.2417745098, 2.191615535e-05, 1.409491523e-06
+FRICTION = Follow("fm", Term("", "temperature"), -0.0009824076915, 31.3, 21.0, 39.4)
+THRESHOLDS = (
+    Threshold(0.9238620667, 151.4268736, 0.0148059364),
+    Threshold(0.7501558646, 624.4104795),
+    Threshold(0.7810745616, 538.7278361, 0.0001900147234),
+)
+MEMORY_S, SETTLE_S = 5.0, 9.0
+MINUTES, BLOCK_S = 30, 300.0
+
+
+def watch(*follows: Follow) -> Watch:
+    model = AxisModel(three_mass("angle"), FOUND, tuple(FAULTS))
+    noises = model, INTERVAL_S, TORQUE_NOISE, OUTPUT_NOISE
+    settings = Settings(
+        INTERVAL_S,
+        lam=1 - INTERVAL_S / MEMORY_S,
+        lam0=INNOVATION_VARIANCE,
+        thresholds=THRESHOLDS,
+        K=tuple(filter_gain(*noises)[0].tolist()),
+        K_after=gains_after(*noises),
+        settle_s=SETTLE_S,
+        floor=0.05,
+        starved=0.05,
+        outlier=6.0,
+    )
+    return Watch(model, settings, Conditions(("temperature",), follows))
+
+
+def test_the_plant_is_what_it_says(seed: int) -> None:
+    plant = MismatchPlant(NOMINAL, np.random.default_rng(seed))
+    one = plant.take(120.0)
+    assert one.u.std() == pytest.approx(TORQUE_RMS, rel=0.15)
+    np.testing.assert_allclose(one.y / STEP, np.round(one.y / STEP), atol=1e-6)
+    later = [plant.take(600.0) for _ in range(10)][-1]
+    assert one.temperature[0] == COLD
+    assert later.temperature[-1] == pytest.approx(COLD + WARMER, abs=0.2)
+    assert later.t_us[0] - one.t_us[-1] == pytest.approx(9 * 600e6, abs=1e4)
+
+
+def test_half_an_hour_from_cold_is_quiet_and_faults_are_named(seed: int) -> None:
+    plant, monitor = MismatchPlant(NOMINAL, np.random.default_rng(seed)), watch(FRICTION)
+    for k in range(round(60 * MINUTES / BLOCK_S)):
+        episodes, _ = monitor.take(plant.take(BLOCK_S))
+        assert not episodes, (k, episodes)
+    for name, (factor, seconds) in FAULTS.items():
+        alarm = after_fault(plant, monitor, {name: factor}, seconds)
+        print(f"{name} x {factor}: {alarm}")
+        assert right(name, alarm), (name, alarm)
+
+
+def test_friction_that_does_not_follow_the_temperature_alarms(seed: int) -> None:
+    """A third of it is twice what a fault is."""
+    plant, monitor = MismatchPlant(NOMINAL, np.random.default_rng(seed)), watch()
+    blocks = (monitor.take(plant.take(BLOCK_S))[0] for _ in range(24))
+    assert any((e.parameter, e.direction) == ("fm", "down") for raised in blocks for e in raised)
