@@ -11,18 +11,14 @@ from service.config.schema import (
     AxisConfig,
     BusConfig,
     Config,
-    DetectorConfig,
-    EstimatorConfig,
-    FurtherConfig,
-    ModelConfig,
     NamedAxis,
     RobotConfig,
     ServiceConfig,
-    SignalConfig,
-    TimeConfig,
-    TrendConfig,
     WebConfig,
 )
+from service.config.schema_model import ModelConfig
+from service.config.schema_signals import FurtherConfig, SignalConfig, TimeConfig
+from service.config.schema_watching import DetectorConfig, EstimatorConfig, TrendConfig
 from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
 

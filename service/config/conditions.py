@@ -9,7 +9,8 @@ from typing import NamedTuple
 from monitor_core.operating import FUNCTIONS, Conditions, Follow, Gate, Term
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
-from service.config.schema import AxisConfig, Config, GateConfig, NamedAxis, RobotConfig
+from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
+from service.config.schema_signals import GateConfig
 from service.config.sources import Source
 from service.config.tables import present
 from service.words import did_you_mean

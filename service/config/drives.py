@@ -7,7 +7,8 @@ from monitor_core.modeling.flat import ModelError
 from service import modeling
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
-from service.config.schema import AxisConfig, ModelConfig
+from service.config.schema import AxisConfig
+from service.config.schema_model import ModelConfig
 from service.config.tables import ABSENT, Absent
 
 

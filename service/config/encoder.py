@@ -2,7 +2,8 @@
 
 import math
 
-from service.config.schema import AngleConfig, AxisConfig, SpeedConfig
+from service.config.schema import AxisConfig
+from service.config.schema_signals import AngleConfig, SpeedConfig
 from service.config.tables import present
 
 

@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 from service.config.encoder import step_noise
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of, predictor_of
-from service.config.schema import FEWEST_SAMPLES, AxisConfig
+from service.config.schema import AxisConfig
+from service.config.schema_watching import FEWEST_SAMPLES
 from service.config.tables import present
 from service.config.wording import Finding
 

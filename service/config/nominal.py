@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from service.config.encoder import second_step_noise, step_noise
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
-from service.config.schema import AxisConfig, EstimatorConfig
+from service.config.schema import AxisConfig
+from service.config.schema_watching import EstimatorConfig
 from service.config.tables import Absent
 
 

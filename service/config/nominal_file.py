@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
-from service.config.found_file import FoundTable, NotNegative, Positive, Real, content_of, validated
+from service.config.found_file import FoundTable, content_of, validated
+from service.config.kinds import NotNegative, Positive, Real
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
 """Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is

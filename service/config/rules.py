@@ -16,16 +16,8 @@ from service.config.limit_rules import LIMIT_RULES
 from service.config.model_rules import MODEL_RULES
 from service.config.nominal_rules import NOMINAL_RULES
 from service.config.positions import Keys
-from service.config.schema import (
-    AngleConfig,
-    AxisConfig,
-    BusConfig,
-    Config,
-    FurtherConfig,
-    RobotConfig,
-    SignalConfig,
-    SpeedConfig,
-)
+from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
+from service.config.schema_signals import AngleConfig, FurtherConfig, SignalConfig, SpeedConfig
 from service.config.skew_rules import SKEW_RULES
 from service.config.tables import Absent, Table, present
 from service.config.thresholds_rules import THRESHOLDS_RULES

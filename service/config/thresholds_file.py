@@ -9,7 +9,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.config.found_file import FoundTable, NotNegative, Positive, Real, content_of, validated
+from service.config.found_file import FoundTable, content_of, validated
+from service.config.kinds import NotNegative, Positive, Real
 from service.config.schema import AxisConfig
 from service.config.tables import Absent
 

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from service.config.conditions import needed
-from service.config.schema import AngleConfig, NamedAxis, SignalConfig
+from service.config.schema import NamedAxis
+from service.config.schema_signals import AngleConfig, SignalConfig
 from service.ingest.assemble import Assembler
 from service.ingest.clock import SampleClock
 from service.ingest.cyclic import CyclicClock

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from monitor_core.plausible import LIMITS
 from service.config.conditions import needed
-from service.config.schema import AxisConfig, Config, SignalConfig
+from service.config.schema import AxisConfig, Config
+from service.config.schema_signals import SignalConfig
 from service.config.sources import Source
 from service.ingest.assemble import REASONS
 from service.ingest.errors import RecordError

@@ -12,7 +12,7 @@ import pytest
 from monitor_core.alarms.episodes import Episode
 from service.alarm_words import episode_words
 from service.config import Config
-from service.config.schema import DetectorConfig
+from service.config.schema_watching import DetectorConfig
 from service.ingest.encode import FrameEncoder
 from service.ingest.frames import Frame
 from service.monitoring.alarms import Alarms, quantities

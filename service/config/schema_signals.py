@@ -1,0 +1,89 @@
+"""The keys of an axis that say where its samples come from: signals, their time, gates."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from service.config.kinds import Name, Positive, Real, Text
+from service.config.tables import Table
+
+
+class SignalConfig(Table):
+    """[robot.axis.torque], .angle, .speed: where a quantity comes from; without a bus only ``column`` is given."""
+
+    message: Text = Field("", description="name of the message in the DBC")
+    signal: Text = Field("", description="name of the signal in that message")
+    factor: Real = Field(1.0, description="SI value = factor * signal + offset; negative turns the direction")
+    offset: Real = Field(0.0, description="SI value = factor * signal + offset")
+    column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
+
+
+_RESOLUTION = (
+    "step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"
+)
+
+
+class AngleConfig(SignalConfig):
+    """[robot.axis.angle]: the motor angle."""
+
+    wraps_at: Positive | None = Field(
+        None,
+        description="the signal starts again after so much, in its own unit, before the factor: 360, 65536, 6.2831853",
+    )
+    resolution: Positive | None = Field(None, description=_RESOLUTION)
+
+
+class SpeedConfig(SignalConfig):
+    """[robot.axis.speed]: the motor speed."""
+
+    averaged: bool = Field(
+        False,
+        strict=True,
+        description="the drive sends the mean of the speed over each sample interval, not the speed at the sample",
+    )
+    resolution: Positive | None = Field(None, description=_RESOLUTION)
+
+
+class FurtherConfig(Table):
+    """[[robot.axis.signal]]: a further signal beside torque and motion: of the axis, of another one, of the robot."""
+
+    name: Name = Field(description="name by which the configuration refers to it: letters, digits, - and _")
+    axis: Text | None = Field(
+        None, description="it is the angle (or speed) of this other axis of the robot, in place of a message"
+    )
+    message: Text | None = Field(None, description="name of the message in the DBC")
+    signal: Text | None = Field(None, description="name of the signal in that message")
+    column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
+    factor: Real = Field(1.0, description="value = factor * signal + offset")
+    offset: Real = Field(0.0, description="value = factor * signal + offset")
+    maximum_age_s: Positive = Field(
+        10.0, description="a value received longer ago than this is no longer believed [s]"
+    )
+
+
+class GateConfig(Table):
+    """[[robot.axis.gate]]: when the axis may be watched; the signal is one of [[robot.axis.signal]]."""
+
+    signal: Text = Field(description="name of a signal; estimates and tests wait while it has another value")
+    equals: tuple[Real, ...] | None = Field(
+        None, min_length=1, description="open while the signal is one of these"
+    )
+    above: Real | None = Field(None, description="open while the signal is greater than this")
+    below: Real | None = Field(None, description="open while the signal is less than this")
+
+
+class TimeConfig(Table):
+    """[robot.axis.time]: where the time of a sample comes from."""
+
+    column: Text | None = Field(
+        None, description="column of the time [s] in records; without it rows are sample_interval_s apart"
+    )
+    counter_message: Text | None = Field(None, description="message that carries the sample counter")
+    counter_signal: Text | None = Field(
+        None, description="sample counter; with it sample times are whole intervals, free of receipt jitter"
+    )
+    clock: Literal["receipt", "cyclic"] = Field(
+        "receipt",
+        description='without a counter: "receipt", the times of receipt, or "cyclic", the controller sends every'
+        " sample_interval_s by its own clock, which is fitted to them",
+    )

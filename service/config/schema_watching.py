@@ -1,0 +1,132 @@
+"""The keys of how an axis is watched: estimator, detectors, slow course."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from service.config.kinds import Positive, Real
+from service.config.tables import Table
+from service.durations import seconds_in
+
+
+def _none_or_three(value: float) -> float:
+    if value != 0 and value < 3:  # noise alone is there often
+        raise ValueError("must be 0 or at least 3")
+    return value
+
+
+DEFAULT_MEMORY_S = 1.0
+FEWEST_SAMPLES = 10
+"""In a memory."""
+
+
+class EstimatorConfig(Table):
+    """[robot.axis.estimator]: the recursive prediction error method."""
+
+    predictor: Literal["innovations", "output-error"] = Field(
+        "innovations", description='"innovations" (Kalman gain) or "output-error" (the paper; speed only)'
+    )
+    memory_s: Positive | None = Field(
+        None, description="memory of the estimates [s]: older samples count little; default 1 s"
+    )
+    forgetting: Real | None = Field(
+        None,
+        gt=0.5,
+        lt=1,
+        description="in place of memory_s: lambda per sample, memory is 1/(1 - lambda) samples",
+    )
+    least_information: Real = Field(
+        0.05,
+        ge=0,
+        le=0.5,
+        description="share of the information at commissioning that is never forgotten; 0: the paper's, without",
+    )
+    least_excitation: Real = Field(
+        0.05,
+        ge=0,
+        le=0.5,
+        description="share of the usual excitation below which nothing is estimated; 0: the paper's, always",
+    )
+    outlier_limit: Annotated[Real, AfterValidator(_none_or_three)] = Field(
+        6.0,
+        le=1000,
+        description="an innovation beyond so many standard deviations is passed over, if few are; 0: none is",
+    )
+    joint_state: bool | None = Field(
+        None,
+        strict=True,
+        description="the state moves with the estimates, as in a joint Kalman filter; by default where the memory is"
+        " short: below 2.5 slowest time constants of the predictor",
+    )
+    random_walk: bool = Field(
+        False,
+        strict=True,
+        description="parameters are followed as a random walk, each for itself, as in a Kalman filter: for many",
+    )
+    torque_noise: Positive | None = Field(
+        None, description="standard deviation of the torque per sample [N m], for the Kalman gain"
+    )
+    output_noise: Positive | None = Field(
+        None, description="standard deviation of the measured angle [rad] or speed [rad/s]"
+    )
+    speed_noise: Positive | None = Field(
+        None,
+        description="standard deviation of the measured speed [rad/s] beside an angle, whose is output_noise then",
+    )
+    innovation_variance: Positive | None = Field(
+        None, description="lambda_0 [rad^2 or (rad/s)^2]; default from the noises"
+    )
+    gain: tuple[Real, ...] = Field(
+        (), description="filter gain K, one number per state; default from the noises"
+    )
+    initial_p: dict[str, Positive] = Field(
+        default_factory=dict, description="diagonal of P(0) by parameter; default from the first samples"
+    )
+
+
+class DetectorConfig(Table):
+    """[robot.axis.detector]: which detector alarms, and the CUSUM tests."""
+
+    kind: Literal["bank", "cusum"] | None = Field(
+        None,
+        description='whose alarms count: "bank" (hypotheses) or "cusum" (the paper\'s); default the bank where the'
+        " thresholds_file has thresholds for it",
+    )
+    beside: bool = Field(
+        True, strict=True, description="the bank runs beside the CUSUM tests where these alarm, and looks on"
+    )
+    budget_s: Real = Field(
+        31557600.0,
+        ge=60,
+        description="mean time between false alarms [s] that the bank's threshold guarantees for an exact model, where"
+        " it has none from a thresholds_file",
+    )
+    alpha_1: Real = Field(3.0, ge=0, description="drift nu = alpha_1 standard deviations")
+    alpha_2: Positive = Field(20.0, description="threshold h = alpha_2 times the size of the parameter")
+    widening: Real = Field(
+        0.0,
+        ge=0,
+        le=1e6,
+        description="after an alarm P_ii is at least so many times P(0)_ii: the estimate converges faster; 0: it stays",
+    )
+
+
+def _time(value: object) -> object:
+    if not isinstance(value, str):
+        raise ValueError('must be a time in quotes, such as "14 days"')
+    return seconds_in(value)
+
+
+class TrendConfig(Table):
+    """[robot.axis.trend]: the slow course of the parameters, and forecasts."""
+
+    interval_s: Positive = Field(
+        3600.0,
+        le=86400,
+        description="operating time [s] of one mean of the slow history; forecasts need 120 times as long",
+    )
+    warn_before: Annotated[Positive, BeforeValidator(_time)] = Field(
+        "14 days",
+        validate_default=True,
+        description='an alarm is raised when a limit may be reached within this time, such as "14 days"',
+    )
