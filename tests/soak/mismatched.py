@@ -40,11 +40,15 @@ column = "temperature"
 """
 
 
+class RefusedError(Exception):
+    """A command found nothing that it could stand for."""
+
+
 def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     """The configuration with nominal values and thresholds of an axis, from records of it.
 
     Raises:
-        AssertionError: a command refuses, with its words.
+        RefusedError: a command does.
     """
     signal = multisine(
         np.random.default_rng(seed), round(EXCITE_S / INTERVAL_S), INTERVAL_S, EXCITE_HZ, EXCITE_RMS
@@ -61,13 +65,15 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     start = ("--start", "values") if "Jm" in values else ()
     values = _identified(folder, values, ["excite.csv", *operation], *warming, *start)
     free = ("--start", "values", "--free", "Jm,fc,fm,tau0")
-    assert _identified(folder, values, operation, *warming, *free) is not values
+    if "Jm" not in values or _identified(folder, values, operation, *warming, *free) is values:
+        raise RefusedError("no nominal values")
     axis.write_text(AXIS % 'nominal_file = "nominal.toml"', encoding="utf-8")
     wishes = ("--budget", BUDGET, "--within", str(WITHIN_S), "--sizes", "30", "--onsets", "1")
     result = _run(
         folder, "calibrate", operation, axis, "thresholds.toml", "--report", "calibrate.html", *wishes
     )
-    assert not result.exit_code, result.output[-1000:]
+    if result.exit_code:
+        raise RefusedError(f"no thresholds: {result.output[-1000:]}")
     both = 'nominal_file = "nominal.toml", thresholds_file = "thresholds.toml"'
     axis.write_text(AXIS % both, encoding="utf-8")
     return axis
