@@ -39,14 +39,14 @@ def test_a_step_is_found_with_its_time_and_size(seed: int) -> None:
 
 
 def test_what_wanders_is_not_called_a_drift(seed: int) -> None:
-    """Of 20 healthy histories; a drift is said with nine to one in two of a hundred (measured, 2000)."""
+    """Of 20 healthy histories; a drift is said with nine to one in none of 500 (measured)."""
     rng = np.random.default_rng(seed)
     trends = [
         known(trend_of(months(rng, 200, lambda t: SIZE + 0 * t, 0.0007, 0.001), SIZE, HOUR_S))
         for _ in range(20)
     ]
     sure = [t for t in trends if t.probability["drift"] + t.probability["both"] > 0.9]
-    assert len(sure) <= 4
+    assert len(sure) <= 2
     assert np.median([t.probability["steady"] for t in trends]) > 0.6
 
 

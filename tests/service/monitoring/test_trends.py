@@ -92,8 +92,8 @@ def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path
 def test_what_is_steady_raises_none_and_shows_a_far_limit(tmp_path: Path, seed: int) -> None:
     trends = Monitors(limited(tmp_path, {"fm": (0.03, 0.09)}).axes).trends
     assert feed(trends, readings(130, 0.0, seed, others=False)) == []
-    assert set(fm(trends)) <= {"far", "open"}
     assert len(fm(trends)) == 2
+    assert "beyond" not in fm(trends)
 
 
 def test_a_limit_of_ja_is_one_of_its_reciprocal(tmp_path: Path) -> None:
