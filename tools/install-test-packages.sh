@@ -5,6 +5,7 @@
 #
 #   chromium               installed with apt-get (needs root)
 #   iproute2, util-linux   likewise: with-vcan.sh's ip, unshare, setpriv, taskset
+#   gcc                    likewise, where the processor has tile registers: see with-vcan-ptrace.c
 #   promtool, prometheus   unpacked into .cache/test-packages, not installed: Debian's package would start
 #                          a service, make a user and listen on a port
 
@@ -34,6 +35,7 @@ missing=()
 have chromium || missing+=(chromium)
 have ip || missing+=(iproute2)
 { have unshare && have setpriv && have taskset && have flock; } || missing+=(util-linux)
+if grep -qw amx_tile /proc/cpuinfo && ! have cc; then missing+=(gcc libc6-dev); fi
 if [ ${#missing[@]} -gt 0 ]; then
   if ! have apt-get; then fail "missing: ${missing[*]}; no apt-get here to install them"
   elif [ "$(id -u)" != 0 ]; then fail "missing; as root: apt-get install ${missing[*]}"

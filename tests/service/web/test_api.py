@@ -113,7 +113,8 @@ def test_a_real_monitor_is_told_as_it_is(stage: Stage, client: TestClient, seed:
     assert body["samples"] == monitor.facts().samples
     assert body["last_sample_age_s"] == 0
     for told, known in zip(body["parameters"], monitor.facts().parameters, strict=True):
-        assert told["estimate"] == known.estimate
+        # Noise for torque and speed leads some estimates out of their bounds: those are told as none.
+        assert told["estimate"] == (None if math.isnan(known.estimate) else known.estimate)
         assert told["standard_deviation"] == known.standard_deviation
         assert told["threshold"] == known.h
 
