@@ -30,7 +30,7 @@ test: lint ## everything that CI checks: lint, tests, tests on real SocketCAN de
 bench: $(READY) ## measure: kernel, compile time, daemon, the paper's figures (two minutes)
 	@$(BIN)/python -m pytest -m bench tests/bench $(ARGS)
 
-soak: $(READY) ## the long runs (half an hour)
+soak: $(READY) ## the long runs (some hours; ARGS="-k mismatch" chooses)
 	@$(BIN)/python -m pytest -m soak tests/soak $(ARGS)
 
 lint: $(READY) ## ruff and mypy

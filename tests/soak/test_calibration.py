@@ -90,7 +90,7 @@ def _poisson(terms: Floats, counts: Floats) -> Floats:
 
 
 SHORT = pytest.mark.xfail(
-    reason="35 to 39 of 50: estimates scatter up to twice as P says, are off by up to a third of that, and alarm 1.3 to"
+    reason="33 to 39 of 50: estimates scatter up to twice as P says, are off by up to a third of that, and alarm 1.3 to"
     " 1.4 times as often as stated"
 )
 
