@@ -49,6 +49,13 @@ _numbers = aside(kept_numbers)
 
 
 @kernel
+def _begins(learned: int, span: float) -> bool:
+    """Whether ``span`` divides it: exactly so; a remainder of integers would take a tenth of the time of it all."""
+    spans = float(learned) / span
+    return spans == float(int(spans))
+
+
+@kernel
 def gather(
     lanes: Any,
     needed: Floats,
@@ -71,13 +78,15 @@ def gather(
     noted: Any,
 ) -> None:
     """Count the samples that are learned, ``on`` (W,); keep theta - theta_0 of now and then, note what is due."""
-    due = False
+    keeps = notes = False
     for a in range(len(lanes)):
         left[a] -= on[a]
         learned[a] += on[a]
-        due |= left[a] <= 0 or learned[a] % int(span[a]) == 0
-    if due:
+        keeps |= (on[a] != 0) & _begins(learned[a], span[a])
+        notes |= (on[a] != 0) & (left[a] <= 0)
+    if keeps:
         _keep(lanes, span, t, learned, d, P, on, a0, kept_t, kept_d)
+    if notes:
         _note(
             lanes,
             needed,
@@ -117,7 +126,7 @@ def _keep(
     """What is known now in place of the oldest; ``learned`` (W,) are the samples learned so far."""
     p = d.shape[0]
     for a in range(len(lanes)):
-        if on[a] and learned[a] % int(span[a]) == 0:
+        if on[a] and _begins(learned[a], span[a]):
             k = learned[a] // int(span[a]) % KEPT
             kept_t[k, a0 + a] = t[a]
             row = k * _numbers(p)

@@ -24,7 +24,7 @@ def walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats)
 def corrected_ago(lanes: Any, interval: Floats, h: Floats, in_a_row: Ints, ago: Floats) -> None:
     """How long ago the state was corrected (W,): h, and an interval for each outlier passed over since then."""
     for a in range(len(lanes)):
-        ago[a] = h[a] + interval[a] * float(in_a_row[a] % SURELY)
+        ago[a] = h[a] + (interval[a] * in_a_row[a] if in_a_row[a] < SURELY else 0.0)
 
 
 @kernel
