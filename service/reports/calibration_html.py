@@ -62,9 +62,9 @@ def _content(of: Calibration) -> Iterator[str]:
 
 _THRESHOLDS = (
     "nu = alpha_1 sqrt(lambda_0 P_ii) + allowance &times; size, h = alpha_2 &times; size. All tests have the same"
-    " share of the budget, and keep it with a certainty of 95 %. nu is such that the smallest possible fault is"
-    " found in the time that was asked for. The standard deviation is that of the estimates in the records, as part of"
-    " their size."
+    " share of the budget, and the axis keeps the whole of it with a certainty of 95 %. nu is such that the smallest"
+    " possible fault is found in the time that was asked for. The standard deviation is that of the estimates in the"
+    " records, as part of their size."
 )
 _INJECTED = (
     "Exact: put into the record by the torque that the same motion would have needed. Simulated: what the identified"
