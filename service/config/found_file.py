@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +17,19 @@ class FoundTable(BaseModel):
 
 
 _F = TypeVar("_F", bound=FoundTable)
+
+
+def unchanged(path: Path, read: Callable[[Path, int, int], _F], refusal: type[Exception]) -> _F:
+    """What ``read``, which keeps what it has read, has of a file of this time and size.
+
+    Raises:
+        refusal: it cannot be read.
+    """
+    try:
+        state = path.stat()
+        return read(path, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise refusal(f"cannot read {path}: {error.strerror}") from None
 
 
 def content_of(path: Path, refusal: type[Exception]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
-from service.config.found_file import FoundTable, content_of, validated
+from service.config.found_file import FoundTable, content_of, unchanged, validated
 from service.config.kinds import NotNegative, Positive, Real
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
@@ -136,11 +136,7 @@ def read_nominal(path: Path) -> NominalFile:
     Raises:
         NominalError: it cannot be read, or is no such file.
     """
-    try:
-        state = path.stat()
-        return _read(path, state.st_mtime_ns, state.st_size)
-    except OSError as error:
-        raise NominalError(f"cannot read {path}: {error.strerror}") from None
+    return unchanged(path, _read, NominalError)
 
 
 @lru_cache(maxsize=256)

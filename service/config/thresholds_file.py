@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.config.found_file import FoundTable, content_of, validated
+from service.config.found_file import FoundTable, content_of, unchanged, validated
 from service.config.kinds import NotNegative, Positive, Real
 from service.config.schema import AxisConfig
 from service.config.tables import Absent
@@ -82,11 +82,7 @@ def read_thresholds(path: Path) -> ThresholdsFile:
     Raises:
         ThresholdsError: it cannot be read, or is no such file.
     """
-    try:
-        state = path.stat()
-        return _read(path, state.st_mtime_ns, state.st_size)
-    except OSError as error:
-        raise ThresholdsError(f"cannot read {path}: {error.strerror}") from None
+    return unchanged(path, _read, ThresholdsError)
 
 
 @lru_cache(maxsize=256)

@@ -86,20 +86,6 @@ def start(config: Config, journal: Journal, checkpoints: Checkpoints) -> Run:
     return Run(core, alarms, saver, restored.messages)
 
 
-@pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    journal = Journal(tmp_path / "alarms.sqlite")
-    yield journal
-    journal.close()
-
-
-@pytest.fixture
-def checkpoints(tmp_path: Path) -> Iterator[Checkpoints]:
-    checkpoints = Checkpoints(tmp_path / "checkpoints.sqlite")
-    yield checkpoints
-    checkpoints.close()
-
-
 def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
     tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
 ) -> None:

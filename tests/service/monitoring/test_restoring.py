@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,20 +21,6 @@ from tests.service.monitoring.robots import blocks, demo
 NOW_US = 1_760_000_100_000_000
 AXIS = "demo.axis1"
 OPEN = Episode("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
-
-
-@pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    journal = Journal(tmp_path / "alarms.sqlite")
-    yield journal
-    journal.close()
-
-
-@pytest.fixture
-def checkpoints(tmp_path: Path) -> Iterator[Checkpoints]:
-    checkpoints = Checkpoints(tmp_path / "checkpoints.sqlite")
-    yield checkpoints
-    checkpoints.close()
 
 
 @pytest.fixture
