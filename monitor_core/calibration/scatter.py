@@ -5,6 +5,7 @@ in it.  How well a record tells it, its blocks, several memories long, say: resa
 they give another variance each time.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ BINS = 50
 """In a memory: of so many samples one is looked at."""
 OFFSET = 0.3
 """Standard deviations: a mean that is farther off the nominal value would leave a test no threshold."""
+_TINY = 1e-12
 LONGEST, MOST_BLOCKS = 5, 30
 """Memories in a block, and how many blocks there are at least, where the record is long enough for both."""
 
@@ -26,7 +28,7 @@ class Scatter:
     """What healthy records say of p parameters, in sizes of the parameters; times in samples.
 
     ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii); ``mean_sd`` what chance makes
-    of the mean.  ``power`` (B, p): the variance of resampled records, over that of this one.
+    of the mean.  ``power`` (B, p): what the true variance may be, over that of the records.
     """
 
     mean_d: Floats  # (p,)
@@ -69,11 +71,10 @@ def scatter(
     sums, count = _blocks(squares, starts, max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS))))
     weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=times)
     variance = squares.mean(axis=0)
-    power = (weights @ sums) / (weights @ count)[:, np.newaxis] / variance
+    resampled = (weights @ sums) / (weights @ count)[:, np.newaxis] / variance
     variance *= 1 + 2 / memories  # the mean is of the same record
     by_chance = 2 * variance / memories
-    # Far from zero the mean is what it is; nearby it is chance, and to count it would be to count chance twice.
-    mean = mean * np.maximum(0.0, 1 - by_chance / np.maximum(mean**2, 1e-300))
+    power = _turned(resampled, memories)
     return Scatter(mean, np.sqrt(by_chance), s.mean(axis=0), np.sqrt(variance), power, memories, memory)
 
 
@@ -81,6 +82,17 @@ def binned(one: Deviations, q: int) -> Floats:
     """Deviation and s (n, 2, p) at every q-th of the tested samples."""
     use = np.flatnonzero(one.tested.all(axis=1))[q - 1 :: q]
     return np.stack([one.d[use], one.s[use]], axis=1)
+
+
+def _turned(resampled: Floats, memories: float) -> Floats:
+    """Variance of the truth over the record's, from resampled over the record's (B, p): as far to the other side.
+
+    Few blocks do not scatter enough: at least as normal deviations do, that are forgotten within a memory.
+    """
+    log = np.log(resampled)
+    return np.asarray(
+        np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _TINY)))
+    )
 
 
 def _blocks(values: Floats, starts: Sequence[int], length: int) -> tuple[Floats, Floats]:

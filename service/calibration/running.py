@@ -20,6 +20,7 @@ from monitor_core.calibration.doubts import (
 )
 from monitor_core.calibration.healthy import Samples, deviations
 from monitor_core.calibration.hypotheses import bank_limits
+from monitor_core.calibration.informed import informed
 from monitor_core.calibration.injection import changed
 from monitor_core.calibration.scatter import scatter
 from monitor_core.calibration.spread import allowance
@@ -95,8 +96,6 @@ def calibrate(
     check_healthy(model, settings, found)
     rng = np.random.default_rng(wishes.seed)
     memory, samples = settings.memory, wishes.budget_s / settings.interval_s
-    scattered = scatter(found, memory, rng)
-    allowed = allowance(found, scattered)
     k = nu_over_sigma(len(model.scale), memory, samples, within_s / memory_s)
     copies = simulated(
         model,
@@ -107,6 +106,8 @@ def calibrate(
         wishes.copies,
         lambda part: progress("copies of the records", part, 1.0),
     )
+    scattered = informed(scatter(found, memory, rng), copies)
+    allowed = allowance(found, scattered)
     tail = tails(scattered, copies)
     own = thresholds(scattered, tail, allowed, samples, rng)
     rate = rates(scattered, tail, own, rng)

@@ -14,6 +14,7 @@ import pytest
 
 from monitor_core.calibration.budget import Rates, nu_over_sigma, rates, tails, thresholds
 from monitor_core.calibration.healthy import deviations
+from monitor_core.calibration.informed import informed
 from monitor_core.calibration.scatter import scatter
 from monitor_core.calibration.spread import allowance
 from monitor_core.calibration.surrogate import simulated
@@ -40,12 +41,12 @@ def calibrated(of: Plant, seed: int) -> list[tuple[tuple[Threshold, ...], Rates]
     rng = np.random.default_rng([seed, 1])
     one = record(of, seed, SAMPLES)
     watched = deviations(of.model, of.settings, [one])
-    scattered = scatter(watched, MEMORY, rng)
-    allowed = allowance(watched, scattered)
-    found = []
     # The copies take the time, and do for both budgets: nu is that of the longer one.
-    k = nu_over_sigma(len(allowed), MEMORY, BUDGETS[-1], WITHIN)
-    tail = tails(scattered, simulated(of.model, of.settings, [one], k, rng))
+    k = nu_over_sigma(len(of.model.scale), MEMORY, BUDGETS[-1], WITHIN)
+    copies = simulated(of.model, of.settings, [one], k, rng)
+    scattered = informed(scatter(watched, MEMORY, rng), copies)
+    allowed, tail = allowance(watched, scattered), tails(scattered, copies)
+    found = []
     for budget in BUDGETS:
         own = thresholds(scattered, tail, allowed, budget, rng)
         found.append((_without_allowance(own, scattered.mean_s), rates(scattered, tail, own, rng)))

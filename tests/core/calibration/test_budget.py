@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 
 from monitor_core.calibration.budget import Rates, Tail, best_nu, nu_over_sigma, rates, tails, thresholds
 from monitor_core.calibration.healthy import Deviations
+from monitor_core.calibration.informed import informed
 from monitor_core.calibration.run_length import log_mean_time
 from monitor_core.calibration.scatter import scatter
 from monitor_core.calibration.spread import allowance
@@ -60,7 +61,7 @@ class Calibrated(NamedTuple):
 
 def calibrated(rng: np.random.Generator, colour: float, k: float, found: Excursions) -> Calibrated:
     one = [deviations(forgotten(rng, LENGTH, colour))]
-    scattered = scatter(one, MEMORY, rng)
+    scattered = informed(scatter(one, MEMORY, rng), found)
     tail = tails(scattered, found)
     own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
     return Calibrated(own, rates(scattered, tail, own, rng))
@@ -111,7 +112,7 @@ def test_the_interval_holds_the_truth_and_the_budget_is_kept(colour: float, seed
 def test_a_year_has_a_wide_interval(seed: int) -> None:
     """In logarithm, in proportion to the logarithm of the budget."""
     rng = np.random.default_rng(seed)
-    scattered = scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng)
+    scattered = informed(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0))
     widths = []
     for budget in (1e2, 1e4, 1e8):
         tail = tails(scattered, copies(1.0))
@@ -151,7 +152,7 @@ def test_records_that_differ_get_an_allowance(seed: int) -> None:
     for k, one in enumerate(records):
         one[:, 0] += 0.5 * (-1) ** k
     found = [deviations(one) for one in records]
-    allowed = allowance(found, scatter(found, MEMORY, rng))
+    allowed = allowance(found, informed(scatter(found, MEMORY, rng), copies(1.0)))
     print(f"allowances {allowed}")
     assert 0.75 < allowed[0] < 3.0
     assert allowed[1] < 1.0
@@ -165,7 +166,7 @@ def test_what_is_off_all_along_is_allowed_for(seed: int) -> None:
     k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
     own = []
     for one in found:
-        scattered = scatter(one, MEMORY, np.random.default_rng(seed))
+        scattered = informed(scatter(one, MEMORY, np.random.default_rng(seed)), copies(k))
         tail, allowed = tails(scattered, copies(k)), allowance(one, scattered)
         same = np.random.default_rng(seed)
         own.append(thresholds(scattered, tail, allowed, BUDGET * MEMORY, same))
@@ -180,6 +181,6 @@ def test_equal_records_hardly_ever_get_one(seed: int) -> None:
     count = 0
     for _ in range(40):
         found = [deviations(forgotten(rng, 200))]
-        count += bool(allowance(found, scatter(found, MEMORY, rng)).any())
+        count += bool(allowance(found, informed(scatter(found, MEMORY, rng), copies(1.0))).any())
     print(f"{count} of 40 have an allowance")
     assert count <= 9

@@ -1,0 +1,50 @@
+"""What records and their copies say together of the scatter of healthy estimates.
+
+The copies say it much more sharply than a record, which is short, and as the very recursion runs over them they know
+its own bias under coloured innovations; but they know nothing of what the model lacks.  So what a record differs by
+from its copies is taken for chance as far as chance explains it, and where it does not, for what it is: the horseshoe
+(Carvalho, Polson and Scott 2010), which hardly shrinks what is far out.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.calibration.scatter import Scatter
+from monitor_core.calibration.surrogate import Excursions
+from monitor_core.kernel.tables import Floats
+
+_STEPS = 2000
+_FARTHEST = 1e3
+"""Standard deviations: what is farther out is not shrunk at all, and its weights would underflow."""
+
+
+def informed(scatter: Scatter, found: Excursions) -> Scatter:
+    """The scatter of the records, with what the copies know of its mean and its size."""
+    mean, mean_share = shrunk((scatter.mean_d - found.mean) / scatter.mean_sd)
+    log_power = np.log(scatter.power)
+    sd = log_power.std(axis=0) / 2  # of the logarithm of sigma
+    larger, share = shrunk(np.log(scatter.sigma / found.sigma) / sd)
+    return replace(
+        scatter,
+        mean_d=found.mean + mean * scatter.mean_sd,
+        mean_sd=mean_share * scatter.mean_sd,
+        sigma=found.sigma * np.exp(larger * sd),
+        power=np.exp(share * log_power),
+    )
+
+
+def shrunk(e: Floats) -> tuple[Floats, Floats]:
+    """Mean and standard deviation (p,) of what differs, seen as e (p,) with chance of standard deviation 1.
+
+    With kappa = 1 / (1 + tau^2) and the prior  kappa^(-1/2) (1 - kappa)^(-1/2)  of it, given kappa what differs has
+    the mean (1 - kappa) e and the variance 1 - kappa.
+    """
+    x = np.clip(np.abs(e), 0.0, _FARTHEST)
+    # kappa = sin^2 takes the prior's poles away.
+    kappa = np.sin(np.pi / 2 * (np.arange(_STEPS) + 0.5) / _STEPS)[:, np.newaxis] ** 2
+    weight = np.sqrt(kappa) * np.exp(-kappa * x**2 / 2)
+    weight /= weight.sum(axis=0)
+    expected = (weight * kappa).sum(axis=0)
+    spread = (weight * kappa**2).sum(axis=0) - expected**2
+    return (1 - expected) * e, np.sqrt(1 - expected + x**2 * spread)
