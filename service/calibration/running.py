@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.calibration.budget import nu_over_sigma, rates, tails, thresholds
+from monitor_core.calibration.budget import rates, thresholds
 from monitor_core.calibration.catch import Caught, Fault, catch
 from monitor_core.calibration.catch_by_bank import catch_by_bank
 from monitor_core.calibration.doubts import (
@@ -20,11 +20,9 @@ from monitor_core.calibration.doubts import (
 )
 from monitor_core.calibration.healthy import Samples, deviations
 from monitor_core.calibration.hypotheses import bank_limits
-from monitor_core.calibration.informed import informed
 from monitor_core.calibration.injection import changed
-from monitor_core.calibration.scatter import scatter
-from monitor_core.calibration.spread import allowance
-from monitor_core.calibration.surrogate import SAMPLES, simulated
+from monitor_core.calibration.learned import learned
+from monitor_core.calibration.surrogate import SAMPLES
 from monitor_core.detection.detector import unfit
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
@@ -95,31 +93,20 @@ def calibrate(
     check_records(model, settings, found)
     check_healthy(model, settings, found)
     rng = np.random.default_rng(wishes.seed)
-    memory, samples = settings.memory, wishes.budget_s / settings.interval_s
-    k = nu_over_sigma(len(model.scale), memory, samples, within_s / memory_s)
-    copies = simulated(
-        model,
-        settings,
-        records,
-        k,
-        rng,
-        wishes.copies,
-        lambda part: progress("copies of the records", part, 1.0),
-    )
-    scattered = informed(scatter(found, memory, rng), copies)
-    allowed = allowance(found, scattered)
-    tail = tails(scattered, copies)
-    own = thresholds(scattered, tail, allowed, samples, rng)
-    rate = rates(scattered, tail, own, rng)
-    check_promise(scattered, rate, samples, settings.interval_s)
+    samples = wishes.budget_s / settings.interval_s
+    told: Callable[[float], None] = lambda part: progress("copies of the records", part, 1.0)  # noqa: E731
+    known = learned(model, settings, records, found, samples, within_s / memory_s, rng, wishes.copies, told)
+    own = thresholds(known.scatter, known.tails, known.allowance, samples, rng)
+    rate = rates(known.scatter, known.tails, own, rng)
+    check_promise(known.scatter, rate, samples, settings.interval_s)
     calibrated = replace(settings, thresholds=own)
     caught, onsets = _caught(model, calibrated, records, wishes, within_s, progress)
     bank = _bank(
         axis, model, calibrated, records, [one.fault for one in caught], wishes, within_s, rng, progress
     )
     result = Calibration(
-        axis, model, calibrated, wishes.budget_s, within_s, scattered, rate, allowed, caught, onsets, sources, (),
-        provenance, bank,
+        axis, model, calibrated, wishes.budget_s, within_s, known.scatter, rate, known.allowance, caught, onsets,
+        sources, (), provenance, bank,
     )  # fmt: skip
     return replace(result, warnings=tuple(_warnings(result)))
 

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.bank import Bank
-from monitor_core.calibration.budget import nu_over_sigma, rates, tails, thresholds
+from monitor_core.calibration.budget import rates, thresholds
 from monitor_core.calibration.healthy import Samples, deviations
-from monitor_core.calibration.scatter import scatter
-from monitor_core.calibration.surrogate import simulated
+from monitor_core.calibration.learned import learned
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import FAULT_AT, INTERVAL_S
@@ -30,13 +29,12 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
     rng = np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
     one = [Samples("healthy", t_us, u[:, 0], y[:, 0])]
-    scattered = scatter(deviations(model, settings, one), settings.memory, rng)
-    k = nu_over_sigma(len(model.scale), settings.memory, between, WITHIN)
-    tail = tails(scattered, simulated(model, settings, one, k, rng))
+    known = learned(model, settings, one, deviations(model, settings, one), between, WITHIN, rng)
     asked = between
     for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely
-        own = thresholds(scattered, tail, np.zeros(len(model.scale)), asked, np.random.default_rng(seed))
-        found = rates(scattered, tail, own, np.random.default_rng(seed))
+        same = np.random.default_rng(seed)
+        own = thresholds(known.scatter, known.tails, np.zeros(len(model.scale)), asked, same)
+        found = rates(known.scatter, known.tails, own, np.random.default_rng(seed))
         asked *= found.whole * between
     times = [INTERVAL_S / 3600 / rate for rate in (found.whole, found.upper, found.lower)]
     alphas = ", ".join(
