@@ -14,6 +14,9 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
 PYTEST=(.venv/bin/python -m pytest)
 NOTHING_RAN=5 # pytest's exit status
 
+# Tests start the program some two hundred times: not each of these processes should compile all sources again.
+unset PYTHONDONTWRITEBYTECODE
+
 again() { # the failures that chance may have brought, with three fresh seeds
   [ -s "$AXISWATCH_TO_CONFIRM" ] || return 1
   local seen=$AXISWATCH_TO_CONFIRM.seen attempt

@@ -15,7 +15,7 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri  # not scipy.stats: to import that takes seconds
 
 from monitor_core.kernel.tables import Floats
 
@@ -56,8 +56,8 @@ def limit(tolerance: float, freedom: int) -> float:
     """The chi-square that is passed as seldom as ``tolerance`` standard deviations are."""
     if not freedom:
         return np.inf
-    tail = chi2.sf(max(tolerance, LEAST_TOLERANCE) ** 2, 1)
-    return float(chi2.isf(tail, freedom)) if tail > 0 else np.inf
+    tail = chdtrc(1, max(tolerance, LEAST_TOLERANCE) ** 2)
+    return float(chdtri(freedom, tail)) if tail > 0 else np.inf
 
 
 def single_faults(d: Floats, V: Floats, known: Collection[int] = (), prior: Floats | None = None) -> Causes:

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
-from monitor_core.calibration.run_length import log_mean_time
+from monitor_core.calibration.run_length import log_mean_time, root
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.calibration.surrogate import LEAST, Excursions
 from monitor_core.kernel.tables import Floats
@@ -116,7 +115,7 @@ def _fitted(k: float, sigma: float, memory: float, largest: Floats, samples: flo
         return -float(log_mean_time(np.array(k), np.array(known / (sigma * tau)), np.array(tau))) - log_rate
 
     low, high = math.log(memory) - 3, math.log(memory) + 3
-    return (math.exp(brentq(off, low, high)) if off(low) * off(high) < 0 else memory), log_rate
+    return (math.exp(root(off, low, high)) if off(low) * off(high) < 0 else memory), log_rate
 
 
 def thresholds(
@@ -142,7 +141,7 @@ def thresholds(
         return _upper(scatter, tails, h_for(log_share - less), draws) - log_budget
 
     # Of rates that spread widely the sum may be larger than the sum of their bounds, and nearly always it is smaller.
-    less = float(brentq(excess, -3.0, 3.0, xtol=_NEAR)) if excess(-3.0) > 0 > excess(3.0) else 0.0
+    less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
     return tuple(
         Threshold(tail.nu / float(scatter.mean_s[i]), h, float(allowance[i]))
         for i, (tail, h) in enumerate(zip(tails, h_for(log_share - less), strict=True))
@@ -160,7 +159,7 @@ def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Fl
     high = low + 12
     if excess(low) <= 0:
         return least
-    return math.exp(brentq(excess, low, high, xtol=_NEAR / 20)) if excess(high) < 0 else math.inf
+    return math.exp(root(excess, low, high, xtol=_NEAR / 20)) if excess(high) < 0 else math.inf
 
 
 def _draws(scatter: Scatter, parameters: int, rng: np.random.Generator) -> Floats:

@@ -11,9 +11,9 @@ smaller.  Both were fitted to simulations (k 0.3 to 2.5, h 0.5 to 14, lambda 0.9
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
 
 from monitor_core.kernel.tables import Floats
 
@@ -49,7 +49,14 @@ def threshold(k: float, log_samples: float, tau: float) -> float:
     def excess(h: float) -> float:
         return float(log_mean_time(np.array(k), np.array(h), np.array(tau))) - log_samples
 
-    return 0.0 if excess(0.0) >= 0 else float(brentq(excess, 0.0, _HIGHEST))
+    return 0.0 if excess(0.0) >= 0 else root(excess, 0.0, _HIGHEST)
+
+
+def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
+    """Where f, of different signs at low and high, is zero."""
+    from scipy.optimize import brentq  # costs the daemon half a second, which never calls it
+
+    return float(brentq(f, low, high, xtol=xtol))
 
 
 def white_noise_log_mean_time(k: float, h: float) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv  # not scipy.stats: to import that takes seconds
 
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned
@@ -41,5 +41,5 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
     mean = (w * m).sum(axis=0) / w.sum(axis=0)
     Q, freedom = (w * (m - mean) ** 2).sum(axis=0), len(m) - 1
     excess = (Q - freedom) / (w.sum(axis=0) - (w**2).sum(axis=0) / w.sum(axis=0))
-    real = chi2.ppf(LEVEL ** (1 / len(Q)), freedom) < Q
+    real = 2 * gammaincinv(freedom / 2, LEVEL ** (1 / len(Q))) < Q
     return np.asarray(scatter.beyond + np.where(real, FACTOR * np.sqrt(np.maximum(excess, 0.0)), 0.0))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import fftconvolve
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri  # not scipy.stats: to import that takes seconds
 
 from monitor_core.identification.colour import scores_covariance
 from monitor_core.kernel.tables import Floats
@@ -34,8 +34,8 @@ def whiteness(eps: Sequence[Floats], lags: int = LAGS) -> Correlation:
     N, r = _counts(eps), _correlation(eps, eps, lags)
     r = r[lags + 1 :] / r[lags]
     Q = N * (N + 2) * float(np.sum(r**2 / (N - np.arange(1, lags + 1))))
-    limit = float(norm.ppf((1 + LEVEL) / 2)) / math.sqrt(N)
-    return Correlation(np.arange(1.0, lags + 1), r, limit, float(chi2.sf(Q, lags)))
+    limit = float(ndtri((1 + LEVEL) / 2)) / math.sqrt(N)
+    return Correlation(np.arange(1.0, lags + 1), r, limit, float(chdtrc(lags, Q)))
 
 
 def independence(u: Sequence[Floats], eps: Sequence[Floats], lags: int = LAGS) -> Correlation:
@@ -50,7 +50,7 @@ def independence(u: Sequence[Floats], eps: Sequence[Floats], lags: int = LAGS) -
     if size == 0:
         return Correlation(np.arange(-lags, lags + 1.0), 0 * r, 0.0, 1.0)
     covariance, _ = scores_covariance(eps, [_past(part, lags) for part in u])
-    limit = float(norm.ppf((1 + LEVEL) / 2)) * math.sqrt(float(np.mean(np.diag(covariance)))) / size
+    limit = float(ndtri((1 + LEVEL) / 2)) * math.sqrt(float(np.mean(np.diag(covariance)))) / size
     return Correlation(np.arange(-lags, lags + 1.0), r / size, limit, _p_value(r[lags + 1 :], covariance))
 
 
@@ -59,7 +59,7 @@ def _p_value(r: Floats, covariance: Floats) -> float:
     values, vectors = np.linalg.eigh(covariance)
     seen = values > _SEEN * values[-1]
     Q = float(np.sum((vectors[:, seen].T @ r) ** 2 / values[seen]))
-    return float(chi2.sf(Q, int(seen.sum())))
+    return float(chdtrc(int(seen.sum()), Q))
 
 
 def _past(u: Floats, lags: int) -> Floats:

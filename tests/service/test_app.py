@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -29,3 +31,13 @@ def test_a_worker_that_fails_stops_the_daemon_and_says_so(
     assert "the worker has failed; the daemon stops" in [entry["event"] for entry in logs]
     Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer
     assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
+
+
+def test_a_start_does_not_wait_for_what_the_daemon_never_uses() -> None:
+    """They take longer to import than all the rest of it."""
+    loaded = "import sys, service.app, service.web.app; print(*sys.modules, sep='\\n')"
+    modules = subprocess.run(
+        [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
+    ).stdout
+    slow = {"scipy.stats", "scipy.optimize", "scipy.signal", "sympy", "matplotlib", "pymoca"}
+    assert slow & set(modules.splitlines()) == set()
