@@ -16,14 +16,20 @@ BY_FAULT = "def test_fault() -> None:\n    raise AssertionError\n"
 NO_SETUP = "import pytest\n\n@pytest.fixture\ndef broken(seed):\n    1 / 0\n\ndef test_x(broken):\n    pass\n"
 
 
-@pytest.mark.parametrize("processes", [[], ["--numprocesses", "2"]])
+IN_TWO = ["--numprocesses", "2"]
+CONFIRMED = ["tests/test_0.py::test_statistic"]
+
+
 @pytest.mark.parametrize(
-    ("tests", "to_confirm"),
+    ("tests", "to_confirm", "processes"),
     [
-        ([BY_CHANCE], ["tests/test_0.py::test_statistic"]),
-        ([BY_FAULT], []),
-        ([BY_CHANCE, BY_FAULT], []),
-        ([BY_CHANCE, NO_SETUP], []),
+        ([BY_CHANCE], CONFIRMED, []),
+        ([BY_CHANCE], CONFIRMED, IN_TWO),
+        ([BY_FAULT], [], []),
+        ([BY_CHANCE, BY_FAULT], [], []),
+        ([BY_CHANCE, BY_FAULT], [], IN_TWO),
+        ([BY_CHANCE, NO_SETUP], [], []),
+        ([BY_CHANCE, NO_SETUP], [], IN_TWO),
     ],
 )
 def test_which_failures_may_be_chance(

@@ -87,9 +87,11 @@ def test_a_robot_from_check_to_play(tmp_path: Path) -> None:
         running(*arguments(simulate, tmp_path), log=tmp_path / "robot.log"),
         daemon(config, *arguments(run, tmp_path)[3:]) as d,
     ):
-        wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"] > 100)
-        heard = run_program(*arguments(listen, tmp_path))
+        heard = run_program(
+            *arguments(listen, tmp_path)
+        )  # while the axis settles: to play takes as long again
         assert (heard.returncode, "axis1" in heard.stdout) == (0, True)
+        wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"] > 100)
         answers_to_curl(d)
         assert d.stop() == 0
     (replay,) = shown("axiswatch replay")

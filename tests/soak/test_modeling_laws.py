@@ -28,15 +28,11 @@ def law(test: Callable[..., None], **drawn: st.SearchStrategy[object]) -> Callab
 
 
 LAWS = {
-    "transfer function": law(
-        laws.test_transfer_function_is_that_of_the_unreduced_equations_exactly,
+    "exact": law(
+        laws.test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal,
         drive=DRIVES,
         points=laws.POINTS,
     ),
-    "characteristic polynomial": law(
-        laws.test_characteristic_polynomial_is_that_of_the_unreduced_equations_exactly, drive=DRIVES
-    ),
-    "minimal": law(laws.test_minimal, drive=DRIVES),
     "frequency response": law(
         laws.test_frequency_response_in_floating_point, drive=drives(most=6), frequency=st.floats(0.1, 30)
     ),

@@ -82,19 +82,25 @@ POINTS = st.lists(st.builds(Fraction, st.integers(1, 500), st.just(10)), min_siz
 
 @LAWS
 @given(drive=drives(), points=POINTS)
-def test_transfer_function_is_that_of_the_unreduced_equations_exactly(
+def test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal(
     drive: RandomDrive, points: list[Fraction]
 ) -> None:
+    """All three laws of one drive: to reduce it is what takes time."""
     ss = reduced(drive)
+    check_transfer_function(ss, drive, points)
+    check_characteristic_polynomial(ss, drive)
+    check_minimal(ss, drive)
+
+
+def check_transfer_function(ss: StateSpace, drive: RandomDrive, points: list[Fraction]) -> None:
+    """It is that of the unreduced equations."""
     values = exact_values(ss, drive)
     for s in points:  # positive: no pole of a passive drive is there
         assert response_of_reduced(ss, values, s) == response_of_unreduced(drive, s)
 
 
-@LAWS
-@given(drive=drives())
-def test_characteristic_polynomial_is_that_of_the_unreduced_equations_exactly(drive: RandomDrive) -> None:
-    ss = reduced(drive)
+def check_characteristic_polynomial(ss: StateSpace, drive: RandomDrive) -> None:
+    """It is that of the unreduced equations."""
     n = len(ss.states)
     poly = domain(dense(ss.A, (n, n), exact_values(ss, drive)), n).charpoly()
     characteristic = [fraction(c) for c in poly]
@@ -119,10 +125,7 @@ def power_of(two_to_the_k: Fraction) -> int:
     return k
 
 
-@LAWS
-@given(drive=drives())
-def test_minimal(drive: RandomDrive) -> None:
-    ss = reduced(drive)
+def check_minimal(ss: StateSpace, drive: RandomDrive) -> None:
     n = len(ss.states)
     moved, seen = minimality(ss, 1)
     assert (moved < n) == any("no input changes" in note for note in ss.notes)
