@@ -17,10 +17,10 @@ from service.monitoring.alarms import Alarms, quantities
 from service.monitoring.banks import Monitors
 from service.monitoring.core import Core
 from service.monitoring.intake import BusIntake, Recording
-from service.monitoring.restoring import Restored, restore
+from service.monitoring.losses import losses_in_words
+from service.monitoring.restoring import restore
 from service.monitoring.saving import Saver
 from service.monitoring.trend_restoring import restore_trends
-from service.monitoring.trends import Trends
 from service.monitoring.warming import CacheFiller
 from service.monitoring.worker import Worker
 from service.store.checkpoints import Checkpoints
@@ -133,27 +133,20 @@ def _worker(
     stack.callback(checkpoints.close)
     monitors = core.monitors.by_id
     restored = restore(monitors, checkpoints, journal, now_us())
-    for message in restored.messages:
-        log.warning("start", message=message)
     alarms = Alarms(journal, quantities(monitors))
     alarms.adopt(restored.open)
     alarms.record(restored.unrecorded)
     interval_s = config.service.checkpoint_interval_s
     trends = core.monitors.trends
-    messages = (*restored.messages, *_trends(trends, checkpoints, restored, alarms))
+    losses = [*restored.losses, *restore_trends(trends, checkpoints, now_us())]
+    alarms.record(trends.adopt(restored.open, now_us()))
+    messages = (*restored.messages, *losses_in_words(losses))
+    for message in messages:
+        log.warning("start", message=message)
     saver = Saver(checkpoints, monitors, interval_s, restored.checkpoint_us, now_us, trends=trends)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
     worker = Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
     return worker, journal
-
-
-def _trends(trends: Trends, checkpoints: Checkpoints, restored: Restored, alarms: Alarms) -> list[str]:
-    """The slow histories, and the alarms about their limits, as the last run left them."""
-    messages = restore_trends(trends, checkpoints, now_us())
-    for message in messages:
-        log.warning("start", message=message)
-    alarms.record(trends.adopt(restored.open, now_us()))
-    return messages
 
 
 def _serve(

@@ -6,18 +6,24 @@ from typing import NamedTuple
 from monitor_core.alarms.episodes import Episode
 from monitor_core.monitor import Arrays, AxisMonitor
 from service.monitoring.banks import Change
+from service.monitoring.losses import BANK, ESTIMATES, Loss
 from service.monitoring.saving import bank_id
 from service.store.checkpoints import Checkpoints, SetAside
 from service.store.journal import Journal
 
 
 class Restored(NamedTuple):
-    """What was found.  ``open`` are the alarms open in the journal; ``unrecorded`` it has yet to get."""
+    """What was found.
+
+    ``open`` are the alarms open in the journal; ``unrecorded`` it has yet to get; ``losses`` are no messages yet, as
+    the slow histories may have more of them.
+    """
 
     checkpoint_us: int | None
     open: tuple[Change, ...]
     unrecorded: tuple[Change, ...]
     messages: tuple[str, ...]
+    losses: tuple[Loss, ...] = ()
 
 
 def restore(
@@ -32,14 +38,15 @@ def restore(
         StoreError: a file cannot be read or written.
     """
     messages: list[str] = [*checkpoints.messages, *journal.messages]
+    losses: list[Loss] = []
     times: list[int] = []
     opened: list[Change] = []
     unrecorded: list[Change] = []
     for axis_id, monitor in monitors.items():
         for state in _states(axis_id, monitor):
             loaded = _load(state, checkpoints, now_us)
-            if isinstance(loaded, str):
-                messages.append(loaded)
+            if isinstance(loaded, SetAside):
+                losses.append(Loss(axis_id, state.what, loaded.reason))
             elif loaded is not None:
                 times.append(loaded)
         messages += _close_unmonitored(axis_id, monitor, journal, now_us)
@@ -48,12 +55,14 @@ def restore(
         changes = [e for e in recorded if e.kind != "forecast"]  # those are not the monitor's
         unrecorded += [Change(axis_id, e) for e in _agree(axis_id, monitor, changes, journal)]
     messages += _of_removed_axes(monitors, journal)
-    return Restored(min(times, default=None), tuple(opened), tuple(unrecorded), tuple(messages))
+    found = tuple(opened), tuple(unrecorded), tuple(messages), tuple(losses)
+    return Restored(min(times, default=None), *found)
 
 
 class _State(NamedTuple):
-    """What is saved by itself: under which name and key, and who takes it."""
+    """What is saved by itself: what it is, under which name and key, and who takes it."""
 
+    what: str
     name: str
     key: str
     take: Callable[[Arrays], None]
@@ -61,24 +70,22 @@ class _State(NamedTuple):
 
 def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[_State]:
     """Of the monitor, and of the bank beside it."""
-    yield _State(axis_id, monitor.key, monitor.from_arrays)
+    yield _State(ESTIMATES, axis_id, monitor.key, monitor.from_arrays)
     if monitor.beside is not None:
-        yield _State(bank_id(axis_id), monitor.beside_key, monitor.beside.from_arrays)
+        yield _State(BANK, bank_id(axis_id), monitor.beside_key, monitor.beside.from_arrays)
 
 
-def _load(state: _State, checkpoints: Checkpoints, now_us: int) -> int | str | None:
+def _load(state: _State, checkpoints: Checkpoints, now_us: int) -> int | SetAside | None:
     """The time of the checkpoint that is used now, or why there is none, or None: there never was one."""
     found = checkpoints.load(state.name, state.key, now_us)
-    if found is None:
-        return None
-    if isinstance(found, SetAside):
-        return found.message
+    if found is None or isinstance(found, SetAside):
+        return found
     try:
         state.take(dict(found.arrays))
     except (KeyError, ValueError) as error:
         aside = SetAside(state.name, found.at_us, f"it does not fit this version ({error})")
         checkpoints.set_aside(state.name, aside.reason, now_us)
-        return aside.message
+        return aside
     return found.at_us
 
 

@@ -58,7 +58,8 @@ class Saver:
         self._due = self._clock() + self._interval_s
         now_us = self._now_us()
         states = [state for axis_id, m in self._monitors.items() for state in _states(axis_id, m)]
-        states += [AxisState(*part) for part in self._trends.to_save()] if self._trends else []
+        parts = self._trends.to_save() if self._trends else ()
+        states += [AxisState(part.name, part.key, part.arrays) for part in parts]
         try:
             self._checkpoints.save_many(states, now_us)
         except StoreError as error:

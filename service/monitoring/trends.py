@@ -40,6 +40,8 @@ class Part(NamedTuple):
     name: str
     key: str
     arrays: Arrays
+    parameter: str = ""
+    """Whose closed entries these are; empty: what is being gathered, of all parameters"""
 
 
 class _Axis(NamedTuple):
@@ -166,7 +168,7 @@ class Trends:
         """Names and keys of all that there may be, with the axis."""
         for axis_id, a in self._axes.items():
             for i in range(len(a.history.slow)):
-                yield axis_id, Part(_closed(axis_id, a, i), a.key, {})
+                yield axis_id, Part(_closed(axis_id, a, i), a.key, {}, a.model.monitored[i])
             yield axis_id, Part(_gathered(axis_id), a.key, {})
 
     def restore(self, found: Mapping[str, Arrays]) -> Iterator[tuple[str, str]]:

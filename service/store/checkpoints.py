@@ -65,16 +65,11 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class SetAside:
-    """A saved state that cannot be used and was kept aside; ``message`` is for the operator."""
+    """A saved state that cannot be used and was kept aside."""
 
     axis: str
     at_us: int
     reason: str
-
-    @property
-    def message(self) -> str:
-        """What happened, in a sentence."""
-        return f"{self.axis}: its checkpoint is not used and kept aside: {self.reason}"
 
 
 class Checkpoints:

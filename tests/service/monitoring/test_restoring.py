@@ -12,6 +12,7 @@ from monitor_core.alarms.episodes import Calm, Crossing, Episode, Name
 from monitor_core.monitor import AxisMonitor
 from service.monitoring.banks import Change, Monitors
 from service.monitoring.core import Core
+from service.monitoring.losses import ESTIMATES
 from service.monitoring.restoring import Restored, restore
 from service.monitoring.saving import Saver
 from service.store.checkpoints import Checkpoints
@@ -156,8 +157,9 @@ def test_a_checkpoint_of_another_model_is_set_aside_and_said(
     robot = config.robot[0].model_copy(update={"axis": (other, config.robot[0].axis[1])})
     changed = Monitors(config.model_copy(update={"robot": (robot,)}).axes).by_id
     restored = restore(changed, checkpoints, journal, NOW_US)
-    (message,) = restored.messages
-    assert message.startswith("demo.axis1: its checkpoint is not used and kept aside: ")
+    assert restored.messages == ()
+    (loss,) = restored.losses
+    assert (loss.axis_id, loss.what) == (AXIS, ESTIMATES)
     assert changed[AXIS].facts().parameters[2].estimate == pytest.approx(0.061)
     assert [aside.axis for aside in checkpoints.kept_aside()] == [AXIS]
     assert restored.checkpoint_us == NOW_US  # that of the other axis
@@ -169,7 +171,7 @@ def test_arrays_of_another_shape_are_set_aside(
     arrays = monitors[AXIS].to_arrays()
     checkpoints.save(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)}, NOW_US)
     found, restored = again(tmp_path, checkpoints, journal)
-    assert "does not fit this version" in restored.messages[0]
+    assert "does not fit this version" in restored.losses[0].reason
     assert len(checkpoints.kept_aside()) == 1
     assert found[AXIS].facts().samples == 0
 

@@ -13,6 +13,7 @@ from monitor_core.history.entries import Reading
 from service.config import Config
 from service.monitoring.alarms import Alarms, quantities
 from service.monitoring.banks import Change, Monitors
+from service.monitoring.losses import HISTORY
 from service.monitoring.restoring import restore
 from service.monitoring.saving import Saver
 from service.monitoring.trend_restoring import restore_trends
@@ -148,8 +149,8 @@ def test_damage_is_told_counted_and_kept_aside(tmp_path: Path, checkpoints: Chec
     (part,) = [p for _, p in monitors.trends.to_load() if p.name == f"{AXIS} fm (history)"]
     checkpoints.save(part.name, part.key, {"entries": np.ones((3, 6))}, NOW_US)
     later = Monitors(limited(tmp_path, {}).axes).trends
-    (message,) = restore_trends(later, checkpoints, NOW_US)
-    assert message.startswith("demo.axis1 fm (history): its checkpoint is not used and kept aside")
+    (loss,) = restore_trends(later, checkpoints, NOW_US)
+    assert (loss.axis_id, loss.what, loss.of) == (AXIS, HISTORY, "fm")
     assert later.lost == {AXIS: 1, "demo.axis2": 0}
     later.look()
     assert [len(p.entries) for p in later.of(AXIS)] == [30, 30, 0]
@@ -168,9 +169,8 @@ def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(
     assert restore_trends(_with(config, estimator=estimator), checkpoints, NOW_US) == []
     model = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.07}})
     other = _with(config, model=model)
-    assert (
-        len(restore_trends(other, checkpoints, NOW_US)) == 4
-    )  # three histories, and what was being gathered
+    lost = restore_trends(other, checkpoints, NOW_US)
+    assert [loss.of for loss in lost] == ["kT", "1/Ja", "fm", ""]  # and what was being gathered
 
 
 def _with(config: Config, **changed: object) -> Trends:

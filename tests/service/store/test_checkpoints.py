@@ -82,8 +82,8 @@ def test_another_key_is_kept_aside_once(checkpoints: Checkpoints, seed: int) -> 
     checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
     found = checkpoints.load("demo.axis1", "other key", now_us=6)
     assert isinstance(found, SetAside)
-    assert "demo.axis1" in found.message
-    assert "another model" in found.message
+    assert found.axis == "demo.axis1"
+    assert "another model" in found.reason
     assert checkpoints.load("demo.axis1", "key", now_us=7) is None
     assert checkpoints.kept_aside() == [found]
 
@@ -104,7 +104,7 @@ def test_a_flipped_bit_is_noticed(column: str, tmp_path: Path, seed: int) -> Non
     checkpoints = Checkpoints(tmp_path / FILE)
     found = checkpoints.load("demo.axis1", "key", now_us=6)
     assert isinstance(found, SetAside)
-    assert "damaged" in found.message
+    assert "damaged" in found.reason
     assert len(checkpoints.kept_aside()) == 1
     checkpoints.close()
 
