@@ -11,6 +11,7 @@ from monitor_core.alarms.detector import DetectorName
 from monitor_core.bank import Bank
 from monitor_core.detection.detector import BankDetector
 from monitor_core.kernel.block import Trace
+from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.monitor import AnyEvent, AxisMonitor
@@ -33,6 +34,8 @@ class Block(NamedTuple):
 _NOTHING: Mapping[int, Any] = MappingProxyType({})
 Seen = Callable[[int, Trace], None]
 """Is told, of each axis that took samples, what the recursion did at each of them; axis dropped from the fields."""
+SeenBeside = Callable[[int, BankTrace], None]
+"""Is told, of each axis with a bank of hypotheses that took samples, what that did at each of them."""
 
 
 class Fleet:
@@ -71,10 +74,12 @@ class Fleet:
         """How many axes share each bank."""
         return [len(group.axes) for group in self._groups]
 
-    def run(self, blocks: Mapping[int, Block], seen: Seen | None = None) -> list[tuple[int, AnyEvent]]:
+    def run(
+        self, blocks: Mapping[int, Block], seen: Seen | None = None, seen_beside: SeenBeside | None = None
+    ) -> list[tuple[int, AnyEvent]]:
         """Let axes take their blocks, of any lengths; an axis without one takes no sample.
 
-        ``seen`` costs memory for every sample of the blocks: let them be short.
+        ``seen`` and ``seen_beside`` cost memory for every sample of the blocks: let them be short.
 
         Returns the events with the index of their axis, axis by axis, those of each detector in order of time.  Each
         axis does exactly what it would do alone.
@@ -92,8 +97,11 @@ class Fleet:
         ]
         for axis, block in blocks.items():
             beside = self.monitors[axis].beside
-            if beside is not None:
-                said = beside.run(block.t_us, block.u, block.y, block.gate)
+            if beside is not None and seen_beside is None:
+                events += [(axis, event) for event in beside.run(block.t_us, block.u, block.y, block.gate)]
+            elif beside is not None and seen_beside is not None:
+                said, trace = beside.run_traced(block.t_us, block.u, block.y, block.gate)
+                seen_beside(axis, trace)
                 events += [(axis, event) for event in said]
         return sorted(events, key=lambda pair: pair[0])
 

@@ -92,6 +92,11 @@ class HypothesisBank:
         self._memory = memory_of(self._tables, len(self._lanes))
 
     @property
+    def h(self) -> Floats:
+        """Thresholds (len(hypotheses),)."""
+        return self._h
+
+    @property
     def allowance(self) -> Floats:
         """Of each hypothesis."""
         return self._allowance

@@ -19,6 +19,7 @@ from monitor_core.detection.events import Event
 from monitor_core.detection.hypotheses import Hypothesis
 from monitor_core.detection.quantities import Quantity, causes_of, quantity_of
 from monitor_core.kalman import slowest_time_constant
+from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
@@ -147,6 +148,12 @@ class BankDetector:
     ) -> list[Event]:
         """Samples (N,) as for ``HypothesisBank.run``; what it says of them."""
         return self.bank.run(t_us, u, y, gate)
+
+    def run_traced(
+        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None = None
+    ) -> tuple[list[Event], BankTrace]:
+        """As ``run``, with what happened at every sample, as ``HypothesisBank.run_traced``."""
+        return self.bank.run_traced(t_us, u, y, gate)
 
     def apply(self, event: Event) -> list[Episode]:
         """Take an event into the book; returns the episodes that it raised, changed or ended."""

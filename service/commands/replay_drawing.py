@@ -11,14 +11,12 @@ from pathlib import Path
 
 import typer
 
-from monitor_core.alarms.episodes import Crossing
-from monitor_core.fleet import Block
-from monitor_core.kernel.block import Trace
 from monitor_core.monitor import AxisMonitor
 from service.commands.exits import MISTAKE
 from service.commands.replay_report import Report, remarks_of
 from service.commands.writing import page_in, write
 from service.config import NamedAxis
+from service.monitoring.banks import Look
 from service.reports.course import Course
 from service.reports.replayed import Replayed, ReplayedAxis
 
@@ -34,9 +32,9 @@ class Drawing:
         self._path = page_in(where, "replay.html")
         self._courses = {axis_id: Course(monitor) for axis_id, monitor in monitors.items()}
 
-    def see(self, axis_id: str, block: Block, trace: Trace, crossings: Sequence[Crossing]) -> None:
-        """What the recursion did at samples of an axis."""
-        self._courses[axis_id].take(block.t_us, trace, crossings)
+    def see(self, axis_id: str, look: Look) -> None:
+        """What the detectors did at samples of an axis."""
+        self._courses[axis_id].take(look.block.t_us, look.trace, look.crossings, look.beside)
 
     def write(self, report: Report, config: Path, records: Sequence[Path]) -> None:
         """The page.
@@ -74,5 +72,6 @@ class Drawing:
             quantities={e.parameter: report.quantity(axis.id, e.parameter) for e in report.alarms(axis.id)},
             dropped=report.dropped_of(axis.id),
             clock=report.clock[axis.id],
+            trends=[of for of in report.monitors.trends.of(axis.id) if of.trend is not None],
             notes=[*(f"{axis.id}: {words}" for words in facts.confounded), *remarks_of(report, axis)],
         )

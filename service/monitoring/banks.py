@@ -1,6 +1,7 @@
 """The monitors of all axes: samples by the names of their axes into the fleet, its events into episodes."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from monitor_core.alarms.episodes import Crossing, Episode
 from monitor_core.fleet import Block, Fleet
 from monitor_core.history.entries import Reading
 from monitor_core.kernel.block import Trace
+from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import NEVER
 from monitor_core.monitor import AnyEvent, AxisMonitor
 from monitor_core.operating import Operating
@@ -24,8 +26,20 @@ Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""
 
 
-Onlooker = Callable[[str, Block, Trace, Sequence[Crossing]], None]
-"""Is told of the samples of an axis, what the recursion did at each, and which of them crossed a threshold."""
+class Look(NamedTuple):
+    """Samples of an axis, and what became of them."""
+
+    block: Block
+    trace: Trace
+    """What the recursion did at each"""
+    crossings: Sequence[Crossing]
+    """Which of them crossed a threshold"""
+    beside: BankTrace | None
+    """What the bank of hypotheses did at each, if there is one"""
+
+
+Onlooker = Callable[[str, Look], None]
+"""Is told, by axis, of all samples."""
 
 
 class Monitors:
@@ -71,10 +85,11 @@ class Monitors:
         if onlooker is None:
             return self._fleet.run(blocks)
         traces: dict[int, Trace] = {}
-        events = self._fleet.run(blocks, traces.__setitem__)
+        beside: dict[int, BankTrace] = {}
+        events = self._fleet.run(blocks, traces.__setitem__, beside.__setitem__)
         for a, trace in traces.items():
             crossings = [event for b, event in events if b == a and isinstance(event, Crossing)]
-            onlooker(self._ids[a], blocks[a], trace, crossings)
+            onlooker(self._ids[a], Look(blocks[a], trace, crossings, beside.get(a)))
         return events
 
     def _block(self, axis_id: str, block: SampleBlock) -> Block:

@@ -6,7 +6,6 @@ Nothing that crosses a line between two bins' ends is lost.  When the bins are f
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +14,17 @@ from monitor_core.alarms.episodes import Crossing
 from monitor_core.bank import standard_deviation
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
+from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import UNSEEN
 from monitor_core.kernel.tables import Floats
 from monitor_core.monitor import AxisMonitor
+from service.reports.bank_course import BankCourse
+from service.reports.bins import Counts, joined, known
 from service.reports.timeline import Timeline, Times
 
 MOST_BINS = 1600
 SIGMAS = 2.0
 """Half the width of the band around an estimate, in reported standard deviations."""
-Counts = NDArray[np.int64]
-_T = TypeVar("_T", bound=np.generic)
 FATES = (RESTART, SETTLE, SEED, GATED, IDLE, DOUBTED, TRACK)
 ESTIMATE, BELOW, NOMINAL, TOLERATED_BELOW, ABOVE, TOLERATED_ABOVE, UP, DOWN = range(8)
 """Rows of ``Course.low`` and ``Course.high``: theta, ends of its band, theta_0(s), theta_0(s) -+ nu, g of both
@@ -36,7 +36,7 @@ class Course:
     """What the recursion of one axis did, bin by bin."""
 
     def __init__(self, monitor: AxisMonitor, most: int = MOST_BINS) -> None:
-        s, self._most = monitor.settings, most - most % 2
+        s, self._most, self._monitor = monitor.settings, most - most % 2, monitor
         p = len(monitor.model.monitored)
         self._names = monitor.model.monitored
         self._theta0 = monitor.model.theta0
@@ -45,6 +45,8 @@ class Course:
         self._allowance = allowance * monitor.model.scale
         self.h: Floats = monitor.bank.thresholds[:, monitor.axis].copy()
         """Thresholds (p,)"""
+        self.beside: BankCourse | None = None
+        """Of the bank of hypotheses; None: there is none, or it has taken no sample"""
         self.timeline = Timeline()
         self._width = max(1, round(s.interval_s * 1e6))
         self._low, self._high = (
@@ -58,8 +60,10 @@ class Course:
 
     # --- while it runs ---------------------------------------------------------------------------------
 
-    def take(self, t_us: Times, trace: Trace, crossings: Iterable[Crossing]) -> None:
-        """Samples of the axis (N,) with what the recursion did at each, and their crossings of h."""
+    def take(
+        self, t_us: Times, trace: Trace, crossings: Iterable[Crossing], beside: BankTrace | None = None
+    ) -> None:
+        """Samples of the axis (N,) with what the recursion did at each, their crossings of h, and what the bank did."""
         took = trace.does != SKIP
         if not took.any():
             return
@@ -71,6 +75,8 @@ class Course:
         bins = where // self._width
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
         self._add(bins[starts], starts, self._rows(trace, took))
+        if beside is not None:
+            self._of_the_bank().take(bins[starts], starts, beside.g[took])
         self._sum[:, bins[starts]] += np.add.reduceat(trace.theta[took].T, starts, axis=1)
         fates = np.stack([does == fate for fate in FATES])
         self._fates[:, bins[starts]] += np.add.reduceat(fates, starts, axis=1, dtype=np.int64)
@@ -93,6 +99,13 @@ class Course:
         rows = (theta, theta - band, nominal, nominal - nu, theta + band, nominal + nu, g[:, 0], g[:, 1])
         return np.stack([row.T for row in rows])
 
+    def _of_the_bank(self) -> BankCourse:
+        """Made with the first samples: by then there is a bank."""
+        if self.beside is None:
+            assert self._monitor.beside is not None
+            self.beside = BankCourse(self._monitor.beside.bank, self._names, self._most)
+        return self.beside
+
     def _add(self, bins: Counts, starts: Counts, rows: Floats) -> None:
         for which, least in ((self._low, np.minimum), (self._high, np.maximum)):
             which[..., bins] = least(which[..., bins], least.reduceat(rows, starts, axis=-1))
@@ -100,11 +113,13 @@ class Course:
     def _merge(self) -> None:
         """Two bins become one, twice as wide."""
         self._width *= 2
-        self._low = _pairs(self._low, np.minimum, np.inf)
-        self._high = _pairs(self._high, np.maximum, -np.inf)
-        self._sum = _pairs(self._sum, np.add, 0)
-        self._fates, self._unseen = (_pairs(c, np.add, 0) for c in (self._fates, self._unseen))
-        self._gaps = _pairs(self._gaps, np.logical_or, 0)
+        self._low = joined(self._low, np.minimum, np.inf)
+        self._high = joined(self._high, np.maximum, -np.inf)
+        self._sum = joined(self._sum, np.add, 0)
+        self._fates, self._unseen = (joined(c, np.add, 0) for c in (self._fates, self._unseen))
+        self._gaps = joined(self._gaps, np.logical_or, 0)
+        if self.beside is not None:
+            self.beside.merge()
 
     # --- afterwards ------------------------------------------------------------------------------------
 
@@ -125,11 +140,11 @@ class Course:
 
     def low(self, row: int, i: int) -> Floats:
         """The least values in each bin; NaN: none."""
-        return _known(self._low[row, i, : self.used])
+        return known(self._low[row, i, : self.used])
 
     def high(self, row: int, i: int) -> Floats:
         """The largest values in each bin; NaN: none."""
-        return _known(self._high[row, i, : self.used])
+        return known(self._high[row, i, : self.used])
 
     def mean(self, i: int) -> Floats:
         """Of the estimates in each bin; NaN: none."""
@@ -155,17 +170,3 @@ class Course:
     def gaps(self) -> NDArray[np.bool_]:
         """Which bins have a part without samples after which the predictor started anew."""
         return self._gaps[: self.used]
-
-
-def _known(values: Floats) -> Floats:
-    known = values.copy()
-    known[~np.isfinite(known)] = np.nan
-    return known
-
-
-def _pairs(values: NDArray[_T], join: np.ufunc, empty: float) -> NDArray[_T]:
-    """Neighbours along the last axis joined in its first half, the second one empty."""
-    half = values.shape[-1] // 2
-    out = np.full_like(values, empty)
-    out[..., :half] = join(values[..., : 2 * half : 2], values[..., 1 : 2 * half : 2])
-    return out

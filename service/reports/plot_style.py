@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,8 @@ from monitor_core.kernel.tables import Floats
 from service.reports.page_style import COLOURS as COLOURS_OF_PAGES
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 INK, GRID, MEASURED, FOUND, SIMULATED, OTHER, BEFORE, ALARM, QUIET = (f"#01010{k}" for k in range(1, 10))
@@ -95,6 +97,36 @@ def as_document(drawn: Figure, label: str, salt: str) -> str:
     element = as_svg(drawn, label, salt)
     end = element.index(">", element.index("<svg")) + 1
     return f"{element[:end]}{style}{element[end:]}"
+
+
+def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str], rows: int) -> None:
+    """One above all panels, each kind of line once, in the order of these names."""
+    known: dict[str, Artist] = {}
+    for axes in panels:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            known.setdefault(name, handle)
+    names = sorted(known, key=order.index)
+    columns = -(-len(names) // rows)  # the legend is filled column by column
+    handles = [known[name] for name in names]
+    drawn.legend(handles, names, loc="outside upper left", ncols=columns, fontsize=9, handlelength=2.2)
+
+
+def add_percent(axes: Axes, nominal: float) -> None:
+    """A scale on the right: the change from a nominal value, which is not 0."""
+
+    def share(value: Any) -> Any:
+        return 100 * (value / nominal - 1)
+
+    def value(share: Any) -> Any:
+        return nominal * (1 + share / 100)
+
+    right = axes.secondary_yaxis("right", functions=(share, value))
+    right.set_ylabel("change [%]")
+
+
+def with_unit(name: str, unit: str) -> str:
+    """What stands at the axis of a quantity."""
+    return name if unit == "1" else f"{name} [{unit}]"
 
 
 def thinned(t: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from monitor_core.history.forecast import COVERED
+from service.monitoring.trends import ParameterTrend
 from service.reports.course import SIGMAS
 from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
 from service.reports.replay_plots import axis_pictures
 from service.reports.replay_tables import alarm_table, counter_table, frame_table, parameter_table
 from service.reports.replay_words import dated, duration
 from service.reports.replayed import Replayed, ReplayedAxis
+from service.reports.trend_plots import trend_picture
 from service.reports.words import escaped
+from service.trend_words import reach_words, trend_words
 
 _LEGEND = (
     f"Estimate with a band of ± {SIGMAS:g} reported standard deviations, √(λ₀ P<sub>ii</sub> / (1 + λ)), with"
@@ -19,6 +23,19 @@ _LEGEND = (
     " grows, and the alarm is raised where it crosses h, then g starts again from zero. Of a long"
     " record each point stands for a short stretch: of estimates the mean, shaded from the least to the largest, of g"
     " both, so that no crossing is lost. Grey: nothing was learned, estimates and tests wait."
+)
+
+_BANK_LEGEND = (
+    " Of the bank of hypotheses each line is the largest g / h among the sizes of a cause. The alarm is raised where"
+    " one crosses h; then they grow on until the cause is named, and start again around what has changed: beyond h"
+    " their scale is logarithmic."
+)
+_TREND_LEGEND = (
+    "Each entry is the mean over some time in operation, with the standard deviation that P gives it; by how much more"
+    " than that they scatter is found from the entries. The course is what all that may have been (steady, a drift, a"
+    f" step, or both) say together, each by its probability; the band holds it with {100 * COVERED:.0f} % at each time."
+    " The interval in which a limit is reached begins where one edge of the band reaches it, and ends where the other"
+    " does."
 )
 
 
@@ -94,10 +111,27 @@ def _axis(axis: ReplayedAxis, salt: str) -> Iterator[str]:
         yield parameter_table(axis)
     if axis.course.used:
         yield from (f"<figure>{picture}</figure>" for picture in axis_pictures(axis, salt))
-        yield legend(_LEGEND)
+        yield legend(_LEGEND + (_BANK_LEGEND if axis.course.beside is not None else ""))
     else:
         yield "<p>No sample of this axis.</p>"
+    if axis.trends:
+        yield from _slow_course(axis, f"{salt}-trend")
     yield f"<h3>What became of the samples</h3>{counter_table(axis)}"
+
+
+def _slow_course(axis: ReplayedAxis, salt: str) -> Iterator[str]:
+    meanings = {p.name: p.meaning for p in axis.facts.parameters}
+    yield "<h3>Slow course, and when limits are reached</h3>"
+    yield sentences(_slowly(of) for of in axis.trends)
+    picture = trend_picture(axis.id, axis.trends, [meanings[of.name] for of in axis.trends], salt)
+    yield f"<figure>{picture}</figure>"
+    yield legend(_TREND_LEGEND)
+
+
+def _slowly(of: ParameterTrend) -> str:
+    """What its slow course says, and its limits."""
+    now_us = of.entries[-1].end_us if of.entries else 0
+    return "; ".join([trend_words(of.name, of.unit, of.trend), *(reach_words(r, now_us) for r in of.reaches)])
 
 
 def _detectors(axis: ReplayedAxis) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +11,33 @@ from numpy.typing import NDArray
 from monitor_core.facts import ParameterFacts
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK
 from monitor_core.kernel.tables import Floats
+from service.reports import bank_plots
 from service.reports import course as rows
+from service.reports.bank_course import Group
+from service.reports.bank_plots import DECREASE, INCREASE, H
+from service.reports.bins import zigzag
 from service.reports.course import SIGMAS, Course
-from service.reports.plot_style import ALARM, BEFORE, FOUND, GRID, INK, QUIET, SIMULATED, as_svg, figure
+from service.reports.plot_style import (
+    ALARM,
+    BEFORE,
+    FOUND,
+    GRID,
+    INK,
+    QUIET,
+    SIMULATED,
+    add_percent,
+    as_svg,
+    figure,
+    legend_of,
+    with_unit,
+)
 from service.reports.replay_words import TimeUnit, duration, time_unit
 from service.reports.replayed import ReplayedAxis
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-MOST_TOGETHER = 4
+MOST_TOGETHER, MOST_WITH_BANK = 4, 3
 """Parameters in one picture: more would not fit a page of paper."""
 _MOST_PAUSES, _MOST_NAMED = 60, 8
 _ESTIMATE, _G, _FATE, _LEGEND = 1.75, 1.05, 0.2, 0.9
@@ -31,24 +46,11 @@ _NARROWEST = 0.003
 """Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
 _LINES = (
     *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "nominal ± ν"),
-    *("g of an increase", "g of a decrease", "h", "onset"),
+    *(INCREASE, DECREASE, H, "onset"),
     *("alarm raised", "alarm open", "nothing learned", "pause, cut out"),
 )
 """In the order of the legend."""
-(
-    _ESTIMATED,
-    _BAND,
-    _NOMINAL,
-    _TOLERATED,
-    _INCREASE,
-    _DECREASE,
-    _H,
-    _ONSET,
-    _RAISED,
-    _OPEN,
-    _NOTHING,
-    _PAUSE,
-) = _LINES
+_ESTIMATED, _BAND, _, _TOLERATED, _, _, _, _ONSET, _RAISED, _OPEN, _NOTHING, _PAUSE = _LINES
 _FATES = (
     (SETTLE, "settling"),
     (SEED, "finding P(0)"),
@@ -67,33 +69,54 @@ class _Fate(NamedTuple):
 def axis_pictures(axis: ReplayedAxis, salt: str) -> Iterator[str]:
     """Of each parameter theta with its band and g with h, below them what became of the samples; SVG elements."""
     parameters = range(len(axis.facts.parameters))
-    for first in parameters[::MOST_TOGETHER]:
-        yield _picture(axis, parameters[first : first + MOST_TOGETHER], f"{salt}-{first}")
+    most = MOST_TOGETHER if axis.course.beside is None else MOST_WITH_BANK
+    for first in parameters[::most]:
+        yield _picture(axis, parameters[first : first + most], f"{salt}-{first}")
 
 
 def _picture(axis: ReplayedAxis, chosen: Sequence[int], salt: str) -> str:
     course, unit = axis.course, time_unit(1e-6 * axis.course.timeline.end_us)
     fates = list(_fates(axis, chosen))
-    below = _FATE * (len(fates) + 1)
-    with figure((_ESTIMATE + _G) * len(chosen) + below * bool(fates) + _LEGEND) as drawn:
-        heights = [_ESTIMATE, _G] * len(chosen) + [below] * bool(fates)
+    of_each = [_ESTIMATE, _G] if course.beside is None else [_ESTIMATE, _G, _G]
+    others = _others(axis) if chosen[-1] == len(axis.facts.parameters) - 1 else []
+    heights = of_each * len(chosen) + [_G] * bool(others) + [_FATE * (len(fates) + 1)] * bool(fates)
+    with figure(sum(heights) + _LEGEND) as drawn:
         grid = drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
         panels: list[Axes] = list(grid[:, 0])
         for k, i in enumerate(chosen):
-            estimate, g = panels[2 * k : 2 * k + 2]
-            _draw_estimate(estimate, course, i, axis.facts.parameters[i], unit)
-            _draw_g(g, course, i, unit)
-            _mark_alarms((estimate, g), axis, axis.facts.parameters[i].name, unit)
-            for axes in (estimate, g):
-                _shade(axes, course, unit)
+            own = panels[len(of_each) * k : len(of_each) * (k + 1)]
+            _draw_parameter(own, axis, i, unit)
+        if others and course.beside is not None:
+            axes = panels[len(of_each) * len(chosen)]
+            bank_plots.draw_others(axes, course, course.beside, others, unit)
+            _mark_alarms((axes,), axis, "", unit)
+            _shade(axes, course, unit)
         if fates:
             _draw_fates(panels[-1], course, fates, unit)
         for axes in panels:
             _mark_pauses(axes, course, unit, named=axes is panels[0])
         panels[-1].set(xlabel=f"time since the first sample [{unit.name}]", xlim=_ends(course, unit))
-        _legend(drawn, panels)
+        legend_of(drawn, panels, _LINES, rows=3)
         names = ", ".join(axis.facts.parameters[i].name for i in chosen)
         return as_svg(drawn, f"{axis.id}: course of the estimates of {names}, and of g", salt)
+
+
+def _others(axis: ReplayedAxis) -> list[Group]:
+    bank = axis.course.beside
+    return [] if bank is None else bank_plots.others(bank, [p.name for p in axis.facts.parameters])
+
+
+def _draw_parameter(panels: Sequence[Axes], axis: ReplayedAxis, i: int, unit: TimeUnit) -> None:
+    """The estimate, g of its tests, and that of the bank where there is one."""
+    course, p = axis.course, axis.facts.parameters[i]
+    _draw_estimate(panels[0], course, i, p, unit)
+    _draw_g(panels[1], course, i, unit)
+    if course.beside is not None:
+        panels[1].set(ylabel="CUSUM\ng / h")
+        bank_plots.draw_parameter(panels[2], course, course.beside, p.name, unit)
+    _mark_alarms(panels, axis, p.name, unit)
+    for axes in panels:
+        _shade(axes, course, unit)
 
 
 def _ends(course: Course, unit: TimeUnit) -> tuple[float, float]:
@@ -116,32 +139,28 @@ def _draw_estimate(axes: Axes, course: Course, i: int, p: ParameterFacts, unit: 
     between = course.low(rows.ESTIMATE, i), course.high(rows.ESTIMATE, i)
     axes.fill_between(t, *between, color=FOUND, alpha=0.45, lw=0)
     axes.plot(t, course.mean(i), color=FOUND, lw=1.3, label=_ESTIMATED)
-    axes.set(ylabel=_with_unit(p), ylim=_limits(course, i))
+    axes.set(ylabel=with_unit(p.name, p.unit), ylim=_limits(course, i))
     axes.set_title(f"{p.name}: {p.meaning}")
     if p.nominal:
-        _add_percent(axes, p.nominal)
+        add_percent(axes, p.nominal)
 
 
 def _draw_g(axes: Axes, course: Course, i: int, unit: TimeUnit) -> None:
     h = float(course.h[i])
     top = h
     for which, colour, dashes, name in (
-        (rows.UP, FOUND, "-", _INCREASE),
-        (rows.DOWN, SIMULATED, (0, (3, 1)), _DECREASE),
+        (rows.UP, FOUND, "-", INCREASE),
+        (rows.DOWN, SIMULATED, (0, (3, 1)), DECREASE),
     ):
         t, g = _ups_and_downs(course, which, i, unit)
         axes.plot(t, g / h, color=colour, lw=1.2, ls=dashes, label=name)
         top = max(top, float(np.nanmax(g, initial=0.0)))
-    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=_H)
+    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
     axes.set(ylabel="g / h", ylim=(0, 1.15 * top / h))
 
 
 def _ups_and_downs(course: Course, which: int, i: int, unit: TimeUnit) -> tuple[Floats, Floats]:
-    """A line through the least and the largest value of each bin, down one, up the next."""
-    low, high = course.low(which, i), course.high(which, i)
-    both = np.stack([low, high], axis=1)
-    both[1::2] = both[1::2, ::-1]
-    return np.repeat(course.middles / unit.seconds, 2), both.ravel()
+    return zigzag(course.middles / unit.seconds, course.low(which, i), course.high(which, i))
 
 
 def _limits(course: Course, i: int) -> tuple[float, float]:
@@ -161,21 +180,6 @@ def _limits(course: Course, i: int) -> tuple[float, float]:
     low, high = min(usual), max(usual)
     room = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
     return low - room, high + room
-
-
-def _add_percent(axes: Axes, nominal: float) -> None:
-    def share(value: Any) -> Any:
-        return 100 * (value / nominal - 1)
-
-    def value(share: Any) -> Any:
-        return nominal * (1 + share / 100)
-
-    right = axes.secondary_yaxis("right", functions=(share, value))
-    right.set_ylabel("change [%]")
-
-
-def _with_unit(p: ParameterFacts) -> str:
-    return p.name if p.unit == "1" else f"{p.name} [{p.unit}]"
 
 
 # --- alarms, pauses, what was not learned from -------------------------------------------------------
@@ -243,15 +247,3 @@ def _runs(where: Marks, course: Course, unit: TimeUnit) -> Iterator[tuple[float,
     edges = course.edges / unit.seconds
     for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
         yield float(edges[start]), max(float(edges[end] - edges[start]), _NARROWEST * float(edges[-1]))
-
-
-def _legend(drawn: Figure, panels: Sequence[Axes]) -> None:
-    """One for all panels, each kind of line once."""
-    known: dict[str, Artist] = {}
-    for axes in panels:
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            known.setdefault(name, handle)
-    names = sorted(known, key=_LINES.index)
-    columns = -(-len(names) // 3)  # the legend is filled column by column
-    handles = [known[name] for name in names]
-    drawn.legend(handles, names, loc="outside upper left", ncols=columns, fontsize=9, handlelength=2.2)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from monitor_core.alarms.episodes import Episode
 from monitor_core.facts import AxisFacts
 from service.monitoring.alarms import Quantity
+from service.monitoring.trends import ParameterTrend
 from service.reports.course import Course
 
 
@@ -25,6 +26,8 @@ class ReplayedAxis(NamedTuple):
     """What never reached the monitor, by reason"""
     clock: Mapping[str, int]
     """How often its time line began anew, by cause"""
+    trends: Sequence[ParameterTrend]
+    """Slow courses, of parameters of which enough is known"""
     notes: Sequence[str]
     """What cannot be told, and what its time stamps say, in words"""
 

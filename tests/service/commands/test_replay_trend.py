@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from service.commands.main import app
 from service.config import load
+from service.reports.words import escaped
 from service.simulation.robot import Fault, SimulatedRobot
 from tests.end_to_end.processes import demo_config
 
@@ -40,12 +41,12 @@ def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]
         u, phi, *_ = moment.readings["demo.axis1"]
         rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
     (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    command = ["replay", "--config", str(file), str(folder / "a.csv")]
-    result = CliRunner().invoke(app, [*command, "--json", "-"])
+    command = ["replay", "--config", str(file), str(folder / "a.csv"), "--report", str(folder)]
+    result = CliRunner().invoke(app, [*command, "--json", str(folder / "a.json")])
     assert result.exit_code == 0, result.output
-    (axis,) = json.loads(result.stdout)["axes"]
-    shown = CliRunner().invoke(app, command)
-    return {**axis, "shown": shown.stdout}
+    (axis,) = json.loads((folder / "a.json").read_text(encoding="utf-8"))["axes"]
+    page = (folder / "replay.html").read_text(encoding="utf-8")
+    return {**axis, "shown": result.stdout, "page": page}
 
 
 def test_the_drift_has_its_slope(found: dict[str, Any]) -> None:
@@ -74,3 +75,13 @@ def test_an_alarm_of_its_own_kind_is_raised_beside_that_of_the_change(found: dic
     kinds = [alarm["kind"] for alarm in found["alarms"] if alarm["parameter"] == "fm"]
     assert kinds.count("forecast") == 1
     assert len(kinds) >= 2
+
+
+def test_the_page_draws_the_course_and_says_what_the_json_says(found: dict[str, Any]) -> None:
+    page = found["page"]
+    assert "Slow course, and when limits are reached" in page
+    for parameter in found["trends"]:
+        assert escaped("; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])) in page
+    for words in ("entry of the history ± sd", "holds it with 90 %", "limit", "reached in this interval"):
+        assert f">{words}</text>" in page, words
+    assert page.count(">change [%]</text>") == 2 * 3

@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 
 from monitor_core.alarms.episodes import Crossing
 from monitor_core.bank import standard_deviation
+from monitor_core.detection.detector import BankDetector, Limits
+from monitor_core.detection.events import Changed
 from monitor_core.fleet import Block, Fleet
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
+from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitor import AxisMonitor
 from monitor_core.settings import Threshold
 from service.reports import course as rows
+from service.reports.bank_course import BankCourse
 from service.reports.course import SIGMAS, Course
 from service.reports.timeline import Timeline
 from tests.core.cases import BY_NAME, record
@@ -159,6 +163,43 @@ def test_gaps_are_marked_where_no_samples_were(ran: Ran) -> None:
     first, last = (int(np.searchsorted(c.edges, (v or 0.0) + 1e-9)) - 1 for v in at)
     assert c.gaps[first : last + 1].all()
     assert 0 < c.gaps.sum() < c.used / 2
+
+
+def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
+    case = BY_NAME["paper"]
+    block = Ran.make_block(seed)
+    beside = BankDetector(case.model, case.settings(outlier=6.0), Limits(1e6))
+    fleet = Fleet([case.model], [case.settings(outlier=6.0)], {0: beside})
+    course = Course(fleet.monitors[0], 64)
+    g: list[NDArray[np.float64]] = []
+    took: list[NDArray[np.bool_]] = []
+    changed = 0
+    for a, b in pairwise([0, 7, 700, 1800, SAMPLES]):
+        part = Block(*(None if v is None else v[a:b] for v in block))  # type: ignore[arg-type]
+        seen: dict[int, Trace] = {}
+        bank: dict[int, BankTrace] = {}
+        events = fleet.run({0: part}, seen.__setitem__, bank.__setitem__)
+        changed += sum(isinstance(event, Changed) for _, event in events)
+        course.take(part.t_us, seen[0], [], bank[0])
+        g.append(bank[0].g)
+        took.append(seen[0].does != SKIP)
+    assert changed
+    found, share = course.beside, np.concatenate(g)[np.concatenate(took)] / beside.bank.h
+    assert isinstance(found, BankCourse)
+    where = Timeline().take(block.t_us[np.concatenate(took)])
+    bins = np.searchsorted(course.edges, where * 1e-6 + 1e-9) - 1
+    for group in found.groups:
+        mine = [
+            k
+            for k, of in enumerate(beside.bank.hypotheses)
+            if of.cause == group.cause and (group.way == 0 or of.size * group.way > 0)
+        ]
+        largest = share[:, mine].max(axis=1)
+        for k in np.unique(bins).tolist():
+            assert found.high(group, course.used)[k] == largest[bins == k].max()
+            assert found.low(group, course.used)[k] == largest[bins == k].min()
+    assert {(group.cause, group.way) for group in found.groups} >= {("kT", 1), ("kT", -1), ("torque sign", 0)}
+    assert max(found.largest(group.cause) for group in found.groups) == share.max() > 1
 
 
 def test_nothing_came() -> None:
