@@ -20,21 +20,15 @@ CONFIG = ROOT / "config"
 DASHBOARD = CONFIG / "grafana" / "axiswatch.json"
 Need = Callable[[str], str]
 
-# The metrics and their labels, as /metrics has them.
-METRICS = {
-    "axiswatch_parameter_estimate": {"axis", "parameter"},
-    "axiswatch_parameter_nominal": {"axis", "parameter"},
-    "axiswatch_parameter_standard_deviation": {"axis", "parameter"},
-    "axiswatch_parameter_p_diagonal": {"axis", "parameter"},
-    "axiswatch_innovation_variance": {"axis"},
-    "axiswatch_cusum": {"axis", "parameter", "direction"},
-    "axiswatch_cusum_threshold": {"axis", "parameter"},
-    "axiswatch_alarm_active": {"axis", "parameter", "direction"},
-    "axiswatch_samples_total": {"axis"},
-    "axiswatch_frames_total": {"bus"},
-    "axiswatch_frames_dropped_total": {"bus", "reason"},
-    "axiswatch_last_sample_age_seconds": {"axis"},
-}
+
+def shown_metrics() -> dict[str, set[str]]:
+    """The metrics and their labels, as /metrics has them."""
+    golden = (ROOT / "tests" / "service" / "web" / "metrics.golden").read_text(encoding="utf-8")
+    series = re.findall(r"^(axiswatch_\w+)(?:\{(.*)\})? ", golden, re.MULTILINE)
+    return {name: set(re.findall(r'(\w+)="', labels)) for name, labels in series}
+
+
+METRICS = shown_metrics()
 
 
 def run(*command: str | Path) -> None:
@@ -65,6 +59,16 @@ def expressions() -> list[tuple[str, str]]:
 def test_dashboard_asks_for_metrics_that_exist(title: str, expression: str) -> None:
     used = re.findall(r"(axiswatch_\w+)(?:\{([^}]*)\})?", expression)
     assert used, title
+    for metric, selector in used:
+        assert set(re.findall(r"(\w+)=", selector)) <= METRICS[metric]
+
+
+def test_alerts_ask_for_metrics_that_exist() -> None:
+    rules = (CONFIG / "prometheus" / "alerts.yml").read_text(encoding="utf-8")
+    used = re.findall(r"(axiswatch_\w+)(?:\{([^}]*)\})?", rules)
+    assert {"axiswatch_alarm_active", "axiswatch_limit_alarm_active", "axiswatch_detector_alarms"} <= dict(
+        used
+    ).keys()
     for metric, selector in used:
         assert set(re.findall(r"(\w+)=", selector)) <= METRICS[metric]
 
