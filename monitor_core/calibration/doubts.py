@@ -42,8 +42,9 @@ def check_settings(settings: Settings) -> None:
     """
     if settings.second is not None:
         raise CalibrationError(
-            "an axis that is measured by angle and speed cannot be calibrated yet: leave out one of the two, or set"
-            " alpha_1 and alpha_2 yourself"
+            "an axis that is measured by angle and speed cannot be calibrated: thresholds are had from copies of the"
+            " record, and those are simulated with one output. Leave out the table of one of the two, here and where it"
+            " is watched (thresholds of one are not those of both), or set alpha_1 and alpha_2 yourself"
         )
     for words in untold(settings.untold):
         raise CalibrationError(words)

@@ -112,8 +112,12 @@ def test_nominal_values_that_cannot_be_told() -> None:
 
 def test_two_outputs() -> None:
     both = replace(SETTINGS, second=Second(K=(0.0,), lam0=1.0))
-    with pytest.raises(CalibrationError, match="by angle and speed cannot be calibrated yet"):
+    with pytest.raises(
+        CalibrationError, match=r"by angle and speed cannot be calibrated: .*one output"
+    ) as found:
         check_settings(both)
+    assert "Leave out the table of one" in str(found.value)
+    assert "alpha_1 and alpha_2" in str(found.value)
 
 
 def test_a_budget_that_cannot_be_promised(seed: int) -> None:
