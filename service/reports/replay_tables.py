@@ -59,9 +59,10 @@ def _time(axis: ReplayedAxis, t_us: int | None) -> str:
 
 def parameter_table(axis: ReplayedAxis) -> str:
     """The monitored parameters at the end of the record."""
-    titles = ("", "nominal", "unit", "estimate", "sd", "change", "largest g / h", "alarms", "at the end")
+    of_bank = ("of the bank",) if axis.course.beside is not None else ()
+    numbers = ("estimate", "sd", "change", "largest g / h", *of_bank, "alarms")
     rows = "".join(_parameter(axis, i, p) for i, p in enumerate(axis.facts.parameters))
-    return table(heads(titles, titles[1:2] + titles[3:8]), rows)
+    return table(heads(("", "nominal", "unit", *numbers, "at the end"), ("nominal", *numbers)), rows)
 
 
 def _parameter(axis: ReplayedAxis, i: int, p: ParameterFacts) -> str:
@@ -69,11 +70,13 @@ def _parameter(axis: ReplayedAxis, i: int, p: ParameterFacts) -> str:
     change = percent(p.estimate / p.nominal - 1, signed=True) if known and p.nominal else ""
     count = sum(e.parameter == p.name for e in axis.alarms)
     alarmed = " class='alarmed'" if p.status is Status.ALARM else ""
+    bank = axis.course.beside
+    of_bank = "" if bank is None else number_cell(f"{bank.largest(p.name):.2f}")
     return (
         f"<tr><th>{escaped(p.name)}</th>{number_cell(plain(p.nominal, 5))}<td class='unit'>{escaped(p.unit)}</td>"
         f"{number_cell(plain(p.estimate, 5) if known else 'invalid')}{number_cell(plain(p.standard_deviation, 2))}"
         f"{number_cell(change)}{number_cell(f'{axis.course.largest_g(i) / axis.course.h[i]:.2f}')}"
-        f"{number_cell(str(count or ''))}<td{alarmed}>{escaped(str(p.status))}</td></tr>"
+        f"{of_bank}{number_cell(str(count or ''))}<td{alarmed}>{escaped(str(p.status))}</td></tr>"
     )
 
 
