@@ -23,7 +23,7 @@ help: ## list the targets
 run: $(READY) ## start the demo: a simulated robot on an embedded bus, dashboard in the browser
 	@$(BIN)/axiswatch demo $(ARGS)
 
-test: lint ## everything that CI checks: lint, tests, tests on real SocketCAN devices
+test: $(READY) ## everything that CI checks: lint, tests, tests on real SocketCAN devices
 	@tools/install-test-packages.sh
 	@tools/run-tests.sh $(ARGS)
 

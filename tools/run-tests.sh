@@ -2,7 +2,7 @@
 #
 # run-tests.sh [PYTEST ARGUMENT...]
 #
-# Two pytest runs: the tests that run anywhere, then those marked `vcan`, inside with-vcan.sh, where real
+# Lint, then two pytest runs: the tests that run anywhere, then those marked `vcan`, inside with-vcan.sh, where real
 # SocketCAN devices exist. Where those cannot be had: a failure with CI=true, else they are skipped.
 #
 # Many tests draw their numbers from a fresh seed and hold a statistic against a limit, which now and then a seed
@@ -32,7 +32,8 @@ again() { # the failures that chance may have brought, with three fresh seeds
 # seconds on both sides the second run need not compile again what the first has.
 find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat -c %Y "$f")" "$f"; done' _ {} +
 
-# Both processors compile, each a part; else each of the test processes would compile all of it.
+# The kernel is compiled ahead, else each of the test processes would compile all of it: in two parts, while mypy has
+# one processor. What is wrong with the sources is said before any test runs.
 ahead() {
   .venv/bin/python -c "import tests.conftest
 from service.commands.warm_offline import compile_offline
@@ -41,9 +42,10 @@ $1"
 }
 if [ $# = 0 ]; then
   ahead "compile_kernel(FEWEST_LANES); compile_kernel(HYPOTHESES)" &
-  ahead "compile_kernel(1); compile_offline()"
-  wait
+  ahead "compile_kernel(1); compile_offline()" &
 fi
+make --no-print-directory lint || { kill $(jobs -p) 2>/dev/null; exit 1; }
+wait
 
 # Side by side; the seed is the same in all processes. More than four would only crowd each other's daemons.
 mkdir -p .cache
