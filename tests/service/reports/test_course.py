@@ -69,7 +69,7 @@ class Ran:
         after = record(seed + 1, case, SAMPLES - FAULT, true={**case.values, "kT": 1.5})
         t = np.concatenate([before.t_us, before.t_us[-1] + 200_000_000 + after.t_us])
         u, y = (np.concatenate([a, b]) for a, b in ((before.u, after.u), (before.y, after.y)))
-        y[400] += 1e3
+        y[[400, 1000, 1400]] += 1e3  # while the predictor settles after a gap, nothing is judged an outlier
         y[600] = np.nan
         shift = np.zeros((SAMPLES, 3))
         shift[300:500, 2] = 0.004
