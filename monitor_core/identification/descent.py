@@ -15,7 +15,8 @@ _HIDDEN = 1e-13
 _SETTLED = 1e-8
 """The square of the step that is left, in standard deviations of the estimate."""
 _NEARLY = 1e-3
-"""The same, where rounding lets the search get no further."""
+"""The same, where rounding or the number of evaluations lets the search get no further: with a model that is not the
+axis Gauss and Newton's steps fall off by a factor only, and a thirtieth of a standard deviation is nothing."""
 _FLAT = 1e-13
 """A part of the cost that no more is to be gained than this ends the search, too (data without noise)."""
 _NOTHING = 1e-6
@@ -39,12 +40,13 @@ class Normal(NamedTuple):
 
 
 class End(NamedTuple):
-    """Where the search ended."""
+    """Where the search ended, and the step (P,) that Gauss and Newton would go on with."""
 
     xi: Floats
     normal: Normal
     evaluations: int
     converged: bool
+    left: Floats
 
 
 def minimise(
@@ -76,8 +78,9 @@ def minimise(
     if not np.isfinite(at.cost):
         raise ValueError("the predictor is unstable at the start values, or they make no sense")
     for count in range(1, most):
-        if _settled(xi, at, bounds, clipped):
-            return End(xi, at, count, converged=True)
+        left = _step(xi, at, bounds, 0.0, clipped)
+        if _settled(at, left):
+            return End(xi, at, count, True, left)
         wanted = _step(xi, at, bounds, mu, clipped)
         step = _shortened(wanted, longest)
         new = np.clip(xi + np.clip(step, -clipped, clipped), *bounds)
@@ -92,20 +95,18 @@ def minimise(
             if progress:
                 progress(count, at.cost)
             if flat:
-                return End(xi, at, count + 1, converged=True)
+                return End(xi, at, count + 1, True, _step(xi, at, bounds, 0.0, clipped))
         else:
             mu, grow = mu * grow, grow * 2
             if mu > _MOST_DAMPING or 0 <= expected <= _FLAT * at.cost:
-                return End(xi, at, count + 1, converged=_settled(xi, at, bounds, clipped, _NEARLY))
-    return End(xi, at, most, converged=False)
+                return End(xi, at, count + 1, _settled(at, left, _NEARLY), left)
+    left = _step(xi, at, bounds, 0.0, clipped)
+    return End(xi, at, most, _settled(at, left, _NEARLY), left)
 
 
-def _settled(
-    xi: Floats, at: Normal, bounds: tuple[Floats, Floats], clipped: Floats, limit: float = _SETTLED
-) -> bool:
-    """What is left to go is nothing beside the standard deviation, which cost / samples scales."""
-    left = float(at.g @ _step(xi, at, bounds, 0.0, clipped))
-    return left <= limit * at.cost / max(at.samples, 1)
+def _settled(at: Normal, left: Floats, limit: float = _SETTLED) -> bool:
+    """The step that is left is nothing beside the standard deviation, which cost / samples scales."""
+    return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
 
 def _step(xi: Floats, at: Normal, bounds: tuple[Floats, Floats], mu: float, clipped: Floats) -> Floats:

@@ -26,6 +26,8 @@ __all__ = ["DELAY", "Comparison", "Disturbance", "Estimate", "Problem", "compare
 
 _SLACK = 20.0
 """A parameter that may be zero is compared with so many of its standard deviations, were all others known."""
+_MOVES = 0.1
+"""Standard deviations."""
 _CLIPPED_VARIANCE = 0.7101645
 """Of a standard normal variable clipped at HUBER."""
 
@@ -172,9 +174,20 @@ def _estimate(predictor: Predictor, end: End, limit: float, outliers: tuple[int,
         else _simulated(final, [s.record for s in predictor.series]),
         iterations=end.evaluations,
         converged=end.converged,
+        moving=() if end.converged else _moving(predictor, end, told.covariance),
         outliers=outliers,
     )
     return replace(found, words=tuple(sentences(found, layout, xi)))
+
+
+def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ...]:
+    """Parameters that the step which is left would move; endlessly where nothing tells them."""
+    layout = predictor.layout
+    p = len(layout.names)
+    step = np.abs(end.left * layout.rates(end.xi))[:p]
+    sd = np.sqrt(np.diag(covariance)[:p])
+    by = np.where(np.isfinite(sd), step / np.where(sd > 0, sd, 1.0), np.inf)
+    return tuple(layout.names[i] for i in np.argsort(-by, kind="stable") if by[i] > _MOVES)
 
 
 def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:

@@ -41,6 +41,8 @@ class Estimate:
         fit_simulation: the same, simulated from the estimated initial state without looking at the output again.
         iterations: evaluations of the predictor and its gradient.
         converged: the fit stopped because nothing moved any more.
+        moving: where it has not converged, what would still move by more than a tenth of its standard deviation, by the
+            most first.
         outliers: outputs of each record that count as not measured since their errors are gross; empty: none.
         words: what the user should know, in sentences.
     """
@@ -65,6 +67,7 @@ class Estimate:
     fit_simulation: tuple[float, ...]
     iterations: int
     converged: bool
+    moving: tuple[str, ...] = ()
     outliers: tuple[int, ...] = ()
     words: tuple[str, ...] = field(default=())
 

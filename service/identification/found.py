@@ -19,6 +19,7 @@ from service.identification.varying import Follows
 
 _SURE = 3.0
 """Standard deviations."""
+_MOST_NAMED = 3
 _STARTED = "Started from "
 _SKEWED = (
     "the torque acts {:.3g} ms late, but the daemon can follow delays of 0 to one interval only: shift the torque"
@@ -154,10 +155,20 @@ class Found:
             if not np.isfinite(sd)
         ]
         if not self.estimate.converged:
-            return f"the fit has not converged after {self.estimate.iterations} evaluations"
+            return f"the fit has not converged after {self.estimate.iterations} evaluations{self._next()}"
         if lost:
             return f"{', '.join(lost)} cannot be told from these records: hold one of them with --fix"
         return "" if 0 <= self.delay_s <= self.estimate.interval_s else _SKEWED.format(1e3 * self.delay_s)
+
+    def _next(self) -> str:
+        """What to do about a search that does not end."""
+        moving = self.estimate.moving[:_MOST_NAMED]
+        if not moving:
+            return ": give a longer record with more motion"
+        return (
+            f", and {', '.join(moving)} would still move: hold them with --fix at values that another record tells, as"
+            " one with more excitation, or see with --masses auto how many masses these records ask for"
+        )
 
     @property
     def delay_s(self) -> float:

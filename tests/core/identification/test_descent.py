@@ -114,3 +114,24 @@ def test_a_linear_problem_is_solved_by_one_undamped_step(seed: int) -> None:
     assert end.converged
     assert len(seen) == 2
     np.testing.assert_allclose(end.xi, np.linalg.lstsq(J, y, rcond=None)[0], rtol=1e-9, atol=1e-10)
+
+
+def slow(xi: Floats) -> Normal:
+    """A curve fitted to what no curve is: the curvature that Gauss and Newton leave out is half of theirs."""
+    x, off = float(xi[0]), 1.0
+    eps = np.array([x, off * (1 - 0.25 * x * x)])
+    J = -np.array([[1.0], [-0.5 * off * x]])
+    return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 1000)
+
+
+def test_the_end_of_the_evaluations_is_no_doubt_where_hardly_anything_is_left() -> None:
+    """Steps fall off by a factor, as with a model that is not the axis."""
+    start, endless = np.array([0.9]), np.full(1, np.inf)
+    ends = [minimise(slow, start, (-endless, endless), endless, endless, most) for most in range(2, 40)]
+    for end in ends:
+        # The step left, squared, in variances.
+        left = float(end.normal.g @ end.left) / (end.normal.cost / end.normal.samples)
+        assert end.converged == (left <= 1e-3)
+    assert not ends[0].converged
+    assert ends[-1].converged
+    assert np.diff([end.converged for end in ends]).min() >= 0

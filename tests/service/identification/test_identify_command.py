@@ -168,7 +168,12 @@ def test_a_fit_that_does_not_converge_makes_no_nominal_values(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("service.identification.running.MOST_ITERATIONS", 2)
-    assert "no nominal values: the fit has not converged" in refused("second.csv", "--free", NAMES)
+    said = refused("second.csv", "--free", NAMES)
+    assert "no nominal values: the fit has not converged after 2 evaluations, and " in said
+    # What moves, of what is free, and what to do.
+    moving = said.split("evaluations, and ")[1].split(" would still move")[0].split(", ")
+    assert set(moving) <= set(NAMES.split(","))
+    assert "--fix" in said
     assert "No nominal values:" in (here / "report.html").read_text(encoding="utf-8")
 
 
