@@ -159,10 +159,10 @@ def _alike(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[li
 
 
 def _check(axis: int, block: Block, model: AxisModel) -> None:
-    N, p = len(block.t_us), len(model.monitored)
-    wanted = {"t_us": (N,), "u": (N,), "y": (N,), "shift": (N, p), "gate": (N,), "y2": (N,)}
+    N = len(block.t_us)
+    shapes = (N,), (N,), (N,), (N, len(model.monitored)), (N,), (N,)
     if block.y2 is not None and not model.drive.both:
         raise ValueError(f"axis {axis}: y2, a second output, which its drive does not have")
-    for name, values in block._asdict().items():
-        if values is not None and np.shape(values) != wanted[name]:
-            raise ValueError(f"axis {axis}: {name} has the shape {np.shape(values)}: need {wanted[name]}")
+    for name, values, wanted in zip(Block._fields, block, shapes, strict=True):
+        if values is not None and np.shape(values) != wanted:
+            raise ValueError(f"axis {axis}: {name} has the shape {np.shape(values)}: need {wanted}")
