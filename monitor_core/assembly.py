@@ -43,7 +43,7 @@ class Assembly:
         self._pieces = [p for term in drive.terms if term.matrix in _ROWS_OF for p in self._split(term)]
         slots = sorted({p.slot for p in self._pieces})
         self._index = {slot: k for k, slot in enumerate(slots)}
-        self._varying = [p for p in self._pieces if p.factors]
+        self._varying = sorted((p for p in self._pieces if p.factors), key=lambda p: p.slot)
         self.tables = self._tables(slots)
 
     def _split(self, term: Term) -> list[_Piece]:

@@ -6,6 +6,7 @@ from typing import Any
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, Floats, Ints
+from monitor_core.kernel.tanh import tanh
 
 SKIP, RESTART, SETTLE, GATED, DOUBTED, IDLE, SEED, TRACK = 0, 1, 2, 3, 4, 5, 6, 7
 """What a lane does: nothing; start its predictor anew; predict only, as it has just started, as its gate is closed, as
@@ -132,24 +133,29 @@ def hold(
     p = du.shape[0]
     n = X.shape[0] // (p + 1)
     for a in range(len(lanes)):
-        if does[a] == SKIP:
-            continue
-        last[a] = t[a]
-        for c in range(kind.size):
-            if kind[c] == ONE:
-                u[c, a] = 1.0
-            elif kind[c] == COULOMB:
+        last[a] = t[a] if does[a] != SKIP else last[a]
+    for c in range(kind.size):
+        if kind[c] == TORQUE:
+            for a in range(len(lanes)):
+                before = torque[a] if does[a] == RESTART else u[c, a]
+                torque_before[a] = before if does[a] != SKIP else torque_before[a]
+                u[c, a] = torque[a] if does[a] != SKIP else u[c, a]
+        elif kind[c] == COULOMB:
+            for a in range(len(lanes)):
                 speed = X[p * n + speed_state, a] if filtered_speed else y[a]
-                f = math.tanh(u_scale[c, a] * speed)
-                u[c, a] = f
-                if filtered_speed:
-                    slope = (1.0 - f * f) * u_scale[c, a]
-                    for i in range(p):
-                        du[i, c, a] = slope * X[i * n + speed_state, a]
-            elif kind[c] == COSINE:
-                u[c, a] = math.cos(u_scale[c, a] * y[a])
-            elif kind[c] == SINE:
-                u[c, a] = math.sin(u_scale[c, a] * y[a])
-            elif kind[c] == TORQUE:
-                torque_before[a] = torque[a] if does[a] == RESTART else u[c, a]
-                u[c, a] = torque[a]
+                f = tanh(u_scale[c, a] * speed)
+                u[c, a] = f if does[a] != SKIP else u[c, a]
+            for i in range(p if filtered_speed else 0):
+                for a in range(len(lanes)):
+                    slope = (1.0 - u[c, a] * u[c, a]) * u_scale[c, a] * X[i * n + speed_state, a]
+                    du[i, c, a] = slope if does[a] != SKIP else du[i, c, a]
+        else:
+            for a in range(len(lanes)):
+                if does[a] == SKIP:
+                    continue
+                if kind[c] == ONE:
+                    u[c, a] = 1.0
+                elif kind[c] == COSINE:
+                    u[c, a] = math.cos(u_scale[c, a] * y[a])
+                elif kind[c] == SINE:
+                    u[c, a] = math.sin(u_scale[c, a] * y[a])

@@ -24,7 +24,7 @@ from monitor_core.kernel.compile import aside, entry, kernel
 from monitor_core.kernel.conditions import close, follow
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.delay import delayed, switch
-from monitor_core.kernel.evidence import Noted, gather
+from monitor_core.kernel.evidence import Noted, gather, until_kept
 from monitor_core.kernel.interval import corrected_ago, for_interval, walk
 from monitor_core.kernel.laurent import evaluate
 from monitor_core.kernel.mean import begin_again, mean, own_interval, sampled
@@ -103,10 +103,11 @@ def _take(
 ) -> None:
     """The lanes' samples k; a lane that has no more of them skips."""
     for a in range(len(lanes)):
-        b = min(a0 + a, number.size - 1)
-        t[a], u[a], y[a] = s_t[k, b], s_u[k, b], s_y[k, b]
-        does[a] = TRACK if a0 + a == b and k < number[b] else SKIP
+        does[a] = SKIP
         learns[a] = 0
+    for a in range(min(len(lanes), number.size - a0)):
+        t[a], u[a], y[a] = s_t[k, a0 + a], s_u[k, a0 + a], s_y[k, a0 + a]
+        does[a] = TRACK if k < number[a0 + a] else SKIP
 
 
 @kernel
@@ -213,15 +214,16 @@ def run(
             table(T.two * (VECTORS + 3 * T.p), W),
             marks(T.two * MARKS, W),
         )
-        yhat, eps, believed, S, tmp = floats(W), floats(W), floats(W), floats(W), floats(W)
+        yhat, eps, believed, S = floats(W), floats(W), floats(W), floats(W)
         N, L, Y, tests = table(T.p, T.p), table(T.p, T.p), table(T.p, T.p), marks(T.p, W)
         t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
         moves, learns, tracks, hit, fit = ints(W), ints(W), ints(W), ints(W), ints(W)
         moved, joint = table(T.p, W), con.joint.max() > 0.0
         share, drift = floats(W), con.drift.max() > 0.0
         V0, coef, weight, theta, P = con.V0, con.coef, con.weight, st.theta, st.P
-        norm, total = floats(W), floats(W)
+        norm = floats(W)
         delay = theta[T.late] if T.late >= 0 else con.delay
+        until = until_kept(lanes, con.span, st.learned)
         copy(V0, V, 0)
         copy(st.z, X, 0)
         copy(st.x, X, z)
@@ -240,23 +242,22 @@ def run(
                 for_interval(lanes, con.interval, con.lam, con.K, h, h if T.two else ago, lam, K)
                 if drift:
                     walk(lanes, con.drift, st.seed_left, lam, share)
-                evaluate(lanes, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V,
-                         tmp)
+                evaluate(lanes, one, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V)
                 if delayed(lanes, kind, delay, st.torque_before, st.u, h, h_first, u_first):
-                    drive(lanes, in_row, in_slot, in_col, in_par, V, u_first, st.du, G)
-                    split(lanes, A_row, weight, V, h_first, steps, terms, norm, total)
+                    drive(lanes, one, in_row, in_slot, in_col, in_par, V, u_first, st.du, G)
+                    split(lanes, one, A_row, weight, V, h_first, steps, terms, norm)
                     propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
                               part_start, place, at_part, part_slot, V_, G_, h_first, steps, terms, X_, work, more)
                 if T.late >= 0:
                     switch(lanes, in_row, in_slot, in_col, kind, T.late, T.p, V, delay, u_first, st.u, h_first,
                             h, X)
-                drive(lanes, in_row, in_slot, in_col, in_par, V, st.u, st.du, G)
+                drive(lanes, one, in_row, in_slot, in_col, in_par, V, st.u, st.du, G)
                 if T.mean >= 0 and own_interval(lanes, con.interval, h_first, h, h_before, over, lost):
-                    split(lanes, A_row, weight, V, h_before, steps, terms, norm, total)
+                    split(lanes, one, A_row, weight, V, h_before, steps, terms, norm)
                     propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
                               part_start, place, at_part, part_slot, V_, G_, h_before, steps, terms, X_, work, more)
                     begin_again(lanes, T.mean, T.n, lost, X)
-                split(lanes, A_row, weight, V, h, steps, terms, norm, total)
+                split(lanes, one, A_row, weight, V, h, steps, terms, norm)
                 propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
                               part_start, place, at_part, part_slot, V_, G_, h, steps, terms, X_, work, more)
                 predict(lanes, out_slot, out_src, out_par, V, X, yhat, psi)
@@ -295,8 +296,8 @@ def run(
                 if accumulate(lanes, con.h, t, st.g, st.onset, st.calm, d, nu, tests):
                     alarm(lanes, con.h, t, st.g, st.onset, d, con.widen, st.P_nom, P, tests, a0, reset, con.calm,
                           st.left, st.noting, filled, what, value)
-                gather(lanes, con.calm, con.span, t, st.left, st.noting, st.learned, st.calm, st.lam0_running, theta, d,
-                       P, st.observed, tracks, a0, kept_t, kept_d, filled, noted)
+                gather(lanes, con.calm, con.span, t, st.left, until, st.noting, st.learned, st.calm, st.lam0_running,
+                       theta, d, P, st.observed, tracks, a0, kept_t, kept_d, filled, noted)
                 calm_down(lanes, con.calm, t, st.calm, d, P, tests, a0, filled, what, value)
             rest(lanes, does, con.rest, y, X)
             hold(lanes, kind, T.speed_state, T.filtered_speed, con.u_scale, t, u, y, does, X, st.t, st.u, st.du,

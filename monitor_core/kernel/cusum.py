@@ -57,16 +57,22 @@ def accumulate(
     """
     crossed = False
     for i in range(d.shape[0]):
+        # One array is written in each loop, and nothing is looked up only if: otherwise there is no SIMD.
+        for way in range(2):
+            for a in range(len(lanes)):
+                before = g[way, i, a]
+                after = max(0.0, before + (d[i, a] if way == UP else -d[i, a]) - nu[i, a])
+                g[way, i, a] = after if on[i, a] else before
+            for a in range(len(lanes)):
+                before_us, now_us = onset[way, i, a], t[a]
+                zero = (g[way, i, a] == 0.0) | (before_us == NEVER)
+                onset[way, i, a] = now_us if (on[i, a] != 0) & zero else before_us
+            for a in range(len(lanes)):
+                crossed |= g[way, i, a] > h[i, a]
         for a in range(len(lanes)):
-            up = max(0.0, g[0, i, a] + d[i, a] - nu[i, a])
-            down = max(0.0, g[1, i, a] - d[i, a] - nu[i, a])
-            g[0, i, a] = up if on[i, a] else g[0, i, a]
-            g[1, i, a] = down if on[i, a] else g[1, i, a]
-            onset[0, i, a] = t[a] if on[i, a] and (up == 0.0 or onset[0, i, a] == NEVER) else onset[0, i, a]
-            onset[1, i, a] = t[a] if on[i, a] and (down == 0.0 or onset[1, i, a] == NEVER) else onset[1, i, a]
-            more = calm[i, a] + 1 if abs(d[i, a]) <= nu[i, a] else 0
-            calm[i, a] = more if on[i, a] else calm[i, a]
-            crossed |= g[0, i, a] > h[i, a] or g[1, i, a] > h[i, a]
+            counted = calm[i, a]
+            more = counted + 1 if abs(d[i, a]) <= nu[i, a] else 0
+            calm[i, a] = more if on[i, a] else counted
     return crossed
 
 

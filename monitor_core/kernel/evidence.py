@@ -48,11 +48,16 @@ def noted_numbers(p: int) -> int:
 _numbers = aside(kept_numbers)
 
 
-@kernel
-def _begins(learned: int, span: float) -> bool:
-    """Whether ``span`` divides it: exactly so; a remainder of integers would take a tenth of the time of it all."""
-    spans = float(learned) / span
-    return spans == float(int(spans))
+@aside
+def until_kept(lanes: Any, span: Floats, learned: Ints) -> Ints:
+    """How many samples (W,) are to be learned until what is known is kept: each time that ``span`` divides ``learned``.
+
+    Counted down from here on, as a remainder in each sample would take a tenth of the time of it all.
+    """
+    until = np.zeros_like(learned)
+    for a in range(len(lanes)):
+        until[a] = int(span[a]) - learned[a] % int(span[a])
+    return until
 
 
 @kernel
@@ -62,6 +67,7 @@ def gather(
     span: Floats,
     t: Ints,
     left: Ints,
+    until: Ints,
     noting: Ints,
     learned: Ints,
     calm: Ints,
@@ -82,10 +88,11 @@ def gather(
     for a in range(len(lanes)):
         left[a] -= on[a]
         learned[a] += on[a]
-        keeps |= (on[a] != 0) & _begins(learned[a], span[a])
+        until[a] -= on[a]
+        keeps |= until[a] == 0
         notes |= (on[a] != 0) & (left[a] <= 0)
     if keeps:
-        _keep(lanes, span, t, learned, d, P, on, a0, kept_t, kept_d)
+        _keep(lanes, span, t, until, learned, d, P, a0, kept_t, kept_d)
     if notes:
         _note(
             lanes,
@@ -115,10 +122,10 @@ def _keep(
     lanes: Any,
     span: Floats,
     t: Ints,
+    until: Ints,
     learned: Ints,
     d: Floats,
     P: Floats,
-    on: Ints,
     a0: int,
     kept_t: Ints,
     kept_d: Floats,
@@ -126,7 +133,8 @@ def _keep(
     """What is known now in place of the oldest; ``learned`` (W,) are the samples learned so far."""
     p = d.shape[0]
     for a in range(len(lanes)):
-        if on[a] and _begins(learned[a], span[a]):
+        if until[a] == 0:
+            until[a] = int(span[a])
             k = learned[a] // int(span[a]) % KEPT
             kept_t[k, a0 + a] = t[a]
             row = k * _numbers(p)

@@ -7,6 +7,9 @@ from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.outliers import SURELY
 from monitor_core.kernel.tables import GAINS, Floats, Ints
 
+_EQUAL_S = 1e-9
+"""Intervals that differ by less than a microsecond, in which they are counted, are equal."""
+
 
 @kernel
 def walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats) -> None:
@@ -36,12 +39,21 @@ def for_interval(
     A memory is a time: a sample that is missing ages what is known as one that came.  The gain, which grows as the
     prediction grows uncertain, is interpolated between those after 0, 1, 2 .. whole intervals, the rows of ``K``.
     """
-    n = K_h.shape[0]
+    n, usual = K_h.shape[0], True
     for a in range(len(lanes)):
-        regular = abs(h[a] - interval[a]) < 1e-9
-        lam_h[a] = lam[a] if regular else math.exp(h[a] / interval[a] * math.log(lam[a]))
-        r = 1.0 if abs(ago[a] - interval[a]) < 1e-9 else ago[a] / interval[a]
+        lam_h[a] = lam[a]
+        usual &= (abs(h[a] - interval[a]) < _EQUAL_S) & (abs(ago[a] - interval[a]) < _EQUAL_S)
+    if usual:
+        for i in range(n):
+            for a in range(len(lanes)):
+                K_h[i, a] = K[n + i, a]
+        return
+    for a in range(len(lanes)):
+        if abs(h[a] - interval[a]) >= _EQUAL_S:
+            lam_h[a] = math.exp(h[a] / interval[a] * math.log(lam[a]))
+        r = 1.0 if abs(ago[a] - interval[a]) < _EQUAL_S else ago[a] / interval[a]
         k = min(int(r), GAINS - 2)
         part = min(r - k, 1.0)
         for i in range(n):
-            K_h[i, a] = K[k * n + i, a] + part * (K[(k + 1) * n + i, a] - K[k * n + i, a])
+            before = K[k * n + i, a]
+            K_h[i, a] = before + part * (K[(k + 1) * n + i, a] - before) if part > 0.0 else before

@@ -19,7 +19,7 @@ from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.series import advance_one
 from monitor_core.kernel.series_of_eight import advance_eight
 from monitor_core.kernel.tables import Floats, Indices, Ints
-from monitor_core.kernel.vector import EIGHT
+from monitor_core.kernel.vector import EIGHT, larger, load8, magnitude, spread8, store
 
 _TAIL = 1e-13
 _RATES = np.array([0.0] + [(_TAIL * math.factorial(k)) ** (1 / k) for k in range(1, 18)])
@@ -30,8 +30,32 @@ MOST_STEPS = 1000
 
 
 @kernel
+def _norms(
+    lanes: Any, one: Literal[True] | None, A_row: Ints, weight: Floats, V: Floats, norm: Floats
+) -> None:
+    """||D^-1 A D|| (W,), the largest sum of a row's magnitudes."""
+    W = len(lanes)
+    if one is not None:
+        most = total = 0.0
+        for e in range(A_row.size):
+            if e > 0 and A_row[e] != A_row[e - 1]:
+                most, total = max(most, total), 0.0
+            total += abs(V[e, 0]) * weight[e, 0]
+        norm[0] = max(most, total)
+    else:
+        for a in range(0, W, EIGHT):
+            mosts = totals = spread8(0.0)
+            for e in range(A_row.size):
+                if e > 0 and A_row[e] != A_row[e - 1]:
+                    mosts, totals = larger(mosts, totals), spread8(0.0)
+                totals = totals + magnitude(load8(V, e * W + a)) * load8(weight, e * W + a)
+            store(norm, a, larger(mosts, totals))
+
+
+@kernel
 def split(
     lanes: Any,
+    one: Literal[True] | None,
     A_row: Ints,
     weight: Floats,
     V: Floats,
@@ -39,24 +63,14 @@ def split(
     steps: Ints,
     terms: Ints,
     norm: Floats,
-    total: Floats,
 ) -> None:
-    """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.
+    """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.  ``one`` as in ``run``.
 
-    ``norm`` and ``total`` (W,) are scratch.  ``terms`` holds those of the last interval: mostly they are the same.
+    ``norm`` (W,) is scratch.  ``terms`` holds those of the last interval: mostly they are the same.
     """
+    _norms(lanes, one, A_row, weight, V, norm)
     for a in range(len(lanes)):
-        norm[a] = 0.0
-        total[a] = 0.0
-    for e in range(A_row.size):
-        if e > 0 and A_row[e] != A_row[e - 1]:
-            for a in range(len(lanes)):
-                norm[a] = max(norm[a], total[a])
-                total[a] = 0.0
-        for a in range(len(lanes)):
-            total[a] += abs(V[e, a]) * weight[e, a]
-    for a in range(len(lanes)):
-        r = max(norm[a], total[a]) * h[a]
+        r = norm[a] * h[a]
         steps[a] = math.ceil(r) if r < MOST_STEPS else MOST_STEPS
         r /= max(1, steps[a])
         k = max(1, terms[a] - 1)
@@ -70,6 +84,7 @@ def split(
 @kernel
 def drive(
     lanes: Any,
+    one: Literal[True] | None,
     row: Ints,
     slot: Ints,
     col: Ints,
@@ -79,18 +94,19 @@ def drive(
     du: Floats,
     G: Floats,
 ) -> None:
-    """G ((p + 1) n, W): B u for x, B_i u + B u_i for z_i."""
+    """G ((p + 1) n, W): B u for x, B_i u + B u_i for z_i.  ``one`` as in ``run``."""
+    m, W = u.shape
     for r in range(G.shape[0]):
-        for a in range(len(lanes)):
+        for a in range(W):
             G[r, a] = 0.0
     for q in range(row.size):
         r, s, c, i = row[q], slot[q], col[q], par[q]
-        if i < 0:
-            for a in range(len(lanes)):
-                G[r, a] += V[s, a] * u[c, a]
+        if one is not None:
+            G[r, 0] += V[s, 0] * (u[c, 0] if i < 0 else du[i, c, 0])
         else:
-            for a in range(len(lanes)):
-                G[r, a] += V[s, a] * du[i, c, a]
+            for a in range(0, len(lanes), EIGHT):
+                held = load8(u, c * W + a) if i < 0 else load8(du, (i * m + c) * W + a)
+                store(G, r * W + a, load8(G, r * W + a) + load8(V, s * W + a) * held)
 
 
 @kernel
@@ -128,6 +144,6 @@ def propagate(
                     V, G, h[0], steps[0], terms[0], X, work, more)
     else:
         for a in range(0, len(lanes), EIGHT):
-            advance_eight(a, len(lanes), n, p, blocks, A_start, at_A, more_start, part_start, place, at_part, part_slot,
+            advance_eight(a, len(lanes), n, p, blocks, A_start, at_A, part_start, place, at_part, part_slot,
                           V, G, h, steps, terms, X, work, more)
     # fmt: on

@@ -5,7 +5,7 @@
 In F = [A A_i; 0 A] all of z_1 .. z_p, x are multiplied by the same A.  So here X is n rows of ``blocks`` numbers,
 z_1 .. z_p, zeros that make up a multiple of four, x last: an entry of A is loaded once and multiplies them all.  One
 axis goes four of these numbers at a time, many axes eight lanes at a time (series_of_eight.py).  Both add up in the
-same order, the A_i (which multiply x only) apart.
+same order, the A_i (which multiply x only) at last.
 
 Lanes that need fewer terms or substeps than others get terms that are exactly zero, so a lane's result does not depend
 on its neighbours.  Adding 0.0 to what a sum begins with makes -0.0 impossible, hence the sign of those zeros has no
@@ -16,13 +16,13 @@ import numpy as np
 
 from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.tables import Floats, Indices
-from monitor_core.kernel.vector import FOUR, load4, spread4, store
+from monitor_core.kernel.vector import FOUR, fused, load4, spread4, store
 
 MOST_TERMS = 19
 INVERSE = np.array([0.0] + [1.0 / k for k in range(1, MOST_TERMS + 1)])
 
-SECTIONS = 6
-"""X, G, b, two of w, and what A_i adds."""
+SECTIONS = 5
+"""X, G, b and two of w."""
 
 _ZERO, _ONE, _TWO, _FOUR = (np.uint64(k) for k in (0, 1, 2, FOUR))
 
@@ -58,14 +58,17 @@ def _times_one(
                 q += _ONE
             while q < last:
                 one = spread4(V[q]) * load4(work, c + col[q])
-                total = total + (one + spread4(V[q + _ONE]) * load4(work, c + col[q + _ONE]))
+                total = total + fused(spread4(V[q + _ONE]), load4(work, c + col[q + _ONE]), one)
                 q += _TWO
+            total = fused(s, total, load4(work, b))
             last = more_start[r]
-            extra = spread4(0.0)
-            while m < last:
-                extra = extra + load4(more, m * wide + group) * spread4(work[x + more_col[m]])
-                m += _ONE
-            store(work, o, load4(work, b) + s * (total + extra))
+            if m < last:
+                extra = spread4(0.0)
+                while m < last:
+                    extra = fused(load4(more, m * wide + group), spread4(work[x + more_col[m]]), extra)
+                    m += _ONE
+                total = fused(s, extra, total)
+            store(work, o, total)
             b += wide
             o += wide
         group += _FOUR

@@ -5,7 +5,7 @@ import numpy as np
 from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.series import INVERSE
 from monitor_core.kernel.tables import Floats, Indices, Ints
-from monitor_core.kernel.vector import EIGHT, FOUR, load8, spread8, store, where_at_least
+from monitor_core.kernel.vector import EIGHT, FOUR, fused, load8, spread8, store, where_at_least
 
 _ZERO, _ONE, _TWO, _EIGHT = (np.uint64(k) for k in (0, 1, 2, EIGHT))
 _GROUP = np.uint64(FOUR * EIGHT)
@@ -19,7 +19,6 @@ def _times_eight(
     blocks: int,
     start: Indices,
     col: Indices,
-    more_start: Indices,
     part_start: Indices,
     part_place: Indices,
     part_col: Indices,
@@ -28,26 +27,15 @@ def _times_eight(
     base: int,
     t: int,
     out: int,
-    extra: int,
     scale: Floats,
     work: Floats,
 ) -> None:
     """As _times_one, for eight lanes from ``lane`` on."""
     a, W, n, wide = np.uint64(lane), np.uint64(lanes), np.uint64(rows), np.uint64(blocks * EIGHT)
-    x, e, q, m = np.uint64(t) + wide - _EIGHT, np.uint64(extra), _ZERO, _ZERO
-    while q < part_place.size:
-        total = spread8(0.0)
-        last = part_start[q + _ONE]
-        while m < last:
-            total = total + load8(V, part_slot[m] + a) * load8(work, x + part_col[m])
-            m += _ONE
-        store(work, e + part_place[q], total)
-        q += _ONE
     s, group = load8(scale, _ZERO), _ZERO
     while group < wide:
         r, q, v = _ZERO, _ZERO, a
         b, o, c = np.uint64(base) + group, np.uint64(out) + group, np.uint64(t) + group
-        e = np.uint64(extra) + group
         while r < n:
             r += _ONE
             last = start[r]
@@ -61,23 +49,29 @@ def _times_eight(
             while q < last:
                 w, u = load8(V, v), load8(V, v + W)
                 d, f = c + col[q], c + col[q + _ONE]
-                t0 = t0 + (w * load8(work, d) + u * load8(work, f))
-                t1 = t1 + (w * load8(work, d + np.uint64(8)) + u * load8(work, f + np.uint64(8)))
-                t2 = t2 + (w * load8(work, d + np.uint64(16)) + u * load8(work, f + np.uint64(16)))
-                t3 = t3 + (w * load8(work, d + np.uint64(24)) + u * load8(work, f + np.uint64(24)))
+                t0 = t0 + fused(u, load8(work, f), w * load8(work, d))
+                t1 = t1 + fused(u, load8(work, f + np.uint64(8)), w * load8(work, d + np.uint64(8)))
+                t2 = t2 + fused(u, load8(work, f + np.uint64(16)), w * load8(work, d + np.uint64(16)))
+                t3 = t3 + fused(u, load8(work, f + np.uint64(24)), w * load8(work, d + np.uint64(24)))
                 q += _TWO
                 v += W + W
-            if more_start[r] > more_start[r - _ONE]:
-                t0, t1 = t0 + load8(work, e), t1 + load8(work, e + np.uint64(8))
-                t2, t3 = t2 + load8(work, e + np.uint64(16)), t3 + load8(work, e + np.uint64(24))
-            store(work, o, load8(work, b) + s * t0)
-            store(work, o + np.uint64(8), load8(work, b + np.uint64(8)) + s * t1)
-            store(work, o + np.uint64(16), load8(work, b + np.uint64(16)) + s * t2)
-            store(work, o + np.uint64(24), load8(work, b + np.uint64(24)) + s * t3)
+            store(work, o, fused(s, t0, load8(work, b)))
+            store(work, o + np.uint64(8), fused(s, t1, load8(work, b + np.uint64(8))))
+            store(work, o + np.uint64(16), fused(s, t2, load8(work, b + np.uint64(16))))
+            store(work, o + np.uint64(24), fused(s, t3, load8(work, b + np.uint64(24))))
             b += wide
             o += wide
-            e += wide
         group += _GROUP
+    x, q, m = np.uint64(t) + wide - _EIGHT, _ZERO, _ZERO
+    while q < part_place.size:
+        place = np.uint64(out) + part_place[q]
+        q += _ONE
+        last = part_start[q]
+        total = spread8(0.0)
+        while m < last:
+            total = fused(load8(V, part_slot[m] + a), load8(work, x + part_col[m]), total)
+            m += _ONE
+        store(work, place, fused(s, total, load8(work, place)))
 
 
 @aside
@@ -89,7 +83,6 @@ def advance_eight(
     blocks: int,
     start: Indices,
     col: Indices,
-    more_start: Indices,
     part_start: Indices,
     part_place: Indices,
     part_col: Indices,
@@ -112,8 +105,6 @@ def advance_eight(
         scratch[2 * EIGHT + e] = steps[a + e]
         scratch[3 * EIGHT + e] = terms[a + e]
     zero = spread8(0.0)
-    for e in range(n * blocks):
-        store(work, 5 * size + e * EIGHT, zero)
     for j in range(p + 1):
         to = j if j < p else blocks - 1
         for r in range(n):
@@ -132,7 +123,6 @@ def advance_eight(
                 blocks,
                 start,
                 col,
-                more_start,
                 part_start,
                 part_place,
                 part_col,
@@ -141,7 +131,6 @@ def advance_eight(
                 base,
                 t,
                 out,
-                5 * size,
                 scratch,
                 work,
             )

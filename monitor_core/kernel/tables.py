@@ -67,7 +67,7 @@ class Tables(NamedTuple):
     out2_src: Ints
     out2_par: Ints
     kind: Ints  # (m,) kinds of input
-    term_slot: Ints  # (terms,) slot that the term adds to
+    term_slot: Ints  # (terms,) slot that the term adds to, in order
     factor_start: Ints  # (terms + 1,) range of each term's factors
     factor_par: Ints  # (factors,) parameter
     factor_exp: Ints  # (factors,) exponent

@@ -1,9 +1,9 @@
 """Several numbers side by side as one value of the kernel: what the compiler's own vectorisation cannot do well.
 
 The innermost loops of the kernel are so short that what a vectorised loop costs is its beginning.  Here four or eight
-numbers are loaded, multiplied, added and stored as one value that stays in a register: ``+`` and ``*`` of each by
-itself, never fused, so every one gets the very bits that it would get alone.  LLVM splits them into what the machine
-has (AVX-512, AVX, SSE, NEON).
+numbers are loaded, multiplied, added and stored as one value that stays in a register.  Every one gets the very bits
+that it would get alone: ``+`` and ``*`` are never fused, ``fused`` always is, where the machine can.  LLVM splits them
+into what the machine has (AVX-512, AVX, SSE, NEON).
 """
 
 import operator
@@ -55,6 +55,7 @@ def _operator(symbol: Any, instruction: str) -> None:
 
 _operator(operator.add, "fadd")
 _operator(operator.mul, "fmul")
+_operator(operator.truediv, "fdiv")
 
 
 def _pointer(context: Any, builder: Any, kind: Any, array: Any, at: Any, width: int) -> Any:
@@ -101,6 +102,44 @@ def store(_typing: Any, array: Any, _at: Any, value: Any) -> Any:
 
 
 @_intrinsic
+def fused(_typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """A b + c of vectors, rounded once; on a machine that cannot do so fast it is rounded twice, for every width."""
+
+    def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+        kind = args[0].type
+        multiply_add = builder.module.declare_intrinsic(
+            f"llvm.fmuladd.v{kind.count}f64", (), ir.FunctionType(kind, [kind] * 3)
+        )
+        return builder.call(multiply_add, args)
+
+    return a(a, b, c), code
+
+
+@_intrinsic
+def larger(_typing: Any, a: Any, b: Any) -> Any:
+    """Of each two the larger one; b where there is none."""
+
+    def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(">", *args), *args)
+
+    return a(a, b), code
+
+
+@_intrinsic
+def magnitude(_typing: Any, a: Any) -> Any:
+    """Without the sign."""
+
+    def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+        kind = args[0].type
+        fabs = builder.module.declare_intrinsic(
+            f"llvm.fabs.v{kind.count}f64", (), ir.FunctionType(kind, [kind])
+        )
+        return builder.call(fabs, args)
+
+    return a(a), code
+
+
+@_intrinsic
 def where_at_least(_typing: Any, a: Any, b: Any, value: Any) -> Any:
     """``value`` where a >= b, else 0."""
 
@@ -109,6 +148,19 @@ def where_at_least(_typing: Any, a: Any, b: Any, value: Any) -> Any:
         return builder.select(builder.fcmp_ordered(">=", args[0], args[1]), args[2], zero)
 
     return value(a, b, value), code
+
+
+@_intrinsic
+def power_of_two(_typing: Any, _k: Any) -> Any:
+    """2^k for a whole number k of float64, |k| <= 1000; of one number, but the compiler can do several at a time."""
+
+    def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
+        # The sum has k + 1023 in its last bits, and these are the exponent of 2^k.
+        bits, number = ir.IntType(64), ir.DoubleType()
+        total = builder.fadd(args[0], ir.Constant(number, 1.5 * 2.0**52 + 1023))
+        return builder.bitcast(builder.shl(builder.bitcast(total, bits), ir.Constant(bits, 52)), number)
+
+    return types.float64(types.float64), code
 
 
 load4, load8 = _loader(FOUR), _loader(EIGHT)

@@ -118,7 +118,7 @@ def evaluated(model: AxisModel, theta: Array) -> Array:
     V = np.append(constants["V0"], 0.0)[:, np.newaxis]
     factors = (T.term_slot, T.factor_start, T.factor_par, T.factor_exp)
     interpreted = cast("Any", evaluate).py_func  # compiled, it may be called by the kernel only
-    interpreted((0,), *factors, V0, coef, theta[:, np.newaxis], V, np.empty(1))
+    interpreted((0,), True, *factors, V0, coef, theta[:, np.newaxis], V)
     return np.asarray(V[:, 0])
 
 
