@@ -14,7 +14,7 @@ thresholds stood for an alarm or two a year, where at most one was wanted; and t
 half minute fc is 9 +/- 3 % off with sixteen other disturbances, and was 22 %.  With the bound that the variance has
 since then, the same thirty seconds reach 0.92 of the threshold.  Also since then ``identify`` takes the step that it
 refused there, after all its evaluations with 3e-4 standard deviations left to go: kT is then off by -0.3 instead of
-+5.3 %, fc and fm scatter by a quarter less, and 20, 30 and 50 % move the estimates by 20, 26 and 44 %.
++5.3 %, fc scatters by a quarter less and fm by a tenth, and 20, 30 and 50 % move the estimates by 20, 26 and 44 %.
 """
 
 from __future__ import annotations

@@ -21,8 +21,9 @@ TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
 MEMORY = 200
 LANES = 32
 CHUNK = 20 * MEMORY
-"""Samples made and run at once; a record of torque repeats after so many memories."""
-REPEATS = 50 * MEMORY
+"""Samples made and run at once."""
+MOTION = 50 * MEMORY
+"""Samples of one motion; then another is drawn, as how often a test alarms differs from motion to motion."""
 
 
 class Plant(NamedTuple):
@@ -47,9 +48,7 @@ class Axes:
 
     def __init__(self, of: Plant, rng: np.random.Generator, axes: int) -> None:
         self._of, self._rng, self._axes = of, rng, axes
-        self._torque = np.stack(
-            [multisine(rng, REPEATS, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(axes)], axis=1
-        )
+        self._torque = np.zeros((0, axes))
         self._x: Floats | None = None
         self._state = np.zeros((1, axes))
         self._at = 0
@@ -57,7 +56,9 @@ class Axes:
     def take(self, samples: int) -> Samples:
         """The next samples: t_us, u and y (samples, axes)."""
         index = np.arange(self._at, self._at + samples)
-        u = self._torque[index % REPEATS]
+        while len(self._torque) < samples:
+            self._torque = np.concatenate([self._torque, self._motion()])
+        u, self._torque = self._torque[:samples], self._torque[samples:]
         noise = self._rng.standard_normal(u.shape)
         if a := self._of.colour:
             noise, self._state = lfilter([np.sqrt(1 - a * a)], [1, -a], noise, axis=0, zi=self._state)
@@ -67,6 +68,11 @@ class Axes:
         self._at += samples
         t_us = np.repeat(index[:, np.newaxis] * round(INTERVAL_S * 1e6), self._axes, axis=1)
         return Samples("simulated", t_us, u, y)
+
+    def _motion(self) -> Floats:
+        """Torque (MOTION, axes)."""
+        each = [multisine(self._rng, MOTION, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(self._axes)]
+        return np.stack(each, axis=1)
 
 
 def record(of: Plant, seed: int, samples: int) -> Samples:
