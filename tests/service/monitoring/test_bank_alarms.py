@@ -18,6 +18,7 @@ from service.ingest.frames import Frame
 from service.monitoring.alarms import Alarms, quantities
 from service.monitoring.banks import Change
 from service.monitoring.core import Core
+from service.monitoring.losses import losses_in_words
 from service.monitoring.restoring import restore
 from service.monitoring.saving import Saver, bank_id
 from service.simulation.robot import Fault, SimulatedRobot
@@ -83,7 +84,7 @@ def start(config: Config, journal: Journal, checkpoints: Checkpoints) -> Run:
     alarms.adopt(restored.open)
     alarms.record(restored.unrecorded)
     saver = Saver(checkpoints, core.monitors.by_id, 60.0, None, lambda: START_US)
-    return Run(core, alarms, saver, restored.messages)
+    return Run(core, alarms, saver, (*restored.messages, *losses_in_words(restored.losses)))
 
 
 def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
@@ -144,11 +145,12 @@ def test_a_damaged_state_of_the_bank_is_set_aside_and_the_estimates_go_on(
     checkpoints.save(bank_id("demo.axis1"), monitor.beside_key, broken, START_US)
     checkpoints.save(bank_id("demo.axis2"), "another version", monitor.beside.to_arrays(), START_US)
     again = start(config, journal, checkpoints)
-    assert [message.split(":")[0] for message in again.messages] == [
-        bank_id("demo.axis1"),
-        bank_id("demo.axis2"),
-    ]
-    assert "does not fit this version" in again.messages[0]
+    broken_state, other_version = again.messages
+    assert broken_state.startswith("demo.axis1: part of its checkpoint is not used")
+    assert "does not fit this version" in broken_state
+    assert other_version.startswith("demo.axis2: part of its checkpoint is not used")
+    for message in again.messages:
+        assert message.endswith("anew begin the evidence of the bank of hypotheses")
     for axis_id, found in again.core.monitors.by_id.items():
         assert found.facts().samples == run.core.monitors.by_id[axis_id].facts().samples > 0
 
