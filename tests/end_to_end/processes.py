@@ -44,9 +44,11 @@ def demo_config(folder: Path, bus: str | None = None, axes: int = 2, service: st
     return file
 
 
-def run_program(*arguments: str | Path, patience_s: float = PATIENCE_S) -> subprocess.CompletedProcess[str]:
-    """A command that ends by itself."""
-    command = [*PROGRAM, *map(str, arguments)]
+def run_program(
+    *arguments: str | Path, patience_s: float = PATIENCE_S, under: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
+    """A command that ends by itself, run ``under`` another one, as nice is."""
+    command = [*under, *PROGRAM, *map(str, arguments)]
     return subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, timeout=patience_s, check=False, env=_environment()
     )
