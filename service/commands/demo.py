@@ -129,15 +129,15 @@ def _run(config: Config, fault: Fault) -> None:
     with explained():
         robot = RobotThread(config, fault, stop)
         watched = ", ".join(config.axes[0].config.model.monitor)
-        run_daemon(config, ready=lambda url: _begin(robot, url, fault, watched), stop=stop)
+        run_daemon(config, ready=lambda url: _say(url, fault, watched), stop=stop, keeping_up=robot.start)
         robot.join()
 
 
-def _begin(robot: RobotThread, url: str, fault: Fault, watched: str) -> None:
-    robot.start()
+def _say(url: str, fault: Fault, watched: str) -> None:
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
     console.print(f"watched: {watched}")
     console.print(
-        f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s.  Ctrl-C ends the demo."
+        f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s of motion, which begins once the kernel "
+        "is compiled (the first time, half a minute).  Ctrl-C ends the demo."
     )

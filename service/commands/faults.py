@@ -21,7 +21,8 @@ FaultAxis = Annotated[
     typer.Option("--fault-axis", metavar="AXIS", help="In which axis; its name, or robot.axis."),
 ]
 FaultAfter = Annotated[
-    float, typer.Option("--fault-after", min=0.0, metavar="SECONDS", help="When it breaks, after the start.")
+    float,
+    typer.Option("--fault-after", min=0.0, metavar="SECONDS", help="When it breaks, after it began to move."),
 ]
 
 

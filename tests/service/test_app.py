@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import structlog
 
 from service.app import DaemonFailedError, run_daemon
 from service.monitoring.core import Core
+from service.monitoring.warming import CacheFiller
 from service.store.journal import Journal
 from tests.service.monitoring.robots import demo
 
@@ -31,6 +33,39 @@ def test_a_worker_that_fails_stops_the_daemon_and_says_so(
     assert "the worker has failed; the daemon stops" in [entry["event"] for entry in logs]
     Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer
     assert not {"worker", "reader-can0"} & {thread.name for thread in threading.enumerate()}
+
+
+def test_who_sends_is_told_when_frames_no_longer_wait(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulated robot of the demo does not move while the compiler holds the processors."""
+    config = demo(tmp_path, 1)
+    web = config.web.model_copy(update={"port": 0})
+    fill, served, compiled, stop = CacheFiller.fill, threading.Event(), threading.Event(), threading.Event()
+
+    def slowly(self: CacheFiller, lanes: Iterable[int]) -> bool:
+        order.append("served" if served.wait(60) else "not served")
+        order.append("compiled")
+        return fill(self, lanes)
+
+    def keeping_up() -> None:
+        order.append("keeping up")
+        compiled.set()
+
+    order: list[str] = []
+    monkeypatch.setattr(CacheFiller, "fill", slowly)
+    daemon = threading.Thread(
+        target=run_daemon,
+        args=(config.model_copy(update={"web": web}),),
+        kwargs={"ready": lambda _url: served.set(), "stop": stop, "keeping_up": keeping_up},
+    )
+    daemon.start()
+    try:
+        assert compiled.wait(60)
+    finally:
+        stop.set()
+        daemon.join(60)
+    assert order == ["served", "compiled", "keeping up"]
 
 
 def test_a_start_does_not_wait_for_what_the_daemon_never_uses() -> None:
