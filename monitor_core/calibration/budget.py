@@ -45,17 +45,18 @@ class Tail:
         """In sizes."""
         return self.k * self.sigma
 
-    def log_rate(self, h: float, offset: Floats, power: Floats) -> Floats:
+    def log_rate(self, h: float, offset: Floats, power: Floats, spare: float = 0.0) -> Floats:
         """Logarithm of the false alarms per sample of both directions.
 
         Args:
             h: threshold, in sizes times samples.
             offset: of the mean of the deviation, in sizes.
             power: variance of the deviation over that of the records.
+            spare: of an allowance in nu, in sizes, what the deviations do not need.
         """
         sigma = self.sigma * np.sqrt(power)
         one = [
-            -log_mean_time((self.nu - sign * offset) / sigma, h / (sigma * tau), np.array(tau))
+            -log_mean_time((self.nu + spare - sign * offset) / sigma, h / (sigma * tau), np.array(tau))
             for sign, tau in zip((1, -1), self.tau, strict=True)
         ]
         return np.asarray(np.logaddexp(*one))
@@ -63,7 +64,10 @@ class Tail:
 
 @dataclass(frozen=True)
 class Rates:
-    """False alarms per sample: of the tests of each parameter (p,), of all, and the bounds of a 90 % interval."""
+    """False alarms per sample: of the tests of each parameter (p,), of all, and the bounds of a 90 % interval.
+
+    With an allowance they are meant for axes that are off by it; the lower bound is for axes that are not.
+    """
 
     parameters: Floats
     whole: float
@@ -138,7 +142,7 @@ def thresholds(
         return [_threshold(scatter, tail, i, log_share, draws[i]) for i, tail in enumerate(tails)]
 
     def excess(less: float) -> float:
-        return _upper(scatter, tails, h_for(log_share - less), draws) - log_budget
+        return _bound(UPPER, scatter, tails, h_for(log_share - less), draws) - log_budget
 
     # Of rates that spread widely the sum may be larger than the sum of their bounds, and nearly always it is smaller.
     less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
@@ -163,40 +167,37 @@ def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Fl
 
 
 def _draws(scatter: Scatter, parameters: int, rng: np.random.Generator) -> Floats:
-    """Chance of the mean and of the formula (p, 2, n), some for each resampling."""
-    return rng.standard_normal((parameters, 2, _DRAWS * len(scatter.power)))
+    """Chance of the formula (p, n), some for each resampling."""
+    return rng.standard_normal((parameters, _DRAWS * len(scatter.power)))
 
 
-def _drawn(scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats) -> Floats:
+def _drawn(scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats, spare: float = 0.0) -> Floats:
     """Logarithms of the rate of a parameter (n,), by what the resampled records and chance say."""
-    offset = scatter.offset[i] + scatter.mean_sd[i] * draws[0]
-    rate = tail.log_rate(h, offset, np.tile(scatter.power[:, i], _DRAWS))
+    offset = scatter.offset[i] + scatter.mean_sd[i] * scatter.chance[:, i]
+    rate = tail.log_rate(h, offset, scatter.power[:, i], spare)
     sd = _OFF + _FARTHER * max(0.0, tail.log_known - float(np.median(rate)))
-    return np.asarray(rate + sd * draws[1])
+    return np.asarray(np.tile(rate, _DRAWS) + sd * draws)
 
 
-def _whole(scatter: Scatter, tails: tuple[Tail, ...], h: Sequence[float], draws: Floats) -> Floats:
-    """Logarithms of the rate of the axis (n,)."""
-    each = [
-        _drawn(scatter, tail, i, h_i, draws[i]) for i, (tail, h_i) in enumerate(zip(tails, h, strict=True))
-    ]
-    return np.asarray(np.logaddexp.reduce(each, axis=0))
-
-
-def _upper(scatter: Scatter, tails: tuple[Tail, ...], h: Sequence[float], draws: Floats) -> float:
-    return float(np.quantile(_whole(scatter, tails, h, draws), UPPER))
+def _bound(
+    q: float, scatter: Scatter, tails: tuple[Tail, ...], h: Sequence[float], draws: Floats, spare: Floats | None = None
+) -> float:  # fmt: skip
+    """Quantile of the logarithm of the rate of the axis."""
+    spared = np.zeros(len(tails)) if spare is None else spare
+    each = [_drawn(scatter, tail, i, h[i], draws[i], float(spared[i])) for i, tail in enumerate(tails)]
+    return float(np.quantile(np.logaddexp.reduce(each, axis=0), q))
 
 
 def rates(
     scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator
 ) -> Rates:
-    """How often these thresholds will alarm on axes that are like the healthy records, off by the allowance."""
+    """How often these thresholds will alarm on axes that are like the healthy records, off by the allowance or not."""
     h = [threshold.alpha2 for threshold in own]
     one = np.array([tail.log_rate(h[i], scatter.offset[i], np.array(1.0)) for i, tail in enumerate(tails)])
     beyond = max(tail.log_known - rate for tail, rate in zip(tails, one, strict=True))
-    whole = _whole(scatter, tails, h, _draws(scatter, len(tails), rng))
-    lower, upper = np.exp(np.quantile(whole, [LOWER, UPPER]))
+    draws = _draws(scatter, len(tails), rng)
+    spare = np.array([threshold.allowance for threshold in own]) - scatter.beyond
+    lower = math.exp(_bound(LOWER, scatter, tails, h, draws, np.maximum(spare, 0.0)))
+    upper = math.exp(_bound(UPPER, scatter, tails, h, draws))
     parameters = np.exp(one)
-    return Rates(
-        parameters, float(parameters.sum()), float(lower), float(upper), math.exp(max(0.0, float(beyond)))
-    )
+    return Rates(parameters, float(parameters.sum()), lower, upper, math.exp(max(0.0, float(beyond))))

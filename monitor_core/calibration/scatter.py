@@ -28,7 +28,8 @@ class Scatter:
     """What healthy records say of p parameters, in sizes of the parameters; times in samples.
 
     ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii); ``mean_sd`` what chance makes
-    of the mean.  ``power`` (B, p): what the true variance may be, over that of the records.
+    of the mean.  ``power`` and ``chance`` (B, p): what the true variance may be, over that of the records, and the true
+    mean, from ``mean_d`` in ``mean_sd``, resampled together: a record that is off in one is off in others, too.
     """
 
     mean_d: Floats  # (p,)
@@ -36,6 +37,7 @@ class Scatter:
     mean_s: Floats  # (p,)
     sigma: Floats  # (p,)
     power: Floats  # (B, p)
+    chance: Floats  # (B, p)
     memories: float
     memory: float
 
@@ -67,15 +69,19 @@ def scatter(
     starts = np.cumsum([0] + [len(part) for part in parts])[:-1].tolist()
     memories = len(d) * q / memory
     mean = d.mean(axis=0)
-    squares = (d - mean) ** 2
-    sums, count = _blocks(squares, starts, max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS))))
+    off = d - mean
+    length = max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS)))
+    sums, count = _blocks(np.hstack([off, off**2]), starts, length)
     weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=times)
-    variance = squares.mean(axis=0)
-    resampled = (weights @ sums) / (weights @ count)[:, np.newaxis] / variance
+    means, squares = np.hsplit((weights @ sums) / (weights @ count)[:, np.newaxis], 2)
+    variance = (off**2).mean(axis=0)
+    power = _turned(squares / variance, memories)
+    chance = -means / np.maximum(means.std(axis=0), _TINY)  # as far to the other side, as well
     variance *= 1 + 2 / memories  # the mean is of the same record
     by_chance = 2 * variance / memories
-    power = _turned(resampled, memories)
-    return Scatter(mean, np.sqrt(by_chance), s.mean(axis=0), np.sqrt(variance), power, memories, memory)
+    return Scatter(
+        mean, np.sqrt(by_chance), s.mean(axis=0), np.sqrt(variance), power, chance, memories, memory
+    )
 
 
 def binned(one: Deviations, q: int) -> Floats:

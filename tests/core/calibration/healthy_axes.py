@@ -1,5 +1,6 @@
 """Healthy axes with white and with coloured innovations: records to calibrate on, and how often thresholds alarm."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -81,20 +82,18 @@ def record(of: Plant, seed: int, samples: int) -> Samples:
     return Samples("simulated", one.t_us[:, 0], one.u[:, 0], one.y[:, 0])
 
 
-class Counted(NamedTuple):
-    """False alarms of each setting, direction and parameter (settings, 2, p), in so many samples of watching."""
+def count(
+    of: Plant, settings: Sequence[tuple[Threshold, ...]], seed: int, samples: int
+) -> tuple[Floats, int]:
+    """False alarms with each of these thresholds (len(settings),), all tests together, in so many samples of watching.
 
-    alarms: Floats
-    samples: int
-
-
-def count(of: Plant, settings: list[tuple[Threshold, ...]], seed: int, samples: int) -> Counted:
-    """Watch healthy axes for so many samples in all, with all these thresholds at once."""
+    Healthy axes are watched with all of them at once.
+    """
     axes = Axes(of, np.random.default_rng(seed), LANES)
     bank = Bank([of.model] * LANES, [untested(of.settings)] * LANES)
-    own = np.array(settings, float)  # (settings, p, 3)
-    g = np.zeros((LANES, len(own), 2, own.shape[1]))
-    alarms, seen, scale = np.zeros(g.shape[1:]), 0, of.model.scale
+    own = np.ascontiguousarray(np.moveaxis(np.array(settings, float), 0, -1))  # (p, 3, settings)
+    g = np.zeros((LANES, len(own), 2, len(settings)))
+    alarms, seen, scale = np.zeros(len(settings)), 0, of.model.scale
     start = of.settings.seed_updates + 400
     chunk = axes.take(start)
     bank.run(chunk.t_us, chunk.u, chunk.y)
@@ -105,24 +104,20 @@ def count(of: Plant, settings: list[tuple[Threshold, ...]], seed: int, samples: 
         s = np.sqrt(of.settings.lam0 * trace.P) / scale[:, np.newaxis]
         _cusum(d, s, own, g, alarms)
         seen += CHUNK * LANES
-    return Counted(alarms, seen)
+    return alarms, seen
 
 
 @entry
 def _cusum(d: Floats, s: Floats, own: Floats, g: Floats, alarms: Floats) -> None:
     for w in range(d.shape[2]):
         for i in range(d.shape[1]):
-            for c in range(own.shape[0]):
-                alpha1, h, allowance = own[c, i]
-                up, down = g[w, c, 0, i], g[w, c, 1, i]
-                for k in range(d.shape[0]):
-                    nu = alpha1 * s[k, i, w] + allowance
-                    up = max(0.0, up + d[k, i, w] - nu)
-                    down = max(0.0, down - d[k, i, w] - nu)
-                    if up > h:
-                        alarms[c, 0, i] += 1
-                        up = 0.0
-                    if down > h:
-                        alarms[c, 1, i] += 1
-                        down = 0.0
-                g[w, c, 0, i], g[w, c, 1, i] = up, down
+            alpha1, h, allowance = own[i]
+            up, down = g[w, i]
+            for k in range(d.shape[0]):
+                deviation, sd = d[k, i, w], s[k, i, w]
+                for c in range(alarms.size):  # innermost: side by side
+                    nu = alpha1[c] * sd + allowance[c]
+                    more, less = max(0.0, up[c] + deviation - nu), max(0.0, down[c] - deviation - nu)
+                    alarms[c] += (1.0 if more > h[c] else 0.0) + (1.0 if less > h[c] else 0.0)
+                    up[c] = 0.0 if more > h[c] else more
+                    down[c] = 0.0 if less > h[c] else less

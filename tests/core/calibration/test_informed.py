@@ -22,7 +22,8 @@ def record(rng: np.random.Generator, mean: Floats, sigma: Floats, memories: floa
     of_log = 1 / np.sqrt(memories)  # of the variance, doubled in its logarithm
     seen = sigma * np.exp(of_log / 2 * rng.standard_normal(P))
     power = np.exp(of_log * rng.standard_normal((1000, P)))
-    return Scatter(mean + sd * rng.standard_normal(P), sd, np.ones(P), seen, power, memories, 200.0)
+    chance = rng.standard_normal((1000, P))
+    return Scatter(mean + sd * rng.standard_normal(P), sd, np.ones(P), seen, power, chance, memories, 200.0)
 
 
 def test_shrunk_is_the_posterior_of_the_horseshoe() -> None:
