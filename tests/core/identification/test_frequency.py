@@ -185,7 +185,8 @@ def test_units_and_offsets_change_the_gain_only(seed: int, of_u: float, of_y: fl
         good = np.isfinite(one.G) & (one.frequency_hz < 60)
         assert good.any()
         assert two.G[good] * of_u / of_y == pytest.approx(one.G[good], rel=1e-4)
-        assert two.sd_db[good] == pytest.approx(one.sd_db[good], rel=1e-3)
+        # Where a line repeats itself exactly the deviation is what rounding leaves.
+        assert two.sd_db[good] == pytest.approx(one.sd_db[good], rel=1e-3, abs=1e-6)
 
 
 def test_responses_add_where_outputs_do(seed: int) -> None:

@@ -178,7 +178,8 @@ def test_poles_and_zeros_of_a_chain_are_that_chain(drawn: tuple[list[float], lis
     poles = np.sqrt(sla.eigvalsh(K, M)[1:])
     zeros = np.sqrt(sla.eigvalsh(K[1:, 1:], M[1:, 1:]))
     back = chain_of_roots(float(J.sum()), poles, zeros)
-    np.testing.assert_allclose(np.concatenate(back), np.concatenate([J, k]), rtol=1e-8)
+    # The far end hangs on differences of the roots: the solver's 1e-15 comes back a few million times as large.
+    np.testing.assert_allclose(np.concatenate(back), np.concatenate([J, k]), rtol=1e-7)
 
 
 @law
