@@ -28,8 +28,8 @@ class Scatter:
     """What healthy records say of p parameters, in sizes of the parameters; times in samples.
 
     ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii); ``mean_sd`` what chance makes
-    of the mean.  ``power`` and ``chance`` (B, p): what the true variance may be, over that of the records, and the true
-    mean, from ``mean_d`` in ``mean_sd``, resampled together: a record that is off in one is off in others, too.
+    of the mean.  ``power`` (B, p): what the true variance may be, over that of the records.  ``chance`` (B, p): where
+    the true mean may be, from ``mean_d`` in ``mean_sd``.  Both go together in parameters that err together.
     """
 
     mean_d: Floats  # (p,)
@@ -76,7 +76,7 @@ def scatter(
     means, squares = np.hsplit((weights @ sums) / (weights @ count)[:, np.newaxis], 2)
     variance = (off**2).mean(axis=0)
     power = _turned(squares / variance, memories)
-    chance = -means / np.maximum(means.std(axis=0), _TINY)  # as far to the other side, as well
+    chance = rng.multivariate_normal(np.zeros(d.shape[1]), _correlation(means), size=times)
     variance *= 1 + 2 / memories  # the mean is of the same record
     by_chance = 2 * variance / memories
     return Scatter(
@@ -88,6 +88,12 @@ def binned(one: Deviations, q: int) -> Floats:
     """Deviation and s (n, 2, p) at every q-th of the tested samples."""
     use = np.flatnonzero(one.tested.all(axis=1))[q - 1 :: q]
     return np.stack([one.d[use], one.s[use]], axis=1)
+
+
+def _correlation(values: Floats) -> Floats:
+    """Of the columns of values (B, p)."""
+    z = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), _TINY)
+    return np.asarray(z.T @ z / len(z))
 
 
 def _turned(resampled: Floats, memories: float) -> Floats:
