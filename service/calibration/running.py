@@ -193,12 +193,13 @@ def _warnings(of: Calibration) -> Iterator[str]:
                 " is not the axis): alpha_1 makes up for it."
             )
     beyond = of.scatter.beyond
-    for name, off, more in zip(of.model.monitored, of.scatter.mean_d, beyond, strict=True):
-        if more > 0:
-            yield (
-                f"{name} is off its nominal value by {100 * off:+.2g} % of its size all along: nu allows for it."
-                " Nominal values identified from these records let smaller faults be found."
-            )
+    rows = zip(of.model.monitored, of.scatter.mean_d, beyond, strict=True)
+    if off := [f"{name} by {100 * mean:+.2g} %" for name, mean, more in rows if more > 0]:
+        yield (
+            f"Off its nominal value all along, in parts of its size: {', '.join(off)}. nu allows for it. Nominal values"
+            f" from these records, by `axiswatch identify` with `--start values --free {','.join(of.model.monitored)}`,"
+            " let smaller faults be found."
+        )
     for name, allowed in zip(of.model.monitored, of.allowance - beyond, strict=True):
         if allowed > 0:
             yield (

@@ -60,11 +60,11 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     _write(folder / "warm.csv", plant.take(RECORD_S))
     axis, operation = folder / "axis.toml", ["cold.csv", "warm.csv"]
     warming = ("--varying", "fm: temperature")
-    # The masses by themselves, to start from; all; and what hangs on the motion from that of operation alone.
+    # The masses by themselves, to start from; all; and what is watched from the motion of operation alone.
     values = _identified(folder, {"kT": 1.0, "r": R}, ["excite.csv"])
     start = ("--start", "values") if "Jm" in values else ()
     values = _identified(folder, values, ["excite.csv", *operation], *warming, *start)
-    free = ("--start", "values", "--free", "Jm,fc,fm,tau0")
+    free = ("--start", "values", "--free", "kT,fc,fm,tau0")
     if "Jm" not in values or _identified(folder, values, operation, *warming, *free) is values:
         raise RefusedError("no nominal values")
     axis.write_text(AXIS % 'nominal_file = "nominal.toml"', encoding="utf-8")
