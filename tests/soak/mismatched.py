@@ -17,6 +17,7 @@ from tests.core.mismatch_plant import INTERVAL_S, STEP, Block, MismatchPlant, R
 from tests.core.mismatch_watch import Watch
 
 PARAMETERS = ("kT", "fc", "fm")
+MASSES = ("Jm", "Jg", "Ja", "kg", "ka")
 MEMORY_S, WITHIN_S, BUDGET = 5.0, 30.0, "1y"
 """A memory of some motions, as motion and standstill take turns."""
 EXCITE_S, EXCITE_HZ, EXCITE_RMS = 60.0, (0.5, 30.0), 1.5
@@ -88,7 +89,7 @@ def _write(path: Path, block: Block) -> None:
 
 
 def _identified(folder: Path, values: dict[str, float], records: list[str], *words: str) -> dict[str, float]:
-    """What ``identify`` finds from these values; they themselves where it refuses, as masses may not be told."""
+    """What ``identify`` finds from these values; they themselves where it refuses, or says that it cannot tell it."""
     config, found = folder / "identify.toml", folder / "nominal.toml"
     text = ", ".join(f"{name} = {value}" for name, value in values.items())
     config.write_text(AXIS % f"nominal = {{ {text} }}", encoding="utf-8")
@@ -97,7 +98,12 @@ def _identified(folder: Path, values: dict[str, float], records: list[str], *wor
     if result.exit_code:
         print(f"identify {' '.join(records)}: {result.output.splitlines()[-1]}")
         return values
-    return dict(tomllib.loads(found.read_text(encoding="utf-8"))["values"])
+    told = tomllib.loads(found.read_text(encoding="utf-8"))
+    deviations = told["standard_deviations"]
+    if vague := [name for name in MASSES if deviations.get(name, 0.0) > told["values"][name]]:
+        print(f"identify {' '.join(records)}: cannot tell {', '.join(vague)}")
+        return values
+    return dict(told["values"])
 
 
 def _run(folder: Path, command: str, records: list[str], config: Path, output: str, *words: str) -> Result:
