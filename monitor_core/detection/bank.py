@@ -36,7 +36,7 @@ from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
-SURE_ENOUGH = 0.998
+SURE_ENOUGH = 0.999
 """Share of the likeliest cause from which on it is named."""
 MEMORIES = 3
 """Without such a share the likeliest causes are named after so many memory lengths."""

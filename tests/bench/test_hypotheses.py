@@ -103,7 +103,7 @@ def test_reference_experiment(seed: int, say: Say) -> None:
 def test_where_others_are_monitored(
     monitored: Sequence[str], name: str, values: Mapping[str, float], seed: int, say: Say
 ) -> None:
-    both(model_of(monitored, values), [name], SEEDS // 3, seed, say)
+    both(model_of(monitored, values), [name], SEEDS, seed, say)
 
 
 @pytest.mark.parametrize("irregular", [False, True], ids=["regular", "irregular"])

@@ -15,10 +15,12 @@ from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
 from monitor_core.operating import Conditions, Operating
 from monitor_core.settings import Settings
-from tests.core.mismatch_plant import Block, MismatchPlant
+from tests.core.mismatch_plant import INTERVAL_S, Block, MismatchPlant
 
 FAULTS: Mapping[str, tuple[float, float]] = {"kT": (1.2, 60.0), "fc": (1.3, 60.0), "fm": (1.5, 300.0)}
-"""Factor, and seconds within which it is to be named."""
+"""Factor, and seconds of motion within which it is to be named."""
+MOVING = 0.5
+"""rad/s, a hundredth of the largest speed: slower, the axis stands."""
 
 
 class Alarm(NamedTuple):
@@ -61,17 +63,20 @@ class Watch:
 def after_fault(
     plant: MismatchPlant, watch: Watch, fault: Mapping[str, float], seconds: float
 ) -> Alarm | None:
-    """What the first named alarm says when the plant breaks now; None: there is none in that time.
+    """What the first named alarm says when the plant breaks now; None: there is none in so many seconds of motion.
 
     Plant and monitor stay as they are.
     """
     plant, watch, start_us = copy.deepcopy(plant), watch.copy(), 0
-    for k in range(round(seconds)):
+    moved_s, taken_s = 0.0, 0.0
+    while moved_s < seconds:
         block = plant.take(1.0, fault)
         start_us = start_us or int(block.t_us[0])
+        taken_s += 1.0
         for e in watch.take(block)[0]:
             if e.stage == "named":
-                return alarm_of(e, watch.model, start_us, k + 1.0)
+                return alarm_of(e, watch.model, start_us, taken_s)
+        moved_s += float(np.mean(np.abs(np.diff(block.y)) > MOVING * INTERVAL_S))
     return None
 
 

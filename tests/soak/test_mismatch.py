@@ -110,7 +110,7 @@ def test_twenty_plants(seed: int, tmp_path: Path) -> None:
         size = np.median([alarm.size for alarm in good])
         wrong = sum(alarm is not None for alarm in alarms) - len(good)
         print(
-            f"{name} x {factor}: named right within {seconds:.0f} s in {len(good)} of {len(alarms)}, after"
+            f"{name} x {factor}: named right within {seconds:.0f} s of motion in {len(good)} of {len(alarms)}, after"
             f" {delay:.0f} s, size {100 * size:+.0f} % (medians); wrong name {wrong}"
         )
     assert not noisy
