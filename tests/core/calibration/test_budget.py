@@ -5,6 +5,7 @@ recursion is in tests/soak/test_calibration.py.
 """
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -117,6 +118,36 @@ def test_what_the_variance_may_be_has_a_bound_that_holds(seed: int) -> None:
         held += int((told.sigma**2 * np.quantile(told.power, 0.95, axis=0) >= 1).sum())
     print(f"{held} of 400 hold the true variance")
     assert held >= 352
+
+
+def test_parameters_that_err_together_make_the_rate_of_the_axis_less_certain(seed: int) -> None:
+    """Two means that are nearly the same, beside two that know nothing of each other: 1.3 times in the logarithm."""
+    rng, wider = np.random.default_rng(seed), []
+    for _ in range(4):
+        alike = forgotten(rng, LENGTH)[:, :1] + 0.1 * forgotten(rng, LENGTH) + 0.2
+        told = scatter([deviations(alike)], MEMORY, rng)
+        assert np.corrcoef(told.chance.T)[0, 1] > 0.9
+        told = replace(told, power=np.ones_like(told.power))
+        tail = tails(told, copies(1.0))
+        own = thresholds(told, tail, np.zeros(P), BUDGET * MEMORY, rng)
+        apart = replace(told, chance=rng.standard_normal(told.chance.shape))
+        one, other = (rates(of, tail, own, rng) for of in (apart, told))
+        wider.append(math.log(other.upper / other.lower) / math.log(one.upper / one.lower))
+    assert np.mean(wider) > 1.12
+
+
+def test_the_interval_is_for_axes_off_by_the_allowance_and_for_those_that_are_not(seed: int) -> None:
+    """The upper bound is the same; the lower one that of tests with so much more nu."""
+    rng = np.random.default_rng(seed)
+    scattered = informed(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0))
+    tail = tails(scattered, copies(1.0))
+    own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
+    plain = rates(scattered, tail, own, rng)
+    more = rates(scattered, tail, tuple(t._replace(allowance=0.5) for t in own), rng)
+    slope = [tail[i].log_rate(own[i].alpha2, scattered.offset[i], np.array(1.0), 0.5) for i in range(P)]
+    assert more.upper == pytest.approx(plain.upper, rel=0.1)
+    assert more.whole == pytest.approx(plain.whole)
+    assert more.lower < 2 * math.exp(float(np.logaddexp.reduce(slope))) < plain.lower
 
 
 def test_a_year_has_a_wide_interval(seed: int) -> None:
