@@ -44,7 +44,7 @@ def test_an_alarm_tells_its_size_with_standard_deviation(seed: int) -> None:
     case = BY_NAME["paper"]
     settings = case.settings(alpha1=0.5, alpha2=0.5)
     monitor = AxisMonitor.alone(case.model, settings)
-    rec = record(seed, case, 600, true={**case.values, "kT": 1.3})
+    rec = record(seed, case, 1500, true={**case.values, "kT": 1.3})
     episodes, trace = monitor.run_traced(*rec)
     before, checked = 0.0, 0
     for e in episodes:
