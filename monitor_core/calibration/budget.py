@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monitor_core.calibration.run_length import log_mean_time, root
+from monitor_core.calibration.run_length import root
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.calibration.surrogate import LEAST, Excursions
+from monitor_core.calibration.tail import Tail
 from monitor_core.kernel.tables import Floats
 from monitor_core.settings import Threshold
 
@@ -16,50 +16,11 @@ CONFIDENCE = 0.90
 LOWER, UPPER = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
 LEAST_H, LEAST_NU, MOST_NU = 0.5, 0.3, 2.5
 """Thresholds over sigma times memory, and nu over sigma, for which run lengths are known."""
-ENOUGH, FEW = 150, 15
-"""Excursions above a threshold that tell its rate; with fewer than the second the formula is taken as it is."""
 _OFF, _FARTHER = 0.1, 0.03
 """Standard deviation, logarithmic, of what the shape of the run length is off by: so much, and so much for each
 factor e by which it is extrapolated."""
-_DRAWS = 4
-"""Of chance, for each resampling: bounds of the rate come out the same, within a few per cent, another time."""
 _NEAR = 0.02
 """Accuracy of logarithms of rates."""
-
-
-@dataclass(frozen=True)
-class Tail:
-    """Rates of false alarms of one parameter by threshold: the run length formula, made to fit what was simulated."""
-
-    k: float
-    """nu over sigma with which it was simulated, and is meant to be used"""
-    sigma: float
-    """Of the records, in sizes"""
-    tau: tuple[float, float]
-    """Memories with which the formula gives the simulated rates of an increase and of a decrease"""
-    log_known: float
-    """Logarithm of the least rate, of one direction and per sample, that was simulated well"""
-
-    @property
-    def nu(self) -> float:
-        """In sizes."""
-        return self.k * self.sigma
-
-    def log_rate(self, h: float, offset: Floats, power: Floats, spare: float = 0.0) -> Floats:
-        """Logarithm of the false alarms per sample of both directions.
-
-        Args:
-            h: threshold, in sizes times samples.
-            offset: of the mean of the deviation, in sizes.
-            power: variance of the deviation over that of the records.
-            spare: of an allowance in nu, in sizes, what the deviations do not need.
-        """
-        sigma = self.sigma * np.sqrt(power)
-        one = [
-            -log_mean_time((self.nu + spare - sign * offset) / sigma, h / (sigma * tau), np.array(tau))
-            for sign, tau in zip((1, -1), self.tau, strict=True)
-        ]
-        return np.asarray(np.logaddexp(*one))
 
 
 @dataclass(frozen=True)
@@ -90,36 +51,6 @@ def best_nu(log_time: float, within: float) -> float:
 def nu_over_sigma(parameters: int, memory: float, samples: float, within: float) -> float:
     """``best_nu`` of each test, for a budget of one false alarm of the axis in so many samples."""
     return best_nu(math.log(max(2 * parameters * samples / memory, math.e)), within)
-
-
-def tails(scatter: Scatter, found: Excursions) -> tuple[Tail, ...]:
-    """How often the sums go how far, of each parameter."""
-    return tuple(_tail(i, scatter, found) for i in range(len(scatter.sigma)))
-
-
-def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
-    k, sigma, memory = float(found.k[i]), float(found.sigma[i]), scatter.memory
-    off = float(found.mean[i]) / sigma
-    fits = [
-        _fitted(max(k - sign * off, LEAST_NU / 3), sigma, memory, ways[i], found.samples)
-        for sign, ways in zip((1, -1), found.largest, strict=True)
-    ]
-    return Tail(k, float(scatter.sigma[i]), (fits[0][0], fits[1][0]), max(fits[0][1], fits[1][1]))
-
-
-def _fitted(k: float, sigma: float, memory: float, largest: Floats, samples: float) -> tuple[float, float]:
-    """Memory with which the formula gives the rate of the excursions that go farthest, and that rate's logarithm."""
-    if len(largest) < FEW:  # hardly anything goes so far: the formula alone
-        return memory, -float(log_mean_time(np.array(k), np.array(LEAST), np.array(memory)))
-    rank = min(ENOUGH, len(largest)) - 1
-    known, log_rate = float(largest[rank]), math.log((rank + 1) / samples)
-
-    def off(log_tau: float) -> float:
-        tau = math.exp(log_tau)
-        return -float(log_mean_time(np.array(k), np.array(known / (sigma * tau)), np.array(tau))) - log_rate
-
-    low, high = math.log(memory) - 3, math.log(memory) + 3
-    return (math.exp(root(off, low, high)) if off(low) * off(high) < 0 else memory), log_rate
 
 
 def thresholds(
@@ -167,16 +98,16 @@ def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Fl
 
 
 def _draws(scatter: Scatter, parameters: int, rng: np.random.Generator) -> Floats:
-    """Chance of the formula (p, n), some for each resampling."""
-    return rng.standard_normal((parameters, _DRAWS * len(scatter.power)))
+    """Chance (p, B, 5), for each resampling: of both ways of the tail, and of the formula."""
+    return rng.standard_normal((parameters, len(scatter.power), 5))
 
 
 def _drawn(scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats, spare: float = 0.0) -> Floats:
-    """Logarithms of the rate of a parameter (n,), by what the resampled records and chance say."""
-    offset = scatter.offset[i] + scatter.mean_sd[i] * scatter.chance[:, i]
-    rate = tail.log_rate(h, offset, scatter.power[:, i], spare)
+    """Logarithms of the rate of a parameter (B,), by what the resampled records and chance say."""
+    offset = scatter.offset[i] + scatter.off[:, i]
+    rate = tail.log_rate(h, offset, scatter.power[:, i], spare, draws[:, :4])
     sd = _OFF + _FARTHER * max(0.0, tail.log_known - float(np.median(rate)))
-    return np.asarray(np.tile(rate, _DRAWS) + sd * draws)
+    return np.asarray(rate + sd * draws[:, 4])
 
 
 def _bound(
@@ -193,7 +124,7 @@ def rates(
 ) -> Rates:
     """How often these thresholds will alarm on axes that are like the healthy records, off by the allowance or not."""
     h = [threshold.alpha2 for threshold in own]
-    one = np.array([tail.log_rate(h[i], scatter.offset[i], np.array(1.0)) for i, tail in enumerate(tails)])
+    one = np.array([tail.most_likely(h[i], float(scatter.offset[i])) for i, tail in enumerate(tails)])
     beyond = max(tail.log_known - rate for tail, rate in zip(tails, one, strict=True))
     draws = _draws(scatter, len(tails), rng)
     spare = np.array([threshold.allowance for threshold in own]) - scatter.beyond

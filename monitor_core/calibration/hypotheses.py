@@ -14,7 +14,7 @@ import numpy as np
 
 from monitor_core.calibration.budget import LOWER, UPPER
 from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.surrogate import BLOCK, copies_of, source_of
+from monitor_core.calibration.surrogate import MANY, blocks_of, copies_of, source_of
 from monitor_core.detection.bank import HypothesisBank, default_hypotheses
 from monitor_core.detection.detector import Limit
 from monitor_core.detection.hypotheses import Hypothesis
@@ -32,6 +32,8 @@ _LARGEST = 1.1
 """A threshold is so many times what the healthy records themselves reach, at least."""
 _CHUNK = 10_000
 _DRAWS = 1000
+_SLOW = 2.0
+"""Memories, after which innovations run another course."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,8 @@ def _copied(
         for source in sources:
             memories: list[Memory] = []
             tops: list[Floats] = []
-            for t_us, u, y in copies_of(bank.model, bank.settings, source, rng):
+            draw = blocks_of(bank.settings, source, MANY, rng)
+            for t_us, u, y in copies_of(bank.model, bank.settings, source, draw):
                 for a in range(u.shape[1]):
                     if len(memories) <= a:
                         bank.reset()
@@ -196,7 +199,7 @@ def _limits(
     drawn, beyond = np.zeros(_DRAWS), 0.0
     tails = _paired(bank.hypotheses, [(copied if copied.samples else recorded).tail(i) for i in range(many)])
     # How far g goes is told by the slow course of the innovations, of which the records have so many blocks.
-    blocks = max(recorded.samples / (BLOCK * bank.settings.memory), 2.0)
+    blocks = max(recorded.samples / (_SLOW * bank.settings.memory), 2.0)
     alike = rng.gamma(blocks / 2, 2 / blocks, _DRAWS)
     for i, of in enumerate(bank.hypotheses):
         tail, seen = tails[i], recorded.tail(i)

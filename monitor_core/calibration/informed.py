@@ -3,7 +3,8 @@
 The copies say it much more sharply than a record, which is short, and as the very recursion runs over them they know
 its own bias under coloured innovations; but they know nothing of what the model lacks.  So what a record differs by
 from its copies is taken for chance as far as chance explains it, and where it does not, for what it is: the horseshoe
-(Carvalho, Polson and Scott 2010), which hardly shrinks what is far out.
+(Carvalho, Polson and Scott 2010), which hardly shrinks what is far out.  The copies are themselves off, by what
+was chance in the innovations that they are made of (``own_error``).
 """
 
 from dataclasses import replace
@@ -14,6 +15,8 @@ from monitor_core.calibration.scatter import Scatter
 from monitor_core.calibration.surrogate import Excursions
 from monitor_core.kernel.tables import Floats
 
+MOST_OWN = 0.9
+"""Of the chance of a record, what copies of it are off by themselves."""
 _STEPS = 2000
 _FARTHEST = 1e3
 """Standard deviations: what is farther out is not shrunk at all, and its weights would underflow."""
@@ -21,17 +24,29 @@ _FARTHEST = 1e3
 
 def informed(scatter: Scatter, found: Excursions) -> Scatter:
     """The scatter of the records, with what the copies know of its mean and its size."""
-    mean, mean_share = shrunk((scatter.mean_d - found.mean) / scatter.mean_sd)
+    of_mean, of_log = found.error
+    shift, share = _told(scatter.mean_d - found.mean, scatter.mean_sd, of_mean * found.sigma)
     log_power = np.log(scatter.power)
-    sd = log_power.std(axis=0) / 2  # of the logarithm of sigma
-    larger, share = shrunk(np.log(scatter.sigma / found.sigma) / sd)
+    larger, log_share = _told(np.log(scatter.sigma / found.sigma), log_power.std(axis=0) / 2, of_log)
     return replace(
         scatter,
-        mean_d=found.mean + mean * scatter.mean_sd,
-        mean_sd=mean_share * scatter.mean_sd,
-        sigma=found.sigma * np.exp(larger * sd),
-        power=np.exp(share * log_power),
+        mean_d=found.mean + shift,
+        off=share * scatter.off,
+        sigma=found.sigma * np.exp(larger),
+        power=np.exp(log_share * log_power),
     )
+
+
+def _told(differs: Floats, chance: Floats, own: Floats) -> tuple[Floats, Floats]:
+    """What to add to the copies' number (p,), and how certain it is then, as a share of the record's chance (p,).
+
+    A record has the copies' own error in its chance, as it is of the same innovations.  So that is no part of what they
+    differ by, and stays.
+    """
+    own = np.minimum(own, MOST_OWN * chance)
+    rest = np.sqrt(chance**2 - own**2)
+    mean, sd = shrunk(differs / rest)
+    return mean * rest, np.hypot(sd * rest, own) / chance
 
 
 def shrunk(e: Floats) -> tuple[Floats, Floats]:

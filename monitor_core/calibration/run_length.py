@@ -21,6 +21,7 @@ LEAST_K = 0.02
 """A test with less drift than that, or the wrong way, alarms all the time."""
 SIEGMUND = 1.166
 _HIGHEST = 1e6
+_LEAST_H = 1e-3
 
 
 def boundary(k: Floats, h: Floats) -> Floats:
@@ -41,6 +42,16 @@ def log_mean_time(k: Floats, h: Floats, tau: Floats) -> Floats:
     # e^a - 1 - a, which overflows and, for small a, cancels.
     grown = np.where(a < 30, np.log(np.maximum(np.expm1(np.minimum(a, 30)) - a, 1e-300)), a)
     return np.asarray(np.log(tau) - 2 * np.log(k) + grown)
+
+
+def log_single(k: Floats, h: Floats) -> Floats:
+    """Logarithm of how many excursions of g from zero go beyond h, for each alarm at h.
+
+    After an alarm the sum begins anew while the deviation is still large, and often goes as far again; an excursion
+    that goes twice as far is one.  Fitted to simulations (k 0.3 to 1.4): right within 6 % from h = 1.5 on.
+    """
+    k = np.maximum(k, LEAST_K)
+    return np.asarray(np.log1p(-np.exp(-(0.7 + 0.3 * k) * k * np.maximum(h, _LEAST_H))))
 
 
 def threshold(k: float, log_samples: float, tau: float) -> float:

@@ -27,19 +27,23 @@ LONGEST, MOST_BLOCKS = 5, 30
 class Scatter:
     """What healthy records say of p parameters, in sizes of the parameters; times in samples.
 
-    ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii); ``mean_sd`` what chance makes
-    of the mean.  ``power`` (B, p): what the true variance may be, over that of the records.  ``chance`` (B, p): where
-    the true mean may be, from ``mean_d`` in ``mean_sd``.  Both go together in parameters that err together.
+    ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii).  ``power`` (B, p): what the true
+    variance may be, over sigma^2.  ``off`` (B, p): how far from ``mean_d`` the true mean may be.  Both go together in
+    parameters that err together.
     """
 
     mean_d: Floats  # (p,)
-    mean_sd: Floats  # (p,)
     mean_s: Floats  # (p,)
     sigma: Floats  # (p,)
     power: Floats  # (B, p)
-    chance: Floats  # (B, p)
+    off: Floats  # (B, p)
     memories: float
     memory: float
+
+    @property
+    def mean_sd(self) -> Floats:
+        """Standard deviation (p,) of what the mean may be off by."""
+        return np.asarray(self.off.std(axis=0))
 
     @property
     def offset(self) -> Floats:
@@ -69,19 +73,17 @@ def scatter(
     starts = np.cumsum([0] + [len(part) for part in parts])[:-1].tolist()
     memories = len(d) * q / memory
     mean = d.mean(axis=0)
-    off = d - mean
+    around = d - mean
     length = max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS)))
-    sums, count = _blocks(np.hstack([off, off**2]), starts, length)
+    sums, count = _blocks(np.hstack([around, around**2]), starts, length)
     weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=times)
     means, squares = np.hsplit((weights @ sums) / (weights @ count)[:, np.newaxis], 2)
-    variance = (off**2).mean(axis=0)
+    variance = (around**2).mean(axis=0)
     power = _turned(squares / variance, memories)
     chance = rng.multivariate_normal(np.zeros(d.shape[1]), _correlation(means), size=times)
     variance *= 1 + 2 / memories  # the mean is of the same record
-    by_chance = 2 * variance / memories
-    return Scatter(
-        mean, np.sqrt(by_chance), s.mean(axis=0), np.sqrt(variance), power, chance, memories, memory
-    )
+    off = np.sqrt(2 * variance / memories) * chance
+    return Scatter(mean, s.mean(axis=0), np.sqrt(variance), power, off, memories, memory)
 
 
 def binned(one: Deviations, q: int) -> Floats:

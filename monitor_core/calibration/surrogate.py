@@ -1,16 +1,19 @@
 """Healthy records without end: the motion of a record, its innovations in another order, through the monitor itself.
 
-Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their colour within a block stays.  What the
-recursion makes of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.
+Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their colour stays.  What the recursion makes
+of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from monitor_core.bank import Bank
+from monitor_core.calibration.blocks import Blocks
 from monitor_core.calibration.healthy import Samples, untested
+from monitor_core.calibration.own_error import own_error
 from monitor_core.calibration.plants import Plants, innovations
 from monitor_core.kernel.excursions import excursions
 from monitor_core.kernel.tables import Floats
@@ -18,12 +21,16 @@ from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
 from monitor_core.settings import Settings
 
-SAMPLES = 8_000_000
+SAMPLES = 32_000_000
 """That are simulated, in all."""
 LANES = 64
 CHUNK = 4000
 BLOCK = 2.0
 """Memories in a block of innovations."""
+MANY, FEW, FEWEST = 8.0, 0.25, 8
+"""Blocks that a copy has, over those of the record: so that all copies are alike, and so that they differ; at least so
+many."""
+LEAST_PARTS = 8
 SETTLED = 3
 """Memories until the deviations have forgotten their start."""
 BINS = 50
@@ -44,6 +51,8 @@ class Excursions:
     sigma: Floats
     mean: Floats
     """Of the deviation, in sizes (p,)"""
+    error: Floats
+    """Standard deviation (2, p) of what the mean, over sigma, and log sigma are off by (``own_error``)"""
     largest: tuple[tuple[Floats, ...], ...]
     samples: float
 
@@ -62,19 +71,36 @@ def simulated(
     Raises:
         ValueError: no record has innovations.
     """
-    watch = _Watch(model, settings, k)
     sources = [source for one in records if (source := source_of(model, settings, one)) is not None]
     if not sources:
         raise ValueError("nothing was learned from any record")
+    copies = _Copies(model, settings)
     whole = sum(len(source.u) for source in sources)
     # Of the first memories sigma is had; short records go by for it a first time.
     least = 1 if whole > 4 * _KNOWN * settings.memory else 2
     turns = max(least, round(samples / whole / LANES))
+    error, watch = _own_error(copies, sources, rng), _Watch(model, settings, k)
     for turn in range(turns):
         for source in sources:
-            _run(model, settings, source, watch, rng)
+            watch.begin()
+            for d, s in copies.run(source, blocks_of(settings, source, MANY, rng)):
+                watch.take(d, s)
         progress((turn + 1) / turns)
-    return watch.found()
+    return watch.found(error)
+
+
+def _own_error(copies: "_Copies", sources: Sequence["Source"], rng: np.random.Generator) -> Floats:
+    """Of copies with few of the innovations, as small as it is with all of them (2, p)."""
+    few = [blocks_of(copies.settings, source, FEW, rng) for source in sources]
+    sums: list[Floats] = []
+    counts: list[float] = []
+    while len(sums) < LEAST_PARTS:
+        for source, blocks in zip(sources, few, strict=True):
+            for d, _ in copies.run(source, blocks):
+                sums.append(np.stack([d.sum(axis=0), (d * d).sum(axis=0)]))
+                counts.append(float(len(d)))
+    share = sum(blocks.samples for blocks in few) / sum(len(source.eps) for source in sources)
+    return own_error(np.array(sums), np.array(counts)) * math.sqrt(share)
 
 
 @dataclass(frozen=True)
@@ -108,18 +134,14 @@ def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | No
     return Source(one.u[start:], eps - eps.mean(), found.x[0], float(one.u[start - 1]), column, t_us)
 
 
-def _run(model: AxisModel, settings: Settings, of: Source, watch: "_Watch", rng: np.random.Generator) -> None:
-    """LANES copies of a record."""
-    bank = watch.bank
-    for a in range(LANES):
-        bank.restore(a, *of.column)
-    watch.begin()
-    for t_us, u, y in copies_of(model, settings, of, rng):
-        watch.take(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
+def blocks_of(settings: Settings, of: Source, share: float, rng: np.random.Generator) -> Blocks:
+    """Innovations for LANES copies of a record, each of which has so many times those of the record."""
+    length = max(2, round(BLOCK * settings.memory))
+    return Blocks(of.eps, length, max(FEWEST, round(share * len(of.eps) / length)), LANES, rng)
 
 
 def copies_of(
-    model: AxisModel, settings: Settings, of: Source, rng: np.random.Generator
+    model: AxisModel, settings: Settings, of: Source, draw: Blocks
 ) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
     """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES)."""
     plants = Plants(model, settings, [model.nominal])
@@ -129,69 +151,69 @@ def copies_of(
     start = np.repeat(of.x[np.newaxis], LANES, axis=0)
     _, x = plants.run(which, start, before[0], before, np.zeros((1, LANES)))
     step, N = round(settings.interval_s * 1e6), len(of.u)
-    draw = _Draw(of.eps, max(1, round(BLOCK * settings.memory)), rng)
-    for k in range(0, N, CHUNK):
-        u = np.repeat(of.u[k : k + CHUNK, np.newaxis], LANES, axis=1)
+    chunk = min(CHUNK, N // LEAST_PARTS + 1)
+    for k in range(0, N, chunk):
+        u = np.repeat(of.u[k : k + chunk, np.newaxis], LANES, axis=1)
         y, x = plants.run(which, x, before[0], u, draw.take(len(u)))
         before = u[-1:]
         t_us = of.t_us + step * np.arange(k + 1, k + 1 + len(u), dtype=np.int64)
         yield t_us, u, y
 
 
-class _Draw:
-    """Innovations (N, LANES) in blocks that begin anywhere."""
+class _Copies:
+    """The monitors of all copies."""
 
-    def __init__(self, eps: Floats, length: int, rng: np.random.Generator) -> None:
-        self._eps, self._length, self._rng = eps, min(length, len(eps)), rng
-        self._left = np.zeros((0, LANES))
+    def __init__(self, model: AxisModel, settings: Settings) -> None:
+        self.model, self.settings = model, settings
+        self._bank = Bank([model] * LANES, [untested(settings)] * LANES)
 
-    def take(self, count: int) -> Floats:
-        while len(self._left) < count:
-            first = self._rng.integers(0, len(self._eps) - self._length + 1, LANES)
-            more = self._eps[first + np.arange(self._length)[:, np.newaxis]]
-            self._left = np.concatenate([self._left, more])
-        out, self._left = self._left[:count], self._left[count:]
-        return out
+    def run(self, source: Source, blocks: Blocks) -> Iterator[tuple[Floats, Floats]]:
+        """Deviations and sqrt(lambda_0 P_ii) (n, p, LANES) of copies of a record, at every q-th sample."""
+        model, settings, since = self.model, self.settings, 0
+        scale, q = model.scale[:, np.newaxis], every(settings)
+        for a in range(LANES):
+            self._bank.restore(a, *source.column)
+        for t_us, u, y in copies_of(model, settings, source, blocks):
+            _, trace = self._bank.run_traced(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
+            first = max(0, round(SETTLED * settings.memory) - since)
+            since += len(u)
+            here = slice(first + q - 1, None, q)
+            d = np.ascontiguousarray((trace.theta[here] - model.theta0[:, np.newaxis]) / scale)
+            if len(d):
+                yield d, np.sqrt(settings.lam0 * trace.P[here]) / scale
+
+
+def every(settings: Settings) -> int:
+    """So many samples go by from one that is looked at to the next."""
+    return max(1, round(settings.memory / BINS))
 
 
 class _Watch:
-    """The monitors of all copies, and how far the sums of their tests go."""
+    """How far the sums of the tests of all copies go."""
 
     def __init__(self, model: AxisModel, settings: Settings, k: float) -> None:
         p = len(model.scale)
-        self.bank = Bank([model] * LANES, [untested(settings)] * LANES)
-        self._model, self._settings, self._k = model, settings, k
-        self._q = max(1, round(settings.memory / BINS))
+        self._memory, self._k, self._q = settings.memory, k, every(settings)
         self._g, self._top = np.zeros((2, p, LANES)), np.zeros((2, p, LANES))
         self._largest, self._found = np.zeros((2, p, _ROOM)), np.zeros((2, p), np.int64)
         self._sums, self._counted, self._tested = np.zeros((3, p)), 0, 0
         self._alpha1: Floats | None = None
-        self._since, self._begun = 0, 0
+        self._begun = 0
 
     def begin(self) -> None:
-        """Of other copies."""
-        self._since = 0
+        """With other copies."""
         self._begun += 1
         self._g[...] = self._top[...] = 0.0
 
-    def take(self, t_us: np.ndarray, u: Floats, y: Floats) -> None:
-        """Samples (N, LANES)."""
-        _, trace = self.bank.run_traced(t_us, u, y)
-        scale, q = self._model.scale[:, np.newaxis], self._q
-        first = max(0, round(SETTLED * self._settings.memory) - self._since)
-        self._since += len(u)
-        here = slice(first + q - 1, None, q)
-        d = np.ascontiguousarray((trace.theta[here] - self._model.theta0[:, np.newaxis]) / scale)
-        s = np.sqrt(self._settings.lam0 * trace.P[here]) / scale
-        if not len(d):
-            return
+    def take(self, d: Floats, s: Floats) -> None:
+        """Deviations and their sqrt(lambda_0 P_ii) (n, p, LANES)."""
         self._sums += [d.sum(axis=(0, 2)), (d * d).sum(axis=(0, 2)), s.sum(axis=(0, 2))]
         self._counted += len(d) * LANES
         if self._alpha1 is None:
-            if self._counted * q < _KNOWN * self._settings.memory * LANES and self._begun < 2:
+            if self._counted * self._q < _KNOWN * self._memory * LANES and self._begun < 2:
                 return  # first sigma is to be known
             self._alpha1 = self._k * self._sigma() / (self._sums[2] / self._counted)
-        least = LEAST * self._sigma() * self._settings.memory / q
+        least = LEAST * self._sigma() * self._memory / self._q
         excursions(d, s * self._alpha1[:, np.newaxis], self._g, self._top, least, self._largest, self._found)
         self._tested += len(d) * LANES
 
@@ -199,13 +221,13 @@ class _Watch:
         mean = self._sums[0] / self._counted
         return np.asarray(np.sqrt(self._sums[1] / self._counted - mean**2))
 
-    def found(self) -> Excursions:
-        """All that was found."""
+    def found(self, error: Floats) -> Excursions:
+        """All that was found, by copies that are off by so much."""
         assert self._alpha1 is not None
         kept = tuple(
             tuple(self._q * np.sort(row[: min(n, _ROOM)])[::-1] for row, n in zip(rows, ns, strict=True))
             for rows, ns in zip(self._largest, self._found, strict=True)
         )
         nu = self._alpha1 * self._sums[2] / self._counted
-        mean = self._sums[0] / self._counted
-        return Excursions(nu / self._sigma(), self._sigma(), mean, kept, float(self._tested * self._q))
+        mean, samples = self._sums[0] / self._counted, float(self._tested * self._q)
+        return Excursions(nu / self._sigma(), self._sigma(), mean, error, kept, samples)

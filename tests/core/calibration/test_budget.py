@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from monitor_core.calibration.budget import Rates, Tail, best_nu, nu_over_sigma, rates, tails, thresholds
+from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.informed import informed
 from monitor_core.calibration.run_length import log_mean_time
 from monitor_core.calibration.scatter import scatter
 from monitor_core.calibration.spread import allowance
 from monitor_core.calibration.surrogate import Excursions
+from monitor_core.calibration.tail import Tail, tails
 from monitor_core.kernel.tables import Floats
 from monitor_core.settings import Threshold
 
@@ -29,6 +30,7 @@ P = 2
 LENGTH, BUDGET, WITHIN = 300, 600, 10.0
 """In memories."""
 CALIBRATIONS = 60
+NO_ERROR = np.zeros((2, P))
 
 
 def forgotten(rng: np.random.Generator, memories: int, colour: float = 0.0) -> Floats:
@@ -52,7 +54,7 @@ def copies(k: float) -> Excursions:
     rate = np.exp(-log_mean_time(np.array(k), heights, np.array(float(MEMORY)))) * samples
     counts = np.diff(-np.round(rate)).astype(int)
     one = np.repeat(heights[:-1] * MEMORY, np.maximum(counts, 0))[::-1]
-    return Excursions(np.full(P, k), np.ones(P), np.zeros(P), ((one,) * P,) * 2, samples)
+    return Excursions(np.full(P, k), np.ones(P), np.zeros(P), NO_ERROR, ((one,) * P,) * 2, samples)
 
 
 class Calibrated(NamedTuple):
@@ -126,11 +128,11 @@ def test_parameters_that_err_together_make_the_rate_of_the_axis_less_certain(see
     for _ in range(4):
         alike = forgotten(rng, LENGTH)[:, :1] + 0.1 * forgotten(rng, LENGTH) + 0.2
         told = scatter([deviations(alike)], MEMORY, rng)
-        assert np.asarray(np.corrcoef(told.chance.T))[0, 1] > 0.9
+        assert np.asarray(np.corrcoef(told.off.T))[0, 1] > 0.9
         told = replace(told, power=np.ones_like(told.power))
         tail = tails(told, copies(1.0))
         own = thresholds(told, tail, np.zeros(P), BUDGET * MEMORY, rng)
-        apart = replace(told, chance=rng.standard_normal(told.chance.shape))
+        apart = replace(told, off=told.mean_sd * rng.standard_normal(told.off.shape))
         one, other = (rates(of, tail, own, rng) for of in (apart, told))
         wider.append(math.log(other.upper / other.lower) / math.log(one.upper / one.lower))
     assert np.mean(wider) > 1.12
@@ -144,7 +146,7 @@ def test_the_interval_is_for_axes_off_by_the_allowance_and_for_those_that_are_no
     own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
     plain = rates(scattered, tail, own, rng)
     more = rates(scattered, tail, tuple(t._replace(allowance=0.5) for t in own), rng)
-    slope = [tail[i].log_rate(own[i].alpha2, scattered.offset[i], np.array(1.0), 0.5) for i in range(P)]
+    slope = [tail[i].most_likely(own[i].alpha2, float(scattered.offset[i]), 0.5) for i in range(P)]
     assert more.upper == pytest.approx(plain.upper, rel=0.1)
     assert more.whole == pytest.approx(plain.whole)
     assert more.lower < 2 * math.exp(float(np.logaddexp.reduce(slope))) < plain.lower
@@ -181,9 +183,9 @@ def test_a_tail_that_was_not_simulated_is_the_formula() -> None:
     scattered = scatter(
         [deviations(forgotten(np.random.default_rng(1), 40))], MEMORY, np.random.default_rng(2)
     )
-    none = Excursions(np.ones(P), np.ones(P), np.zeros(P), ((np.zeros(0),) * P,) * 2, 1e6)
+    none = Excursions(np.ones(P), np.ones(P), np.zeros(P), NO_ERROR, ((np.zeros(0),) * P,) * 2, 1e6)
     tail: Tail = tails(scattered, none)[0]
-    assert tail.tau == (MEMORY, MEMORY)
+    assert np.exp([way.best for way in tail.ways]) == pytest.approx(np.array([[MEMORY, 1.0]] * 2))
 
 
 def test_records_that_differ_get_an_allowance(seed: int) -> None:

@@ -1,5 +1,7 @@
 """Records and their copies together: chance is taken for chance, and what the copies do not know for what it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -12,8 +14,10 @@ from monitor_core.kernel.tables import Floats
 P = 3
 
 
-def copies(mean: Floats, sigma: Floats) -> Excursions:
-    return Excursions(np.ones(P), sigma, mean, ((np.zeros(0),) * P,) * 2, 1e6)
+def copies(mean: Floats, sigma: Floats, off: float = 0.0) -> Excursions:
+    """That are off by so much themselves: the mean in sigma, and the logarithm of sigma."""
+    error = np.full((2, P), off)
+    return Excursions(np.ones(P), sigma, mean, error, ((np.zeros(0),) * P,) * 2, 1e6)
 
 
 def record(rng: np.random.Generator, mean: Floats, sigma: Floats, memories: float) -> Scatter:
@@ -22,8 +26,8 @@ def record(rng: np.random.Generator, mean: Floats, sigma: Floats, memories: floa
     of_log = 1 / np.sqrt(memories)  # of the variance, doubled in its logarithm
     seen = sigma * np.exp(of_log / 2 * rng.standard_normal(P))
     power = np.exp(of_log * rng.standard_normal((1000, P)))
-    chance = rng.standard_normal((1000, P))
-    return Scatter(mean + sd * rng.standard_normal(P), sd, np.ones(P), seen, power, chance, memories, 200.0)
+    off = sd * rng.standard_normal((1000, P))
+    return Scatter(mean + sd * rng.standard_normal(P), np.ones(P), seen, power, off, memories, 200.0)
 
 
 def test_shrunk_is_the_posterior_of_the_horseshoe() -> None:
@@ -78,6 +82,23 @@ def test_copies_of_another_model_are_not_believed(seed: int) -> None:
     assert told.mean_d == pytest.approx(raw.mean_d, abs=0.2 * raw.mean_sd.max())
     assert told.sigma == pytest.approx(raw.sigma, rel=0.03)
     assert told.mean_sd == pytest.approx(raw.mean_sd, rel=0.05)
+
+
+@pytest.mark.parametrize("own", [0.03, 0.09])
+def test_what_copies_are_off_by_themselves_stays(own: float, seed: int) -> None:
+    """The record is off by that, too, and by its own: an interval of 90 % holds the truth in 90 of 100, or more."""
+    rng = np.random.default_rng(seed)
+    mean, sigma, held, times = np.zeros(P), np.array([1.0, 2.0, 0.5]), np.zeros(P), 300
+    for _ in range(times):
+        off = own * rng.standard_normal(P) * sigma
+        chance = record(rng, mean, sigma, 200)
+        rest = np.sqrt(1 - own**2 / (2 / 200))  # of the record's chance
+        raw = replace(chance, mean_d=off + rest * chance.mean_d)
+        told = informed(raw, copies(mean + off, sigma, own))
+        held += np.abs(told.mean_d - mean) < 1.645 * told.mean_sd
+    print(f"{100 * held / times} of 100 hold the truth")
+    assert (held / times > 0.84).all()
+    assert (told.mean_sd > own * sigma).all()
 
 
 def test_the_interval_of_the_mean_holds_the_truth(seed: int) -> None:

@@ -5,7 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from monitor_core.calibration.run_length import log_mean_time, threshold, white_noise_log_mean_time
+from monitor_core.calibration.run_length import (
+    log_mean_time,
+    log_single,
+    threshold,
+    white_noise_log_mean_time,
+)
 from monitor_core.kernel.compile import entry
 from monitor_core.kernel.tables import Floats
 
@@ -39,6 +44,31 @@ def test_formula_against_simulation(seed: int) -> None:
         print(f"k = {case[0]}, h = {case[1]} sigma tau: {n:.0f} alarms, mean time over formula {r:.3f}")
     assert (count > 150).all()
     assert (abs(np.log(ratio)) < 0.22 + 5 / np.sqrt(count)).all()
+
+
+@entry
+def excursions(seed: int, steps: int, lam: float, k: Floats, h: Floats) -> Floats:
+    """From zero, beyond h."""
+    np.random.seed(seed)
+    d, g, top, count = 0.0, np.zeros(k.size), np.zeros(k.size), np.zeros(k.size)
+    for _ in range(steps):
+        d = lam * d + math.sqrt(1.0 - lam * lam) * np.random.standard_normal()
+        for i in range(k.size):
+            g[i] = max(0.0, g[i] + d - k[i])
+            top[i] = max(top[i], g[i])
+            if g[i] == 0.0:
+                count[i] += 1.0 if top[i] > h[i] else 0.0
+                top[i] = 0.0
+    return count
+
+
+def test_an_excursion_is_one_however_far_it_goes(seed: int) -> None:
+    """There are fewer than alarms, the more so the lower the threshold: within a tenth, and by chance."""
+    k, h = np.array([(0.3, 2.0), (0.3, 5.0), (0.5, 1.5), (0.5, 4.0), (0.7, 3.0), (1.0, 1.5), (1.0, 2.5)]).T
+    alarm, single = (of(seed, STEPS, LAM, k, h * TAU) for of in (alarms, excursions))
+    off = np.log(single / alarm) - log_single(k, h)
+    print(f"of alarms {(single / alarm).round(2)} are excursions, off by {off.round(3)} in the logarithm")
+    assert (np.abs(off) < 0.1 + 4 / np.sqrt(single)).all()
 
 
 def test_the_textbook_is_wrong_by_dozens_of_orders_of_magnitude() -> None:

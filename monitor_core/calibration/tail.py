@@ -1,0 +1,140 @@
+"""How often the sums of a test go how far: the run length formula, fitted to what copies of healthy records did."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.calibration.run_length import log_mean_time, log_single
+from monitor_core.calibration.scatter import Scatter
+from monitor_core.calibration.surrogate import Excursions
+from monitor_core.kernel.tables import Floats
+
+ENOUGH, FEW = 1500, 15
+"""Excursions that go farthest, which tell how often; a rate of which there were fewer than the second is not known."""
+LEAST_H = 1.0
+"""Sigma times memory: of lower thresholds the formula is not right enough to be fitted to."""
+TAU_SD, LEVEL_SD = 0.2, 0.2
+"""Logarithmic: how far memory and rate may be from those of white noise, as far as is known before."""
+_STEP, _TINY = 1e-3, 1e-300
+_LEAST_K = 0.1
+
+
+class Way(NamedTuple):
+    """Of one direction: logarithms of the memory, and of the rate over the formula's with that memory."""
+
+    best: Floats  # (2,)
+    root: Floats  # (2, 2) of their covariance: L with L L'
+
+
+@dataclass(frozen=True)
+class Tail:
+    """Rates of false alarms of one parameter by threshold."""
+
+    k: float
+    """nu over sigma with which it was simulated, and is meant to be used"""
+    sigma: float
+    """Of the records, in sizes"""
+    ways: tuple[Way, Way]
+    """Of an increase and of a decrease"""
+    log_known: float
+    """Logarithm of the least rate, of one direction and per sample, that was simulated well"""
+
+    @property
+    def nu(self) -> float:
+        """In sizes."""
+        return self.k * self.sigma
+
+    def most_likely(self, h: float, offset: float, spare: float = 0.0) -> float:
+        """As ``log_rate``, of what is most likely."""
+        return float(self.log_rate(h, np.array([offset]), np.ones(1), spare)[0])
+
+    def log_rate(
+        self, h: float, offset: Floats, power: Floats, spare: float = 0.0, chance: Floats | None = None
+    ) -> Floats:
+        """Logarithm of the false alarms per sample of both directions (B,).
+
+        Args:
+            h: threshold, in sizes times samples.
+            offset: of the mean of the deviation, in sizes (B,).
+            power: variance of the deviation over that of the records (B,).
+            spare: of an allowance in nu, in sizes, what the deviations do not need.
+            chance: standard normal (B, 4), of what is not known of memory and rate of either direction; none: they
+                are as is most likely.
+        """
+        sigma = self.sigma * np.sqrt(power)
+        apart = np.zeros((1, 4)) if chance is None else chance
+        one = []
+        for d, (sign, way) in enumerate(zip((1, -1), self.ways, strict=True)):
+            log_tau, level = (way.best + apart[:, 2 * d : 2 * d + 2] @ way.root.T).T
+            tau = np.exp(log_tau)
+            k = (self.nu + spare - sign * offset) / sigma
+            one.append(level - log_mean_time(k, h / (sigma * tau), tau))
+        return np.asarray(np.logaddexp(*one))
+
+
+def tails(scatter: Scatter, found: Excursions) -> tuple[Tail, ...]:
+    """How often the sums go how far, of each parameter."""
+    return tuple(_tail(i, scatter, found) for i in range(len(scatter.sigma)))
+
+
+def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
+    k, sigma = float(found.k[i]), float(found.sigma[i])
+    off = float(found.mean[i]) / sigma
+    heights = [ways[i] / (sigma * scatter.memory) for ways in found.largest]
+    up, down = (
+        fitted(max(k - sign * off, _LEAST_K), of, scatter.memory, found.samples)
+        for sign, of in zip((1, -1), heights, strict=True)
+    )
+    often = min(max(len(of) for of in heights), FEW)
+    return Tail(k, float(scatter.sigma[i]), (up, down), math.log(max(often, 1) / found.samples))
+
+
+def fitted(k: float, heights: Floats, memory: float, samples: float) -> Way:
+    """What excursions say of one direction, with what is known before: a Poisson process (Laplace's approximation).
+
+    Args:
+        k: nu, less what the mean has of it, over sigma.
+        heights: of excursions from zero, over sigma times memory, falling.
+        memory: of white noise that is forgotten, in samples.
+        samples: in which they happened.
+    """
+    h = heights[: min(ENOUGH, int((heights > LEAST_H).sum()))]
+    known_before = np.array([math.log(memory), 0.0])
+    if len(h) < FEW:  # hardly anything goes so far: the formula alone
+        return Way(known_before, np.diag([TAU_SD, LEVEL_SD]))
+    base = np.array([float(h[-1]) if len(h) == ENOUGH else LEAST_H])
+    around = np.concatenate([h * (1 - _STEP), h * (1 + _STEP)])
+
+    def log_count(at: Floats, apart: Floats) -> Floats:
+        x, tau = at / math.exp(apart[0]), np.array(memory * math.exp(apart[0]))
+        often = log_single(np.array(k), x) - log_mean_time(np.array(k), x, tau)
+        return np.asarray(math.log(samples) + apart[1] + often)
+
+    def loss(apart: Floats) -> float:
+        """Negative logarithm of how likely they are, and these numbers beforehand."""
+        lower, upper = np.exp(np.split(log_count(around, apart), 2))
+        of_heights = np.log(np.maximum(lower - upper, _TINY)).sum()
+        prior = ((apart / (TAU_SD, LEVEL_SD)) ** 2).sum() / 2
+        return float(np.exp(log_count(base, apart)).sum() - of_heights + prior)
+
+    best = least(loss, np.zeros(2), _STEP)
+    return Way(known_before + best, np.linalg.cholesky(np.linalg.inv(curvature(loss, best, _STEP))))
+
+
+def least(f: Callable[[Floats], float], start: Floats, step: float) -> Floats:
+    """Where f is least, near ``start``."""
+    from scipy.optimize import minimize  # as in run_length.py
+
+    simplex = np.vstack([start, start + 100 * step * np.eye(len(start))])
+    return np.asarray(minimize(f, start, method="Nelder-Mead", options={"initial_simplex": simplex}).x)
+
+
+def curvature(f: Callable[[Floats], float], x: Floats, step: float) -> Floats:
+    """Second derivatives of f at x."""
+    d = step * np.eye(len(x))
+    return np.array([[(f(x + a + b) - f(x + a - b) - f(x - a + b) + f(x - a - b)) for b in d] for a in d]) / (
+        4 * step**2
+    )

@@ -1,0 +1,96 @@
+"""The tail is the run length formula, fitted: to what follows it, and to deviations that are remembered otherwise."""
+
+import math
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration.run_length import log_mean_time, log_single
+from monitor_core.calibration.tail import ENOUGH, LEVEL_SD, TAU_SD, fitted
+from monitor_core.kernel.compile import entry
+from monitor_core.kernel.tables import Floats
+
+MEMORY = 50.0
+K = 1.0
+SAMPLES = 1e8
+FITS = 60
+
+
+def log_often(h: Floats, tau: float, level: float) -> Floats:
+    """Excursions in so many samples, h over sigma times memory, if the formula holds with this memory and level."""
+    x = h * MEMORY / tau
+    single = log_single(np.array(K), x) - log_mean_time(np.array(K), x, np.array(tau))
+    return np.asarray(level + math.log(SAMPLES) + single)
+
+
+def happened(rng: np.random.Generator, tau: float, level: float) -> Floats:
+    """Heights of excursions, falling: a Poisson process."""
+    h = np.linspace(0.8, 30.0, 6000)
+    often = np.exp(log_often(h, tau, level))
+    count = rng.poisson(often[0])
+    return np.sort(np.interp(rng.uniform(0, often[0], count), often[::-1], h[::-1]))[::-1]
+
+
+def test_memory_and_level_are_found_within_what_is_stated(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    off = []
+    for _ in range(FITS):
+        tau, level = MEMORY * math.exp(0.2 * rng.standard_normal()), 0.2 * rng.standard_normal()
+        way = fitted(K, happened(rng, tau, level), MEMORY, SAMPLES)
+        off.append(np.linalg.solve(way.root, way.best - [math.log(tau), level]))
+        assert (np.sqrt((way.root**2).sum(axis=1)) < 0.15).all()
+    spread = np.sqrt(np.mean(np.square(off), axis=0))
+    print(f"off by {spread} of the standard deviations that are stated")
+    assert spread == pytest.approx([1.0, 1.0], abs=5 / math.sqrt(2 * FITS))
+
+
+def test_where_nothing_happened_the_formula_holds() -> None:
+    way = fitted(K, np.zeros(0), MEMORY, SAMPLES)
+    assert way.best == pytest.approx([math.log(MEMORY), 0.0])
+    assert way.root == pytest.approx(np.diag([TAU_SD, LEVEL_SD]))
+
+
+@entry
+def remembered(
+    seed: int, steps: int, lam: Floats, share: Floats, k: float, h: Floats, alarms: Floats, tops: Floats
+) -> int:
+    """Of noise that is partly remembered longer: alarms at each h, heights of excursions; how many of them."""
+    np.random.seed(seed)
+    parts, g, found, top, one = np.zeros(lam.size), np.zeros(h.size), 0, 0.0, 0.0
+    for _ in range(steps):
+        d = 0.0
+        for i in range(lam.size):
+            parts[i] = lam[i] * parts[i] + math.sqrt(1 - lam[i] * lam[i]) * np.random.standard_normal()
+            d += share[i] * parts[i]
+        one += d - k
+        if one > 0.0:
+            top = max(top, one)
+        else:
+            if top > 0.8 * 50.0 and found < tops.size:
+                tops[found] = top
+                found += 1
+            one, top = 0.0, 0.0
+        for c in range(h.size):
+            g[c] = max(0.0, g[c] + d - k)
+            if g[c] > h[c]:
+                alarms[c] += 1.0
+                g[c] = 0.0
+    return found
+
+
+def test_what_is_remembered_longer_is_extrapolated(seed: int) -> None:
+    """Fitted to a part of a long record, alarms are as frequent as counted in all of it, farther out."""
+    lam, share = np.array([0.98, 0.995]), np.sqrt([0.9, 0.1])
+    h, steps = MEMORY * np.array([3.0, 4.0, 5.0]), 8_000_000
+    alarms, tops = np.zeros(3), np.zeros(100_000)
+    found = remembered(seed % 2**31, steps, lam, share, K, np.zeros(0), np.zeros(0), tops)
+    remembered((seed + 1) % 2**31, 8 * steps, lam, share, K, h, alarms, np.zeros(0))
+    heights = np.sort(tops[:found])[::-1] / MEMORY
+    assert found > ENOUGH
+    way = fitted(K, heights, MEMORY, steps)
+    tau, level = np.exp(way.best[0]), way.best[1]
+    log_rate = level - log_mean_time(np.array(K), h / tau, np.array(tau))
+    counted = np.log(alarms / (8 * steps))
+    print(f"memory {tau:.0f}, level {level:.2f}; counted {alarms}; off by {log_rate - counted}")
+    assert (alarms > 30).all()
+    assert (np.abs(log_rate - counted) < 0.15 + 4 / np.sqrt(alarms)).all()
