@@ -69,7 +69,7 @@ def simulated(
     """Excursions of the tests' sums with nu = k sigma, so many samples long.
 
     Raises:
-        ValueError: no record has innovations.
+        ValueError: no record has innovations, or is long enough.
     """
     sources = [source for one in records if (source := source_of(model, settings, one)) is not None]
     if not sources:
@@ -80,12 +80,13 @@ def simulated(
     least = 1 if whole > 4 * _KNOWN * settings.memory else 2
     turns = max(least, round(samples / whole / LANES))
     error, watch = _own_error(copies, sources, rng), _Watch(model, settings, k)
+    progress(1 / (turns + 1))
     for turn in range(turns):
         for source in sources:
             watch.begin()
             for d, s in copies.run(source, blocks_of(settings, source, MANY, rng)):
                 watch.take(d, s)
-        progress((turn + 1) / turns)
+        progress((turn + 2) / (turns + 1))
     return watch.found(error)
 
 
@@ -99,6 +100,8 @@ def _own_error(copies: "_Copies", sources: Sequence["Source"], rng: np.random.Ge
             for d, _ in copies.run(source, blocks):
                 sums.append(np.stack([d.sum(axis=0), (d * d).sum(axis=0)]))
                 counts.append(float(len(d)))
+        if not sums:
+            raise ValueError(f"no record is longer than {SETTLED} memories")
     share = sum(blocks.samples for blocks in few) / sum(len(source.eps) for source in sources)
     return own_error(np.array(sums), np.array(counts)) * math.sqrt(share)
 

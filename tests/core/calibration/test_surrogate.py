@@ -1,0 +1,29 @@
+"""Copies of a record are what the axis would have done: the bias that colour makes is theirs, too."""
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration.surrogate import simulated
+from tests.core.calibration.healthy_axes import plant, record
+
+MINUTES_5 = 60_000
+FM = 2
+
+
+@pytest.mark.parametrize(("colour", "bias"), [(0.0, 0.04), (0.9, -0.325)])
+def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> None:
+    """Of fm, over sigma, as 400 h of such axes have it; the copies say how far they are off themselves."""
+    of = plant(colour)
+    one = record(of, seed, MINUTES_5)
+    found = simulated(of.model, of.settings, [one], 1.0, np.random.default_rng(seed), 4_000_000)
+    off = found.mean[FM] / found.sigma[FM] - bias
+    own = float(np.hypot(found.error[0, FM], 0.02))  # so many copies have some chance left
+    print(f"colour {colour}: off by {off:+.3f}, stated {own:.3f}")
+    assert abs(off) < 5 * own
+    assert own < 0.12
+
+
+def test_records_too_short_for_copies_are_refused() -> None:
+    of = plant(0.0)
+    with pytest.raises(ValueError, match=r"innovations|learned|memories"):
+        simulated(of.model, of.settings, [record(of, 1, 1500)], 1.0, np.random.default_rng(1), 1000)
