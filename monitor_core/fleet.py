@@ -97,10 +97,11 @@ class Fleet:
         ]
         for axis, block in blocks.items():
             beside = self.monitors[axis].beside
+            of = block.t_us, block.u, block.y, block.gate, block.shift
             if beside is not None and seen_beside is None:
-                events += [(axis, event) for event in beside.run(block.t_us, block.u, block.y, block.gate)]
+                events += [(axis, event) for event in beside.run(*of)]
             elif beside is not None and seen_beside is not None:
-                said, trace = beside.run_traced(block.t_us, block.u, block.y, block.gate)
+                said, trace = beside.run_traced(*of)
                 seen_beside(axis, trace)
                 events += [(axis, event) for event in said]
         return sorted(events, key=lambda pair: pair[0])

@@ -175,7 +175,7 @@ class AxisMonitor:
         events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate), y2=_optional(y2))
         said: list[AnyEvent] = [event for _, event in events]
         if self.beside is not None:
-            said += self.beside.run(t_us, u, y, gate)
+            said += self.beside.run(t_us, u, y, gate, shift)
         return [episode for event in said for episode in self.apply(event)]
 
     def run_traced(

@@ -28,6 +28,13 @@ class _First(NamedTuple):
     size: float = 0.0
 
 
+class _Before(NamedTuple):
+    """A bank's state, and the steps by which its nominal values had moved."""
+
+    memory: Memory
+    moved: tuple[int, ...]
+
+
 def catch_by_bank(
     model: AxisModel,
     settings: Settings,
@@ -46,11 +53,11 @@ def catch_by_bank(
     N = round(seconds / settings.interval_s)
     at = places(model, settings, one, onsets, N)
     bank = bank_of(model, settings, Limits(1.0, tuple(own)))
-    memories = _healthy(bank, one, at)
+    before = _healthy(bank, one, at)
     found = []
     for number, (fault, load, u, y) in enumerate(injected(model, settings, one, faults, at, N)):
         firsts = [
-            _first(bank, one, u, None if y is None else y[:, k], int(a), N, memories[k])
+            _first(bank, one, u, None if y is None else y[:, k], int(a), N, before[k])
             for k, a in enumerate(at.tolist())
         ]
         found.append(
@@ -67,28 +74,30 @@ def catch_by_bank(
     return found
 
 
-def _healthy(bank: HypothesisBank, one: Samples, at: Ints) -> list[Memory]:
-    """The state of the healthy bank just before each of these samples; none of its hypotheses alarms meanwhile."""
+def _healthy(bank: HypothesisBank, one: Samples, at: Ints) -> list[_Before]:
+    """Of the healthy bank just before each of these samples; none of its hypotheses alarms meanwhile."""
     quiet = HypothesisBank(bank.model, bank.settings, bank.hypotheses, allowance=bank.allowance)
     done, found = 0, []
     for end in at.tolist():
         part = one.part(done, end)
-        quiet.run(part.t_us, part.u, part.y, part.gate)
-        found.append(quiet.memory)
+        quiet.run(part.t_us, part.u, part.y, part.gate, part.shift)
+        found.append(_Before(quiet.memory, quiet.moved))
         done = end
     return found
 
 
 def _first(
-    bank: HypothesisBank, one: Samples, u: Floats, y: Floats | None, at: int, N: int, memory: Memory
+    bank: HypothesisBank, one: Samples, u: Floats, y: Floats | None, at: int, N: int, before: _Before
 ) -> _First:
     bank.reset()
-    bank.memory = memory
+    bank.follow(before.moved)
+    bank.memory = before.memory
     first = _First()
     for rows in np.array_split(np.arange(at, at + N), PARTS):
         outputs = one.y[rows] if y is None else y[rows - at]
         gate = None if one.gate is None else one.gate[rows]
-        for event in bank.run(one.t_us[rows], u[rows], outputs, gate):
+        shift = None if one.shift is None else one.shift[rows]
+        for event in bank.run(one.t_us[rows], u[rows], outputs, gate, shift):
             if isinstance(event, Changed) and not first.cause:
                 delay = float(event.time_us - one.t_us[at]) * 1e-6 + bank.settings.interval_s
                 first = _First(delay, event.shares[0].cause, event.shares[0].size)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.held import held
 from monitor_core.kernel.state import UNSEEN
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
@@ -85,7 +86,7 @@ def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], No
         part = one.part(k, k + step)
         before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])
         _, trace = monitor.run_traced(part.t_us, part.u, part.y, part.shift, part.gate)
-        moved = _held(part.shift, before) if part.shift is not None else before
+        moved = held(part.shift, before) if part.shift is not None else before
         here = slice(k, k + step)
         d[here] = (trace.theta - model.theta0 - moved) / model.scale
         s[here] = np.sqrt(lam0 * trace.P) / model.scale
@@ -94,10 +95,3 @@ def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], No
         seeding += len(part.t_us) if seeds else 0
         progress(min(k + step, N))
     return Deviations(one.name, one.t_us, d, s, tested, seeding, monitor.facts().confounded)
-
-
-def _held(shift: Floats, before: Floats) -> Floats:
-    """The last known shift (N, p) at each sample."""
-    out = np.vstack([before, shift])
-    at = np.maximum.accumulate(np.where(np.isfinite(out), np.arange(len(out))[:, np.newaxis], 0), axis=0)
-    return np.asarray(np.take_along_axis(out, at, axis=0)[1:])

@@ -100,7 +100,7 @@ def _allowance(bank: HypothesisBank, records: Sequence[Samples]) -> Floats:
         bank.reset()
         for k in range(0, N, _CHUNK):
             part = one.part(k, k + _CHUNK)
-            _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate)
+            _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
             tested = np.isfinite(trace.llr).any(axis=1)
             of = (k + np.flatnonzero(tested)) * BLOCKS // N
             np.add.at(sums, of, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
@@ -148,7 +148,7 @@ def _over(bank: HypothesisBank, one: Samples, heights: _Heights) -> None:
     top = np.zeros(len(bank.hypotheses))
     for k in range(0, len(one.t_us), _CHUNK):
         part = one.part(k, k + _CHUNK)
-        _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate)
+        _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
         heights.take(trace.g, top)
         heights.samples += int(np.isfinite(trace.llr).any(axis=1).sum())
 

@@ -1,5 +1,6 @@
 """A bank of hypotheses of one axis: samples in; something changed, it is this, it is over: out."""
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -13,6 +14,7 @@ from monitor_core.detection.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.hypotheses import HEALTHY, NOW, Hypothesis
 from monitor_core.detection.lanes import lanes_of, memory_of
 from monitor_core.detection.naming import Share, shares
+from monitor_core.held import held
 from monitor_core.kalman import slowest_time_constant
 from monitor_core.kernel.hypotheses import (
     CHECKS,
@@ -30,9 +32,9 @@ from monitor_core.kernel.hypotheses import (
     run_hypotheses,
 )
 from monitor_core.kernel.likelihood import FIRST_MARK, LATE, MARKS, ONSET, G
-from monitor_core.kernel.predictors import LIMIT, SETTLES
+from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
 from monitor_core.kernel.state import NEVER
-from monitor_core.kernel.tables import Floats
+from monitor_core.kernel.tables import Floats, Tables
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
@@ -44,6 +46,11 @@ LOOKS = 20
 """Looks at the shares in each of them."""
 SECOND = 0.01
 """How likely a second cause is beforehand, beside a change of the first."""
+FOLLOWED = 0.01
+"""Of a parameter's scale: in steps of that nominal values are followed.  A hypothesis is then off by a tenth of the
+smallest size at most."""
+_REMEMBERED = 256
+"""Steps whose predictors are kept, for nominal values that come again with the pose."""
 GONE, REST = 2.0, 0.2
 """Standard deviations; share of what stood: a cause whose whole size is below so much is over.  Sizes between those of
 the hypotheses are off by a tenth.  What is really left is then a change of its own, and seen as one."""
@@ -87,6 +94,9 @@ class HypothesisBank:
         self._build_up_us = round(5e5 * _time_constant(model, settings))
         self.standing: dict[str, Hypothesis] = {}
         """What has been named and is not over."""
+        self.moved = (0,) * len(model.monitored)
+        """By how many steps, ``FOLLOWED``, nominal values are away from those of the model."""
+        self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
         self._build()
         self._lanes = np.arange(self._predictors.own.shape[1])
         self._memory = memory_of(self._tables, len(self._lanes))
@@ -115,6 +125,7 @@ class HypothesisBank:
         if self.standing:
             self.standing = {}
             self._build()
+        self.follow((0,) * len(self.moved))
         self._memory = memory_of(self._tables, len(self._lanes))
 
     def _build(self) -> None:
@@ -128,9 +139,39 @@ class HypothesisBank:
             *(self._now_likely(of).after(base) for of in self.hypotheses),
             back,
         )
-        h = np.concatenate([[np.inf], self._h, [back_h]])
-        allowance = np.concatenate([[0.0], self._allowance, [0.0]])
-        self._tables, self._predictors = lanes_of(self.model, self.settings, self._hypotheses, h, allowance)
+        self._limits = np.concatenate([[np.inf], self._h, [back_h]])
+        self._known.clear()
+        self.follow(self.moved)
+
+    def follow(self, moved: tuple[int, ...]) -> None:
+        """The hypotheses around nominal values that have moved by so many steps."""
+        self.moved = moved
+        if moved not in self._known:
+            while len(self._known) >= _REMEMBERED:
+                del self._known[next(iter(self._known))]
+            allowance = np.concatenate([[0.0], self._allowance, [0.0]])
+            self._known[moved] = lanes_of(
+                self._nominal_now(), self.settings, self._hypotheses, self._limits, allowance
+            )
+        self._tables, self._predictors = self._known[moved]
+
+    def _nominal_now(self) -> AxisModel:
+        if not any(self.moved):
+            return self.model
+        theta = self.model.theta0 + FOLLOWED * self.model.scale * np.array(self.moved)
+        values = self.model.values(np.clip(theta, *self.model.limits))
+        return replace(self.model, nominal=values, monitored=(), scales={}, bounds={}, relative=False)
+
+    def _steps(self, shift: Floats | None, N: int) -> Iterator[tuple[slice, tuple[int, ...]]]:
+        """Samples one after the other with the same steps, and these."""
+        if shift is None:
+            yield slice(0, N), self.moved
+            return
+        steps = held(np.round(shift / (FOLLOWED * self.model.scale)), np.array(self.moved, float)).astype(int)
+        edges = [0, *(np.flatnonzero((np.diff(steps, axis=0) != 0).any(axis=1)) + 1).tolist(), N]
+        for start, end in itertools.pairwise(edges):
+            if start < end:
+                yield slice(start, end), tuple(steps[start].tolist())
 
     def _now_likely(self, of: Hypothesis) -> Hypothesis:
         """That more of what stands, or less of it, is to be seen, is likelier than something else beside it."""
@@ -179,7 +220,8 @@ class HypothesisBank:
         causes = list(self.causes)
         named = {f"memory_{name}": array.copy() for name, array in self._memory._asdict().items()}
         stands = [(causes.index(cause), of.size) for cause, of in self.standing.items()]
-        return named | {"standing": np.array(stands, float).reshape(-1, 2)}
+        standing = np.array(stands, float).reshape(-1, 2)
+        return named | {"standing": standing, "moved": np.array(self.moved, np.int64)}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         """Go on from a saved state.
@@ -196,35 +238,63 @@ class HypothesisBank:
         rows = [(int(k), float(size)) for k, size in np.asarray(arrays["standing"], float)]
         if any(not 0 <= k < len(causes) for k, _ in rows):
             raise ValueError("a cause that these hypotheses do not have")
+        moved = np.asarray(arrays.get("moved", self.moved), np.int64)
+        if moved.shape != (len(self.moved),):
+            raise ValueError(f"moved of shape {moved.shape} does not fit")
+        self.moved = tuple(moved.tolist())
         self.standing = {causes[k]: self._of_size(causes[k], size) for k, size in rows}
         self._build()
         self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
 
     def run(
-        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None = None
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        gate: NDArray[np.bool_] | None = None,
+        shift: Floats | None = None,
     ) -> list[Event]:
         """Samples (N,) in the order of their receipt: times in us, torque in N m, output.
 
-        ``gate`` (N,): test where True.
+        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``Bank.run``; NaN, and without
+        it, what it was last; while it is NaN nothing is tested.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(t_us, u, y, gate, BankTrace(*(np.empty((0, 0)) for _ in range(3))))
+        return self._run(_block(t_us, u, y, gate), shift, BankTrace(*(np.empty((0, 0)) for _ in range(3))))
 
     def run_traced(
-        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None = None
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        gate: NDArray[np.bool_] | None = None,
+        shift: Floats | None = None,
     ) -> tuple[list[Event], BankTrace]:
         """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each."""
         N, many = len(t_us), len(self.hypotheses)
         trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
-        events = self._run(t_us, u, y, gate, trace)
+        events = self._run(_block(t_us, u, y, gate), shift, trace)
         return events, BankTrace(*(of[:, 1 : many + 1] for of in trace))
 
-    def _run(
-        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None, trace: BankTrace
-    ) -> list[Event]:
-        block = _block(t_us, u, y, gate)
+    def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
+        N, p = len(block.t), len(self.moved)
+        if shift is not None and np.shape(shift) != (N, p):
+            raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
+        if shift is not None:
+            known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
+            block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
+        events: list[Event] = []
+        for here, moved in self._steps(shift, N):
+            if moved != self.moved:
+                self.follow(moved)
+            part = Block(block.t[here], block.u[here], block.y[here], block.gate[here])
+            events += self._run_on(part, BankTrace(*(of[here] for of in trace)))
+        return events
+
+    def _run_on(self, block: Block, trace: BankTrace) -> list[Event]:
+        """Samples with the same nominal values."""
         at, events = 0, list[Event]()
         while at < len(block.t):
             at = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, at, trace)

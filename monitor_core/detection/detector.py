@@ -144,16 +144,26 @@ class BankDetector:
         return quantity_of(self._model, self._settings, cause)
 
     def run(
-        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None = None
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        gate: NDArray[np.bool_] | None = None,
+        shift: Floats | None = None,
     ) -> list[Event]:
         """Samples (N,) as for ``HypothesisBank.run``; what it says of them."""
-        return self.bank.run(t_us, u, y, gate)
+        return self.bank.run(t_us, u, y, gate, shift)
 
     def run_traced(
-        self, t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None = None
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        gate: NDArray[np.bool_] | None = None,
+        shift: Floats | None = None,
     ) -> tuple[list[Event], BankTrace]:
         """As ``run``, with what happened at every sample, as ``HypothesisBank.run_traced``."""
-        return self.bank.run_traced(t_us, u, y, gate)
+        return self.bank.run_traced(t_us, u, y, gate, shift)
 
     def apply(self, event: Event) -> list[Episode]:
         """Take an event into the book; returns the episodes that it raised, changed or ended."""

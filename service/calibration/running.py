@@ -30,7 +30,6 @@ from service.axes import axis_model, axis_settings
 from service.calibration.found import Bank, Calibration, Provenance
 from service.calibration.reading import read
 from service.config import Config, NamedAxis
-from service.config.detector_rules import follows
 
 WITHIN = 10.0
 """Memories within which faults are to be found, unless told otherwise."""
@@ -101,9 +100,7 @@ def calibrate(
     check_promise(known.scatter, rate, samples, settings.interval_s)
     calibrated = replace(settings, thresholds=own)
     caught, onsets = _caught(model, calibrated, records, wishes, within_s, progress)
-    bank = _bank(
-        axis, model, calibrated, records, [one.fault for one in caught], wishes, within_s, rng, progress
-    )
+    bank = _bank(model, calibrated, records, [one.fault for one in caught], wishes, within_s, rng, progress)
     result = Calibration(
         axis, model, calibrated, wishes.budget_s, within_s, known.scatter, rate, known.allowance, caught, onsets,
         sources, (), provenance, bank,
@@ -138,7 +135,6 @@ def _caught(
 
 
 def _bank(
-    axis: NamedAxis,
     model: AxisModel,
     settings: Settings,
     records: Sequence[Samples],
@@ -149,7 +145,7 @@ def _bank(
     progress: Progress,
 ) -> Bank | None:
     """The limits of the bank, and what it catches of the same faults; None where the axis can have none."""
-    if unfit(model, settings) or follows(axis.config):
+    if unfit(model, settings):
         return None
     told: Callable[[float], None] = lambda part: progress("bank of hypotheses", 0.8 * part, 1.0)  # noqa: E731
     copies = round(wishes.copies * BANK_COPIES)

@@ -27,12 +27,6 @@ def one_output(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(KIND, f"the bank predicts one output, and this axis has angle and speed: {INSTEAD}")
 
 
-def the_same_nominals(axis: AxisConfig) -> Iterator[Finding]:
-    """Its predictors have fixed values."""
-    if axis.detector.kind == "bank" and follows(axis):
-        yield Finding(KIND, f"the bank does not follow nominal values that vary: {INSTEAD}")
-
-
 def told_apart(axis: AxisConfig) -> Iterator[Finding]:
     """What the nominal values cannot tell apart no detector can."""
     found = nominal_file_of(axis)
@@ -58,7 +52,6 @@ def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
 
 DETECTOR_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     one_output,
-    the_same_nominals,
     told_apart,
     its_own_thresholds,
 )

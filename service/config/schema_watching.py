@@ -90,7 +90,7 @@ class DetectorConfig(Table):
     kind: Literal["bank", "cusum"] | None = Field(
         None,
         description='whose alarms count: "bank" (hypotheses) or "cusum" (the paper\'s); default the bank where the'
-        " thresholds_file has thresholds for it",
+        " thresholds_file has thresholds for it and nominal values follow no signals",
     )
     beside: bool = Field(
         True, strict=True, description="the bank runs beside the CUSUM tests where these alarm, and looks on"

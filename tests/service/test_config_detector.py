@@ -138,17 +138,29 @@ VARYING: Callable[[str], str] = lambda text: (  # noqa: E731
 )
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [(BOTH, "one output, and this axis has angle and speed"), (VARYING, "nominal values that vary")],
-)
-def test_where_the_bank_cannot_run(change: Callable[[str], str], words: str, robot: Path) -> None:
-    text = re.sub(r"^(bus|message|signal|counter_\w+) = .*\n", "", robot_text(), flags=re.MULTILINE)
+def read_from_files(change: Callable[[str], str], robot: Path) -> None:
+    """The same robot without a bus."""
+    own = robot.read_text(encoding="utf-8")
+    text = re.sub(r"^(bus|message|signal|counter_\w+) = .*\n", "", own, flags=re.MULTILINE)
     text = re.sub(r"^\[\[bus\]\].*?(?=^\[\[robot\]\])", "", text, flags=re.MULTILINE | re.DOTALL)
     robot.write_text(change(text), encoding="utf-8")
+
+
+def test_where_the_bank_cannot_run(robot: Path) -> None:
+    read_from_files(BOTH, robot)
     one = found(robot)
     assert (one.alarms, one.beside) == ("cusum", None)
     assert one.why
     key, message = problem(detector(robot, 'kind = "bank"'))
     assert key.endswith("detector.kind")
-    assert words in message
+    assert "one output, and this axis has angle and speed" in message
+
+
+def test_where_nominal_values_vary_the_bank_looks_on_unless_it_is_asked_for(robot: Path) -> None:
+    """Also with thresholds of its own."""
+    calibrated(robot, [{"cause": "fm", "size": 0.2, "h": 9.0}])
+    read_from_files(VARYING, robot)
+    one = found(robot)
+    assert one.alarms == "cusum"
+    assert one.beside is not None
+    assert found(detector(robot, 'kind = "bank"')).alarms == "bank"
