@@ -1,6 +1,5 @@
 """A bank of hypotheses of one axis: samples in; something changed, it is this, it is over: out."""
 
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -11,10 +10,10 @@ from numpy.typing import NDArray
 from monitor_core.detection.alike import told_apart
 from monitor_core.detection.candidates import candidates, change
 from monitor_core.detection.events import Changed, Event, Named, Onset, Over
+from monitor_core.detection.following import moved_model, steps
 from monitor_core.detection.hypotheses import HEALTHY, NOW, Hypothesis
 from monitor_core.detection.lanes import lanes_of, memory_of
 from monitor_core.detection.naming import Share, shares
-from monitor_core.held import held
 from monitor_core.kalman import slowest_time_constant
 from monitor_core.kernel.hypotheses import (
     CHECKS,
@@ -46,9 +45,6 @@ LOOKS = 20
 """Looks at the shares in each of them."""
 SECOND = 0.01
 """How likely a second cause is beforehand, beside a change of the first."""
-FOLLOWED = 0.01
-"""Of a parameter's scale: in steps of that nominal values are followed.  A hypothesis is then off by a tenth of the
-smallest size at most."""
 _REMEMBERED = 256
 """Steps whose predictors are kept, for nominal values that come again with the pose."""
 GONE, REST = 2.0, 0.2
@@ -95,7 +91,7 @@ class HypothesisBank:
         self.standing: dict[str, Hypothesis] = {}
         """What has been named and is not over."""
         self.moved = (0,) * len(model.monitored)
-        """By how many steps, ``FOLLOWED``, nominal values are away from those of the model."""
+        """By how many steps (following.py) nominal values are away from those of the model."""
         self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
         self._build()
         self._lanes = np.arange(self._predictors.own.shape[1])
@@ -151,27 +147,9 @@ class HypothesisBank:
                 del self._known[next(iter(self._known))]
             allowance = np.concatenate([[0.0], self._allowance, [0.0]])
             self._known[moved] = lanes_of(
-                self._nominal_now(), self.settings, self._hypotheses, self._limits, allowance
+                moved_model(self.model, moved), self.settings, self._hypotheses, self._limits, allowance
             )
         self._tables, self._predictors = self._known[moved]
-
-    def _nominal_now(self) -> AxisModel:
-        if not any(self.moved):
-            return self.model
-        theta = self.model.theta0 + FOLLOWED * self.model.scale * np.array(self.moved)
-        values = self.model.values(np.clip(theta, *self.model.limits))
-        return replace(self.model, nominal=values, monitored=(), scales={}, bounds={}, relative=False)
-
-    def _steps(self, shift: Floats | None, N: int) -> Iterator[tuple[slice, tuple[int, ...]]]:
-        """Samples one after the other with the same steps, and these."""
-        if shift is None:
-            yield slice(0, N), self.moved
-            return
-        steps = held(np.round(shift / (FOLLOWED * self.model.scale)), np.array(self.moved, float)).astype(int)
-        edges = [0, *(np.flatnonzero((np.diff(steps, axis=0) != 0).any(axis=1)) + 1).tolist(), N]
-        for start, end in itertools.pairwise(edges):
-            if start < end:
-                yield slice(start, end), tuple(steps[start].tolist())
 
     def _now_likely(self, of: Hypothesis) -> Hypothesis:
         """That more of what stands, or less of it, is to be seen, is likelier than something else beside it."""
@@ -286,7 +264,7 @@ class HypothesisBank:
             known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
             block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
         events: list[Event] = []
-        for here, moved in self._steps(shift, N):
+        for here, moved in steps(self.model, shift, self.moved, N):
             if moved != self.moved:
                 self.follow(moved)
             part = Block(block.t[here], block.u[here], block.y[here], block.gate[here])

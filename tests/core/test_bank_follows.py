@@ -7,9 +7,10 @@ from monitor_core.calibration.catch import Fault
 from monitor_core.calibration.catch_by_bank import catch_by_bank
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.hypotheses import bank_limits
-from monitor_core.detection.bank import FOLLOWED, HypothesisBank
+from monitor_core.detection.bank import HypothesisBank
 from monitor_core.detection.detector import BankDetector, Limits, guaranteed
 from monitor_core.detection.events import Changed, Named
+from monitor_core.detection.following import FOLLOWED
 from monitor_core.excitation import multisine
 from monitor_core.fleet import Block, Fleet
 from monitor_core.kernel.tables import Floats
@@ -70,11 +71,12 @@ def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
     shift, at = course(FM, -0.5), N // 2
     u, y = axis(rng, shift, {"fm": 1.4}, at)
     events = bank().run(T, u, y, shift=shift)
-    named = next(event for event in events if isinstance(event, Named))
+    named = [event for event in events if isinstance(event, Named)]
     print([event.shares[0] for event in events if isinstance(event, Changed | Named)])
-    assert T[at] < named.time_us < T[at] + 15_000_000
-    assert named.shares[0].cause == "fm"
-    assert np.exp(named.shares[0].size) == pytest.approx(1.4, abs=0.2)
+    assert T[at] < named[0].time_us < T[at] + 15_000_000
+    assert named[0].shares[0].cause == "fm"
+    size = named[1].shares[0]  # when it is known better
+    assert abs(size.size - np.log(1.4)) < 0.1 + 4 * size.size_sd
 
 
 def test_steps_too_small_to_be_followed_change_nothing(seed: int) -> None:
@@ -152,11 +154,9 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
             caught = catch_by_bank(OF.model, OF.settings, limits[0], one, faults, 6, 5.0)
     h = [float(np.median([one.h for one in own])) for own in limits]
     allowed = [sum(one.allowance for one in own if one.cause == "fm") for own in limits]
-    print(
-        f"h and allowance: followed {h[0]:.1f} {allowed[0]:.2f}, not {h[1]:.1f} {allowed[1]:.2f}, of an axis that does"
-    )
-    print(f"not vary {h[2]:.1f} {allowed[2]:.2f}")
+    for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):
+        print(f"{what}: h {height:.1f}, allowance of fm {own:.2f}")
     assert h[0] < 1.5 * h[2]
     assert allowed[0] < 1.5 * allowed[2] + 0.05
-    assert allowed[1] > 3 * allowed[0]
+    assert allowed[1] > allowed[0] + 0.2
     assert all((one.delay_s < 5.0).all() for one in caught)
