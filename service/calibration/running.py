@@ -19,7 +19,7 @@ from monitor_core.calibration.doubts import (
     duration,
 )
 from monitor_core.calibration.healthy import Samples, deviations
-from monitor_core.calibration.hypotheses import bank_limits
+from monitor_core.calibration.hypotheses import COPIES, bank_limits
 from monitor_core.calibration.injection import changed
 from monitor_core.calibration.learned import learned
 from monitor_core.calibration.surrogate import SAMPLES
@@ -34,8 +34,6 @@ from service.config import Config, NamedAxis
 WITHIN = 10.0
 """Memories within which faults are to be found, unless told otherwise."""
 LEAST_WITHIN = 2.0
-BANK_COPIES = 0.25
-"""Samples of copies that the bank is run over, beside those of the CUSUM tests."""
 LOOKED_AT = 2.0
 """Of that time each fault is watched."""
 _DOUBTFUL, _EXTRAPOLATED = 2.0, 30.0
@@ -50,8 +48,8 @@ class Wishes:
     """What the user wants; times in seconds.
 
     ``sizes``: changes of the parameters, as parts of their sizes, tried upwards and downwards.  ``within_s`` None: ten
-    memories.  ``onsets``: at how many places of the record each begins.  ``copies``: samples of
-    healthy records that are simulated.
+    memories.  ``onsets``: at how many places of the record each begins.  ``copies`` and
+    ``bank_copies``: samples of healthy records that are simulated, for the CUSUM tests and for the bank.
     """
 
     budget_s: float
@@ -60,6 +58,7 @@ class Wishes:
     onsets: int
     seed: int = 1
     copies: int = SAMPLES
+    bank_copies: int = COPIES
 
 
 def calibrate(
@@ -148,8 +147,9 @@ def _bank(
     if unfit(model, settings):
         return None
     told: Callable[[float], None] = lambda part: progress("bank of hypotheses", 0.8 * part, 1.0)  # noqa: E731
-    copies = round(wishes.copies * BANK_COPIES)
-    limits = bank_limits(model, settings, records, wishes.budget_s / settings.interval_s, rng, copies, told)
+    limits = bank_limits(
+        model, settings, records, wishes.budget_s / settings.interval_s, rng, wishes.bank_copies, told
+    )
     longest = max(records, key=lambda one: len(one.t_us))
     for share in (LOOKED_AT, 1.0) if faults else ():
         try:

@@ -42,7 +42,7 @@ def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
         calibrate(config, config.axes[0], [text], wishes, Provenance("", "", ""), told)
         told("the rest", 0.0, 0.0)
 
-    run(f"{record}@0:60", Wishes(600.0, None, (0.2,), 4, copies=100_000))  # compiles
+    run(f"{record}@0:60", Wishes(600.0, None, (0.2,), 4, copies=100_000, bank_copies=25_000))  # compiles
     run(str(record), Wishes(BUDGET_S, None, SIZES, ONSETS))
     rows: list[tuple[str, str, str]] = [
         (part, f"{cpu1 - cpu0:.1f}", f"{wall1 - wall0:.1f}")

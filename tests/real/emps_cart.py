@@ -111,7 +111,7 @@ def configured(folder: Path, text: str) -> Config:
 
 def calibrated(config: Config, half: Half, budget_s: float = BUDGET_S) -> Calibration:
     """Thresholds from that half, as ``axiswatch calibrate`` finds them."""
-    wishes = Wishes(budget_s, None, (0.15,), 10, copies=2_000_000)
+    wishes = Wishes(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=500_000)
     return calibrate(config, config.axes[0], [half.text], wishes, Provenance("", "", ""))
 
 

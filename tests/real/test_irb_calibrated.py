@@ -23,7 +23,7 @@ BUDGET_S = 600.0
 
 def calibrated(path: Path, budget_s: float) -> Calibration:
     config = configuration()
-    wishes = Wishes(budget_s, WITHIN_S, (0.3,), 10, copies=2_000_000)
+    wishes = Wishes(budget_s, WITHIN_S, (0.3,), 10, copies=2_000_000, bank_copies=500_000)
     return calibrate(config, config.axes[0], [str(path)], wishes, Provenance("", "", ""))
 
 

@@ -25,7 +25,7 @@ from tests.service.calibration.test_thresholds_file import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
-WISHES = Wishes(600.0, 4.0, (0.02, 0.2), 8, copies=1_000_000)
+WISHES = Wishes(600.0, 4.0, (0.02, 0.2), 8, copies=1_000_000, bank_copies=250_000)
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +165,9 @@ def test_a_record_that_is_too_short(robot: Path) -> None:
 
 
 def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:
-    words = refused(robot, Wishes(31557600.0, 4.0, (0.2,), 8, copies=1_000_000), "healthy.csv@0:26")
+    words = refused(
+        robot, Wishes(31557600.0, 4.0, (0.2,), 8, copies=1_000_000, bank_copies=250_000), "healthy.csv@0:26"
+    )
     assert "too short to promise one false alarm in a year" in words
     assert "or a budget of one in" in words
 
