@@ -15,38 +15,41 @@ from monitor_core.calibration.scatter import Scatter
 from monitor_core.calibration.surrogate import Excursions
 from monitor_core.kernel.tables import Floats
 
-MOST_OWN = 0.9
+MOST_OWN = 0.5
 """Of the chance of a record, what copies of it are off by themselves."""
-_STEPS = 2000
+_STEPS, _TINY = 2000, 1e-300
 _FARTHEST = 1e3
 """Standard deviations: what is farther out is not shrunk at all, and its weights would underflow."""
 
 
-def informed(scatter: Scatter, found: Excursions) -> Scatter:
+def informed(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Scatter:
     """The scatter of the records, with what the copies know of its mean and its size."""
-    of_mean, of_log = found.error
-    shift, share = _told(scatter.mean_d - found.mean, scatter.mean_sd, of_mean * found.sigma)
+    p, times = len(scatter.sigma), len(scatter.power)
+    own = rng.multivariate_normal(np.zeros(2 * p), found.error, size=times)
+    own_mean, own_log = found.sigma * own[:, :p], own[:, p:]
+    shift, share, stays = _told(scatter.mean_d - found.mean, scatter.mean_sd, own_mean.std(axis=0))
     log_power = np.log(scatter.power)
-    larger, log_share = _told(np.log(scatter.sigma / found.sigma), log_power.std(axis=0) / 2, of_log)
+    differs, sd = np.log(scatter.sigma / found.sigma), log_power.std(axis=0) / 2
+    larger, log_share, log_stays = _told(differs, sd, own_log.std(axis=0))
     return replace(
         scatter,
         mean_d=found.mean + shift,
-        off=share * scatter.off,
+        off=share * scatter.off + stays * own_mean,
         sigma=found.sigma * np.exp(larger),
-        power=np.exp(log_share * log_power),
+        power=np.exp(log_share * log_power + 2 * log_stays * own_log),
     )
 
 
-def _told(differs: Floats, chance: Floats, own: Floats) -> tuple[Floats, Floats]:
-    """What to add to the copies' number (p,), and how certain it is then, as a share of the record's chance (p,).
+def _told(differs: Floats, chance: Floats, own: Floats) -> tuple[Floats, Floats, Floats]:
+    """What to add to the copies' number (p,), which share of the record's chance stays, and which of their own error.
 
     A record has the copies' own error in its chance, as it is of the same innovations.  So that is no part of what they
     differ by, and stays.
     """
-    own = np.minimum(own, MOST_OWN * chance)
-    rest = np.sqrt(chance**2 - own**2)
+    most = np.minimum(own, MOST_OWN * chance)
+    rest = np.sqrt(chance**2 - most**2)
     mean, sd = shrunk(differs / rest)
-    return mean * rest, np.hypot(sd * rest, own) / chance
+    return mean * rest, sd * rest / chance, most / np.maximum(own, _TINY)
 
 
 def shrunk(e: Floats) -> tuple[Floats, Floats]:

@@ -49,5 +49,5 @@ def learned(
     memory = settings.memory
     k = nu_over_sigma(len(model.scale), memory, budget, within)
     excursions = simulated(model, settings, records, k, rng, copies, progress)
-    told = informed(scatter(found, memory, rng), excursions)
+    told = informed(scatter(found, memory, rng), excursions, rng)
     return Learned(told, allowance(found, told), tails(told, excursions))

@@ -4,7 +4,6 @@ Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their 
 of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.
 """
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -52,7 +51,7 @@ class Excursions:
     mean: Floats
     """Of the deviation, in sizes (p,)"""
     error: Floats
-    """Standard deviation (2, p) of what the mean, over sigma, and log sigma are off by (``own_error``)"""
+    """Covariance (2 p, 2 p) of what the means, over sigma, and log sigma are off by themselves (``own_error``)"""
     largest: tuple[tuple[Floats, ...], ...]
     samples: float
 
@@ -91,7 +90,7 @@ def simulated(
 
 
 def _own_error(copies: "_Copies", sources: Sequence["Source"], rng: np.random.Generator) -> Floats:
-    """Of copies with few of the innovations, as small as it is with all of them (2, p)."""
+    """Of copies with few of the innovations, made as small as it is with all of them (2 p, 2 p)."""
     few = [blocks_of(copies.settings, source, FEW, rng) for source in sources]
     sums: list[Floats] = []
     counts: list[float] = []
@@ -103,7 +102,7 @@ def _own_error(copies: "_Copies", sources: Sequence["Source"], rng: np.random.Ge
         if not sums:
             raise ValueError(f"no record is longer than {SETTLED} memories")
     share = sum(blocks.samples for blocks in few) / sum(len(source.eps) for source in sources)
-    return own_error(np.array(sums), np.array(counts)) * math.sqrt(share)
+    return own_error(np.array(sums), np.array(counts)) * share
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from monitor_core.calibration.doubts import CalibrationError
 from monitor_core.calibration.healthy import Samples
 from service.calibration.found import Calibration
 from tests.real.emps_cart import (
-    BUDGET_S,
     Half,
     calibrated,
     faulty,
@@ -117,4 +116,4 @@ def test_both_kinds_of_friction_are_more_than_this_record_can_tell(half: Halves)
     """Watched at once they take each other's place, and scatter so much that nothing can be promised."""
     config = watched(half.folder, ("kT", "fv", "fc"))
     with pytest.raises(CalibrationError, match=r"too short to promise one false alarm in 10 min"):
-        calibrated(config, half.own, BUDGET_S)
+        calibrated(config, half.own, 600.0)

@@ -17,7 +17,7 @@ def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> No
     one = record(of, seed, MINUTES_5)
     found = simulated(of.model, of.settings, [one], 1.0, np.random.default_rng(seed), 4_000_000)
     off = found.mean[FM] / found.sigma[FM] - bias
-    own = float(np.hypot(found.error[0, FM], 0.02))  # so many copies have some chance left
+    own = float(np.hypot(np.sqrt(found.error[FM, FM]), 0.02))  # so many copies have some chance left
     print(f"colour {colour}: off by {off:+.3f}, stated {own:.3f}")
     assert abs(off) < 5 * own
     assert own < 0.12
