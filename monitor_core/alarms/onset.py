@@ -71,9 +71,19 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
 
 def _said(past: Past) -> tuple[Floats, Floats]:
     """Information dR (N, p, p) and R theta (N, p) of each stretch by itself."""
-    R, before = np.linalg.inv(past.P), past.lam * np.linalg.inv(past.P[:-1] + np.diag(past.walk))
+    R, before = _inverses(past.P), past.lam * _inverses(past.P[:-1] + np.diag(past.walk))
     ds = np.einsum("kij,kj->ki", R[1:], past.d[1:]) - np.einsum("kij,kj->ki", before, past.d[:-1])
     return R[1:] - before, ds
+
+
+def _inverses(P: Floats) -> Floats:
+    """Of matrices (N, p, p); NaN where there is none, as a predictor that runs away may make P singular."""
+    try:
+        return np.asarray(np.linalg.inv(P))
+    except np.linalg.LinAlgError:
+        if len(P) == 1:
+            return np.full_like(P, np.nan)
+        return np.concatenate([_inverses(P[k : k + 1]) for k in range(len(P))])
 
 
 def change_of(past: Past, i: int, alone: bool) -> Change | None:
