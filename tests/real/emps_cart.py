@@ -69,7 +69,7 @@ memory_s = 0.25
 """
 HALF_S = 12.42
 """Of 24.84 s: the motion in the second half is that of the first, there and back twice."""
-BUDGET_S = 300.0
+BUDGET_S = 600.0
 """Twelve seconds cannot promise much more."""
 
 
