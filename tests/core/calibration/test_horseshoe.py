@@ -1,0 +1,97 @@
+"""Several numbers seen with chance, of which most are nothing: what they may be."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from monitor_core.calibration.horseshoe import drawn
+from monitor_core.kernel.tables import Floats
+
+
+def seen(e: Floats, rng: np.random.Generator, times: int = 1000) -> Floats:
+    return drawn(e, rng.standard_normal((times, len(e))), rng)
+
+
+def half_cauchy(x: float, scale: float = 1.0) -> float:
+    return 2 / (np.pi * scale * (1 + (x / scale) ** 2))
+
+
+def moments(e: float, tau: float) -> Floats:
+    """Of one number: likelihood, and with it the first and second moment, by quadrature over zeta."""
+
+    def density(zeta: float, power: int) -> float:
+        v = (tau * zeta) ** 2
+        a = v / (1 + v)
+        likelihood = np.exp(-(e**2) / (2 * (1 + v))) / np.sqrt(1 + v)
+        return float((1.0, a * e, a + (a * e) ** 2)[power] * likelihood * half_cauchy(zeta))
+
+    return np.array([quad(density, 0, np.inf, args=(power,), limit=200)[0] for power in range(3)])
+
+
+@pytest.mark.parametrize("e", [(0.0, 0.7), (-2.0, 0.3), (4.0, 3.0), (0.1, -5.0)])
+def test_draws_are_of_the_posterior(e: tuple[float, float], seed: int) -> None:
+    """Mean and standard deviation of two numbers, by quadrature over their scales and the one that they share."""
+
+    def joint(power: int, i: int) -> float:
+        def density(tau: float) -> float:
+            of, other = moments(e[i], tau), moments(e[1 - i], tau)
+            return float(of[power] * other[0] * half_cauchy(tau))
+
+        return float(quad(density, 0, np.inf, limit=50, epsabs=1e-6, epsrel=1e-4)[0])
+
+    draws = seen(np.array(e), np.random.default_rng(seed), 40_000)
+    for i in range(2):
+        whole, mean, square = (joint(power, i) for power in range(3))
+        mean /= whole
+        sd = np.sqrt(square / whole - mean**2)
+        assert draws[:, i].mean() == pytest.approx(mean, abs=0.03)
+        assert draws[:, i].std() == pytest.approx(sd, abs=0.03)
+
+
+def test_what_is_far_out_is_left_alone(seed: int) -> None:
+    e = np.array([-1e9, -30.0, 30.0, 1e6])
+    draws = seen(e, np.random.default_rng(seed), 10_000)
+    assert draws.mean(axis=0) == pytest.approx(e, abs=0.15)
+    assert draws.std(axis=0) == pytest.approx(np.ones(4), abs=0.06)
+
+
+def test_many_that_are_nothing_make_another_nothing(seed: int) -> None:
+    """And one among others that are far out is not taken for chance."""
+    rng = np.random.default_rng(seed)
+    few, many = (np.abs(seen(np.full(n, 0.7), rng, 4000)).mean() for n in (2, 12))
+    assert many < 0.7 * few
+    nothing, something = (
+        seen(np.array([2.0, *others]), rng, 4000)[:, 0].mean() for others in ([0] * 5, [6] * 5)
+    )
+    assert something > nothing + 0.5
+
+
+def test_intervals_hold_the_truth(seed: int) -> None:
+    """Of 90 %: in 90 of 100 of numbers that are drawn from the prior; of nothing in more, and narrow."""
+    rng = np.random.default_rng(seed)
+    n, times = 6, 300
+
+    def held(truth: Floats) -> tuple[float, float]:
+        lower, upper = np.quantile(seen(truth + rng.standard_normal(n), rng), [0.05, 0.95], axis=0)
+        return float(((lower <= truth) & (truth <= upper)).mean()), float((upper - lower).mean()) / 3.29
+
+    def from_prior() -> Floats:
+        tau = abs(rng.standard_cauchy()) / (n - 1)
+        return np.asarray(tau * rng.standard_cauchy(n) * rng.standard_normal(n))
+
+    drawn_held, _ = np.mean([held(from_prior()) for _ in range(times)], axis=0)
+    nothing_held, width = np.mean([held(np.zeros(n)) for _ in range(times)], axis=0)
+    print(
+        f"{100 * drawn_held:.1f} and {100 * nothing_held:.1f} of 100; of nothing as wide as with sd {width:.2f}"
+    )
+    assert 0.87 < drawn_held < 0.93
+    assert nothing_held > 0.95
+    assert width < 0.45
+
+
+def test_chance_that_goes_together_stays_together(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = rng.standard_normal((4000, 1))
+    draws = drawn(np.full(4, 30.0), np.hstack([one, one, -one, rng.standard_normal((4000, 1))]), rng)
+    together = np.asarray(np.corrcoef(draws.T))[0]
+    assert together == pytest.approx([1, 1, -1, 0], abs=0.08)
