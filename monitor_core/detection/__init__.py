@@ -5,6 +5,6 @@ those of the predictor that holds now, summed up as a CUSUM, says that something
 hypotheses, what.  Faults of sensors are hypotheses like any others.
 
 Read in this order: hypotheses (what may have changed), candidates (which of it is looked for), lanes (the kernel's
-arrays), bank (samples in, events out; the recursion is kernel/hypotheses.py), naming (which cause, what size),
-threshold (h from a healthy record), limit (how fast any detector could be).
+arrays), bank (samples in, events out; the recursion is kernel/hypotheses.py), naming (which cause, what size), standing
+(what was named and is not over), threshold (h from a healthy record), limit (how fast any detector could be).
 """

@@ -2,18 +2,18 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.detection.alike import told_apart
-from monitor_core.detection.candidates import candidates, change
+from monitor_core.detection.candidates import candidates
 from monitor_core.detection.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.following import moved_model, steps
-from monitor_core.detection.hypotheses import HEALTHY, NOW, Hypothesis
+from monitor_core.detection.hypotheses import HEALTHY, Hypothesis
 from monitor_core.detection.lanes import lanes_of, memory_of
 from monitor_core.detection.naming import Share, shares
+from monitor_core.detection.standing import Standing
 from monitor_core.kalman import slowest_time_constant
 from monitor_core.kernel.hypotheses import (
     CHECKS,
@@ -43,13 +43,8 @@ MEMORIES = 3
 """Without such a share the likeliest causes are named after so many memory lengths."""
 LOOKS = 20
 """Looks at the shares in each of them."""
-SECOND = 0.01
-"""How likely a second cause is beforehand, beside a change of the first."""
 _REMEMBERED = 256
 """Steps whose predictors are kept, for nominal values that come again with the pose."""
-GONE, REST = 2.0, 0.2
-"""Standard deviations; share of what stood: a cause whose whole size is below so much is over.  Sizes between those of
-the hypotheses are off by a tenth.  What is really left is then a change of its own, and seen as one."""
 
 
 class HypothesisBank:
@@ -81,21 +76,26 @@ class HypothesisBank:
         sure: float = SURE_ENOUGH,
     ) -> None:
         self.model, self.settings, self.sure = model, settings, sure
-        self.hypotheses = default_hypotheses(model, settings) if hypotheses is None else tuple(hypotheses)
+        chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
+        self.standing = Standing(model, settings, chosen)
+        """What has been named and is not over."""
         many = len(self.hypotheses)
         self._h, self._allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
         if many == 0 or not (self._h > 0).all() or not np.isfinite(self._allowance).all():
             raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
         self._last_resort = {of.cause for of in self.hypotheses if of.weight < 1}
         self._build_up_us = round(5e5 * _time_constant(model, settings))
-        self.standing: dict[str, Hypothesis] = {}
-        """What has been named and is not over."""
         self.moved = (0,) * len(model.monitored)
         """By how many steps (following.py) nominal values are away from those of the model."""
         self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
         self._build()
         self._lanes = np.arange(self._predictors.own.shape[1])
         self._memory = memory_of(self._tables, len(self._lanes))
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What is looked for."""
+        return self.standing.hypotheses
 
     @property
     def h(self) -> Floats:
@@ -119,22 +119,15 @@ class HypothesisBank:
     def reset(self) -> None:
         """As if it had seen nothing."""
         if self.standing:
-            self.standing = {}
+            self.standing.clear()
             self._build()
         self.follow((0,) * len(self.moved))
         self._memory = memory_of(self._tables, len(self._lanes))
 
     def _build(self) -> None:
-        """Now; what may change from here; the way back.  These fill the lanes."""
-        base = NOW
-        for of in self.standing.values():
-            base = of.after(base)
-        back, back_h = self._way_back()
-        self._hypotheses = (
-            replace(base, cause=HEALTHY),
-            *(self._now_likely(of).after(base) for of in self.hypotheses),
-            back,
-        )
+        """What the lanes hold, around what stands."""
+        self._hypotheses = self.standing.lanes()
+        back_h = float(np.median(self._h)) if self.standing else math.inf
         self._limits = np.concatenate([[np.inf], self._h, [back_h]])
         self._known.clear()
         self.follow(self.moved)
@@ -151,30 +144,12 @@ class HypothesisBank:
             )
         self._tables, self._predictors = self._known[moved]
 
-    def _now_likely(self, of: Hypothesis) -> Hypothesis:
-        """That more of what stands, or less of it, is to be seen, is likelier than something else beside it."""
-        return (
-            replace(of, weight=of.weight * SECOND) if self.standing and of.cause not in self.standing else of
-        )
-
-    def _way_back(self) -> tuple[Hypothesis, float]:
-        """All is as it was; h."""
-        if not self.standing:
-            return replace(NOW, weight=1e-300), math.inf
-        (cause, of), *others = self.standing.items()
-        alone = not others and not math.isnan(of.size)
-        return (Hypothesis(cause, -of.size) if alone else NOW), float(np.median(self._h))
-
     def adopt(self, standing: Mapping[str, float], since_us: int | None) -> None:
         """Let these causes stand, with these sizes (NaN: it has none); no others.
 
         ``since_us``: at that time something beside them changed; it is to be looked at, though its evidence is lost.
         """
-        known = {of.cause: of for of in reversed(self.hypotheses)}
-        self.standing = {
-            cause: known[cause] if math.isnan(size) else self._of_size(cause, size)
-            for cause, size in standing.items()
-        }
+        self.standing.adopt(standing)
         self._start(0)
         if since_us is not None:
             whole = self._memory.whole
@@ -184,7 +159,7 @@ class HypothesisBank:
     @property
     def causes(self) -> tuple[str, ...]:
         """What may be named."""
-        return tuple(dict.fromkeys(of.cause for of in self.hypotheses))
+        return self.standing.causes
 
     def leading(self) -> tuple[str, float]:
         """The cause whose g is nearest its h, and g over h."""
@@ -195,11 +170,8 @@ class HypothesisBank:
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """The whole state, to be saved: arrays by name."""
-        causes = list(self.causes)
         named = {f"memory_{name}": array.copy() for name, array in self._memory._asdict().items()}
-        stands = [(causes.index(cause), of.size) for cause, of in self.standing.items()]
-        standing = np.array(stands, float).reshape(-1, 2)
-        return named | {"standing": standing, "moved": np.array(self.moved, np.int64)}
+        return named | {"standing": self.standing.to_array(), "moved": np.array(self.moved, np.int64)}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         """Go on from a saved state.
@@ -212,15 +184,11 @@ class HypothesisBank:
         for name, array in self._memory._asdict().items():
             if saved[name].shape != array.shape or not np.isfinite(saved[name]).all():
                 raise ValueError(f"{name} of shape {saved[name].shape} does not fit, or is not finite")
-        causes = list(self.causes)
-        rows = [(int(k), float(size)) for k, size in np.asarray(arrays["standing"], float)]
-        if any(not 0 <= k < len(causes) for k, _ in rows):
-            raise ValueError("a cause that these hypotheses do not have")
         moved = np.asarray(arrays.get("moved", self.moved), np.int64)
         if moved.shape != (len(self.moved),):
             raise ValueError(f"moved of shape {moved.shape} does not fit")
+        self.standing.from_array(np.asarray(arrays["standing"], float))
         self.moved = tuple(moved.tolist())
-        self.standing = {causes[k]: self._of_size(causes[k], size) for k, size in rows}
         self._build()
         self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
 
@@ -299,7 +267,7 @@ class HypothesisBank:
         elif last or (found[0].probability >= self.sure and found[0].cause not in self._last_resort):
             whole[PHASE, 0], whole[WAIT, 0] = REFINING, round(MEMORIES * memory)
             sure = found[0].probability >= self.sure
-            yield Named(now_us, since, self.onset(), self._whole_of(found), sure)
+            yield Named(now_us, since, self.onset(), self.standing.whole_of(found), sure)
 
     def _turn_round(self) -> None:
         """Predictors with a sign swapped have moved the other way until now: they begin where the axis was."""
@@ -316,19 +284,14 @@ class HypothesisBank:
         """The likeliest cause joins what stands, with its size; from now on what differs from that is a change."""
         found, onset, since = self._shares(), self.onset(), int(self._memory.whole[SINCE, 0])
         best, lane = found[0], self._lane_of(found[0])
-        over = self._ended(best) if self._lasts() else [HEALTHY]
+        over = self.standing.ended(best) if self._lasts() else [HEALTHY]
         if best.cause != HEALTHY and not over:
-            yield Named(now_us, since, onset, self._whole_of(found), best.probability >= self.sure)
-            self.standing[best.cause] = self._standing_as(best, lane)
+            yield Named(now_us, since, onset, self.standing.whole_of(found), best.probability >= self.sure)
+            self.standing.join(best, self._hypotheses[lane])
         for cause in over:
-            self.standing.pop(cause, None)
+            self.standing.end(cause)
             yield Over(now_us, since, cause)
         self._start(lane if self._lasts() else 0)
-
-    def _whole_of(self, found: tuple[Share, ...]) -> tuple[Share, ...]:
-        """The shares, with what stood before of a cause in its size."""
-        before = {cause: of.size for cause, of in self.standing.items() if not math.isnan(of.size)}
-        return tuple(replace(share, size=share.size + before.get(share.cause, 0.0)) for share in found)
 
     def _shares(self) -> tuple[Share, ...]:
         return shares(self._hypotheses[1:], self._memory.sums[G, 1 : len(self._hypotheses)])
@@ -349,27 +312,6 @@ class HypothesisBank:
         g = self._memory.sums[G]
         own = [k for k, of in enumerate(self._hypotheses) if k > 0 and of.cause == best.cause]
         return max(own, key=lambda k: float(g[k]))
-
-    def _ended(self, best: Share) -> list[str]:
-        if best.cause == HEALTHY:
-            return list(self.standing)
-        before = self.standing.get(best.cause)
-        if before is None or math.isnan(before.size):
-            return []
-        tolerance = np.fmax(GONE * best.size_sd, REST * abs(before.size))
-        return [best.cause] if abs(before.size + best.size) < tolerance else []
-
-    def _standing_as(self, best: Share, lane: int) -> Hypothesis:
-        """All that stands of a cause: what stood before and this."""
-        of, before = self._hypotheses[lane], self.standing.get(best.cause)
-        size = of.size if of.K is not None else best.size
-        return self._of_size(best.cause, size + (before.size if before and of.K is None else 0.0))
-
-    def _of_size(self, cause: str, size: float) -> Hypothesis:
-        """One of the hypotheses, or one of their kind of another size."""
-        own = [of for of in self.hypotheses if of.cause == cause]
-        same = (of for of in own if of.size == size or math.isnan(of.size))
-        return next(same, None) or replace(change(self.model, self.settings, cause, size), alike=own[0].alike)
 
     def _start(self, lane: int) -> None:
         """Anew around what stands now, from the state of a hypothesis."""
