@@ -11,7 +11,7 @@ from scipy.linalg import solve_toeplitz
 
 from monitor_core.kernel.tables import Floats
 
-ALIKE, LEAST_ALIKE = 0.03, 8
+ALIKE, LEAST_ALIKE = 0.03, 4
 """Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""
 LONGEST = 500
 """Samples of the past that promise anything."""

@@ -16,7 +16,7 @@ CONFIDENCE = 0.90
 LOWER, UPPER = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
 LEAST_H, LEAST_NU, MOST_NU = 0.5, 0.3, 2.5
 """Thresholds over sigma times memory, and nu over sigma, for which run lengths are known."""
-_OFF, _FARTHER = 0.05, 0.03
+_OFF, _FARTHER = 0.03, 0.03
 """Standard deviation, logarithmic, of what the shape of the run length is off by: so much, and so much for each
 factor e by which it is extrapolated."""
 _NEAR = 0.02

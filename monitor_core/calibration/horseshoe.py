@@ -2,16 +2,18 @@
 
 The horseshoe (Carvalho, Polson and Scott 2010): numbers N(0, tau^2 zeta_i^2) with half Cauchy zeta_i.  One tau is for
 all of them: where all are far out, none is taken for chance; where none is, all are.  Before, it is half Cauchy about
-the tau_0 with which one of n numbers is expected to be something (Piironen and Vehtari 2017).
+the tau_0 that goes with how many of n numbers are expected to be something (Piironen and Vehtari 2017).
 """
 
-import math
-
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.kernel.tables import Floats
 
-_STEPS, _SCALES = 400, 60
+EXPECTED = 0.1
+"""Numbers that are something, beforehand: one, of ten axes.  What is far out is believed all the same."""
+_STEPS, _SCALES, _WIDE = 120, 60, 9.0
+"""Points of zeta and of tau, equal steps of their logarithms, to so far from what is in the middle."""
 _FARTHEST = 1e3
 """Standard deviations: what is farther out is not shrunk at all, and its weights would underflow."""
 _TINY = 1e-300
@@ -26,31 +28,39 @@ def drawn(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
         rng: of tau and kappa.
     """
     B, n = chance.shape
-    kappa, weights = _posterior(e)
-    log = np.log(weights.mean(axis=1)).sum(axis=-1)
-    of_tau = np.exp(log - log.max())
-    which = rng.choice(len(kappa), size=(B, 1), p=of_tau / of_tau.sum())
-    of_kappa = np.cumsum(weights, axis=1)
-    of_kappa /= of_kappa[:, -1:]
-    at = np.sum(of_kappa[which[:, 0]] < rng.random((B, 1, n)), axis=1)
-    of = kappa[which, at]
+    tau, of_tau = _half_cauchy(_SCALES)
+    zeta, of_zeta = _half_cauchy(_STEPS)
+    kappa = 1 / (1 + np.outer(tau * EXPECTED / (n - EXPECTED), zeta) ** 2)
+    weights = of_zeta[:, np.newaxis] * _likelihood(e, kappa)
+    log = np.log(of_tau) + np.log(weights.sum(axis=1)).sum(axis=-1)
+    likely = np.exp(log - log.max())
+    which = rng.choice(len(kappa), size=(B, 1), p=likely / likely.sum())
+    of = np.hstack([_chosen(kappa, weights[:, :, i], which[:, 0], rng) for i in range(n)])
     return np.asarray(e - of * _near(e) + np.sqrt(1 - of) * chance)
 
 
-def _posterior(e: Floats) -> tuple[Floats, Floats]:
-    """kappa = 1 / (1 + tau^2 zeta^2) by tau and zeta (T, S), and how likely they are for each number (T, S, n).
+def _chosen(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
+    """One kappa for each of these rows (B, 1), as likely as it is within its row."""
+    up_to = np.cumsum(weights, axis=1)
+    up_to /= up_to[:, -1:]
+    all_rows = (up_to + np.arange(len(kappa))[:, np.newaxis]).ravel()  # rising, all the way
+    return np.asarray(kappa.ravel()[np.searchsorted(all_rows, which + rng.random(len(which)))])[:, np.newaxis]
 
-    Equal steps of the prior in both.  Given kappa a number has the mean (1 - kappa) e and the variance 1 - kappa.
+
+def _likelihood(e: Floats, kappa: Floats) -> Floats:
+    """Of kappa = 1 / (1 + tau^2 zeta^2) (T, S), for each number (T, S, n).
+
+    Given kappa what is seen is N(0, 1 / kappa), and the number has the mean (1 - kappa) e and the variance 1 - kappa.
     """
-    tau = _half_cauchy(_SCALES) / (len(e) - 1)
-    kappa = 1 / (1 + np.outer(tau, _half_cauchy(_STEPS)) ** 2)
     log = np.log(kappa)[:, :, np.newaxis] / 2 - kappa[:, :, np.newaxis] * _near(e) ** 2 / 2
-    return kappa, np.maximum(np.exp(log - log.max(axis=(0, 1))), _TINY)
+    return np.asarray(np.maximum(np.exp(log - log.max(axis=(0, 1))), _TINY))
 
 
-def _half_cauchy(n: int) -> Floats:
-    """Quantiles in the middles of n equal steps."""
-    return np.asarray(np.tan(math.pi / 2 * (np.arange(n) + 0.5) / n))
+def _half_cauchy(n: int) -> tuple[Floats, Floats]:
+    """Points and their weights (n,)."""
+    x = np.exp(np.linspace(-_WIDE, _WIDE, n))
+    weight = 1 / (x + 1 / x)
+    return x, weight / weight.sum()
 
 
 def _near(e: Floats) -> Floats:

@@ -4,6 +4,7 @@ Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their 
 of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ import numpy as np
 from monitor_core.bank import Bank
 from monitor_core.calibration.blocks import Blocks
 from monitor_core.calibration.healthy import Samples, untested
-from monitor_core.calibration.own_error import own_error
+from monitor_core.calibration.own_error import Parts
 from monitor_core.calibration.plants import Plants, innovations
 from monitor_core.kernel.excursions import excursions
 from monitor_core.kernel.tables import Floats
@@ -20,16 +21,17 @@ from monitor_core.model import AxisModel
 from monitor_core.monitor import AxisMonitor
 from monitor_core.settings import Settings
 
-SAMPLES = 32_000_000
-"""That are simulated, in all."""
+SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
+"""That are simulated, for the tests' sums, and at least for what copies are off by."""
 LANES = 64
 CHUNK = 4000
-BLOCK = 2.0
+BLOCK = 0.5
 """Memories in a block of innovations."""
-MANY, FEW, FEWEST = 8.0, 0.25, 8
+MANY, FEW, FEWEST = 8.0, 0.125, 8
 """Blocks that a copy has, over those of the record: so that all copies are alike, and so that they differ; at least so
 many."""
 LEAST_PARTS = 8
+"""Of a record."""
 SETTLED = 3
 """Memories until the deviations have forgotten their start."""
 BINS = 50
@@ -92,17 +94,16 @@ def simulated(
 def _own_error(copies: "_Copies", sources: Sequence["Source"], rng: np.random.Generator) -> Floats:
     """Of copies with few of the innovations, made as small as it is with all of them (2 p, 2 p)."""
     few = [blocks_of(copies.settings, source, FEW, rng) for source in sources]
-    sums: list[Floats] = []
-    counts: list[float] = []
-    while len(sums) < LEAST_PARTS:
+    parts = Parts()
+    turns = math.ceil(OWN_SAMPLES / LANES / sum(len(source.u) for source in sources))
+    for _ in range(turns):
         for source, blocks in zip(sources, few, strict=True):
             for d, _ in copies.run(source, blocks):
-                sums.append(np.stack([d.sum(axis=0), (d * d).sum(axis=0)]))
-                counts.append(float(len(d)))
-        if not sums:
+                parts.add(d)
+        if not parts:
             raise ValueError(f"no record is longer than {SETTLED} memories")
     share = sum(blocks.samples for blocks in few) / sum(len(source.eps) for source in sources)
-    return own_error(np.array(sums), np.array(counts)) * share
+    return parts.own_error() * share
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from monitor_core.calibration.scatter import Scatter
 from monitor_core.calibration.surrogate import Excursions
 from monitor_core.kernel.tables import Floats
 
-ENOUGH, FEW = 1500, 15
+ENOUGH, FEW = 300, 15
 """Excursions that go farthest, which tell how often; a rate of which there were fewer than the second is not known."""
 LEAST_H = 1.0
 """Sigma times memory: of lower thresholds the formula is not right enough to be fitted to."""

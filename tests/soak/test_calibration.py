@@ -56,9 +56,11 @@ def test_the_interval_holds_the_true_rate(colour: float, seed: int) -> None:
         held = sum(r.lower <= t <= r.upper for r, t in zip(stated, true[b :: len(BUDGETS)], strict=True))
         kept = sum(t * budget <= 1 for t in true[b :: len(BUDGETS)])
         width = np.median([np.log(r.upper / r.lower) for r in stated])
+        off = np.log([r.whole / t for r, t in zip(stated, true[b :: len(BUDGETS)], strict=True)])
         print(
             f"\ncolour {colour}, budget one in {budget / HOUR:.3g} h: interval holds the truth in {held}, budget kept"
-            f" in {kept} of {CALIBRATIONS}; the interval spans a factor of {np.exp(width):.1f}"
+            f" in {kept} of {CALIBRATIONS}; the interval spans a factor of {np.exp(width):.2f}, the logarithm of the rate"
+            f" is off by {off.mean():+.3f} +- {off.std():.3f}"
         )
         counted.append((held, kept))
     assert all(HELD[0] <= held <= HELD[1] for held, _ in counted)

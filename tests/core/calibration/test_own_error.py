@@ -3,51 +3,76 @@
 import numpy as np
 import pytest
 
-from monitor_core.calibration.own_error import own_error
+from monitor_core.calibration.own_error import Parts, beyond
 from monitor_core.kernel.tables import Floats
 
-P, PARTS, COPIES, SAMPLES = 2, 30, 64, 100
-REPEATED = 40
+P, PARTS, COPIES, SAMPLES = 2, 30, 64, 200
+REPEATED = 5
+NONE = np.zeros(P)
 
 
-def told(of_parts: Floats, of_copies: Floats, louder: Floats, rng: np.random.Generator) -> Floats:
-    """Variances (2, p) of noise to which parts and copies (p,) add their own, and which copies make so much louder."""
-    shape = (PARTS, SAMPLES, P, COPIES)
-    d = rng.standard_normal(shape) * np.exp(louder[:, np.newaxis] * rng.standard_normal((P, COPIES)))
-    d += of_parts[:, np.newaxis] * rng.standard_normal((PARTS, 1, P, 1))
-    d += of_copies[:, np.newaxis] * rng.standard_normal((P, COPIES))
-    sums = np.stack([d.sum(axis=1), (d * d).sum(axis=1)], axis=1)
-    return np.diag(own_error(sums, np.full(PARTS, float(SAMPLES)))).reshape(2, P)
+def told(
+    rng: np.random.Generator, of_parts: Floats = NONE, off: Floats = NONE, louder: Floats = NONE
+) -> Floats:
+    """Variances (2, p) of copies whose parameters (p,) differ by so much in mean and log sigma."""
+    differ = rng.standard_normal((2, P, COPIES)) * np.stack([off, louder])[:, :, np.newaxis]
+    found = Parts()
+    for _ in range(PARTS):
+        d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(differ[1]) + differ[0]
+        found.add(d + of_parts[:, np.newaxis] * rng.standard_normal((P, 1)))
+    return np.diag(found.own_error()).reshape(2, P)
 
 
-def test_copies_that_differ_make_it_and_parts_do_not(seed: int) -> None:
+@pytest.mark.parametrize("row", [0, 1], ids=["off", "louder"])
+def test_copies_that_differ_make_it(row: int, seed: int) -> None:
+    """As much of the one parameter, and nothing of the other and of the other number."""
+    rng, much = np.random.default_rng(seed), np.zeros((2, P))
+    much[row, 1] = 0.15
+    found = np.sqrt(np.mean([told(rng, NONE, *much) for _ in range(REPEATED)], axis=0))
+    print(f"standard deviations {found.round(3).tolist()}")
+    assert found[row, 1] == pytest.approx(0.15, rel=0.25)
+    found[row, 1] = 0.0
+    assert found.max() < 0.05
+
+
+def test_parts_that_differ_make_none(seed: int) -> None:
     """How an axis scatters from part to part belongs to its motion."""
     rng = np.random.default_rng(seed)
-    of_parts, of_copies, louder = np.array([0.2, 0.2]), np.array([0.0, 0.1]), np.array([0.05, 0.0])
-    mean, log = np.mean([told(of_parts, of_copies, louder, rng) for _ in range(REPEATED)], axis=0)
-    print(f"variances of the mean {mean}, of log sigma {log}")
-    assert mean[1] == pytest.approx(0.1**2, rel=0.2)
-    assert log[0] == pytest.approx(0.05**2, rel=0.2)
-    assert mean[0] < 3e-4
-    assert log[1] < 3e-4
-
-
-def test_chance_alone_makes_hardly_any(seed: int) -> None:
-    """Of copies of one standard deviation, whose means scatter by one of 54."""
-    rng = np.random.default_rng(seed)
-    none = np.zeros(P)
-    variances = np.mean([told(none, none, none, rng) for _ in range(REPEATED)], axis=0)
-    assert variances.max() < 0.25 / (PARTS * SAMPLES)
+    found = np.mean([told(rng, np.array([0.2, 0.2])) for _ in range(REPEATED)], axis=0)
+    assert np.sqrt(found.max()) < 0.03
 
 
 def test_errors_that_go_together_are_seen_to(seed: int) -> None:
     """Copies that are off and louder by the same chance."""
     rng = np.random.default_rng(seed)
-    of_copy = rng.standard_normal(COPIES)
-    d = rng.standard_normal((PARTS, SAMPLES, P, COPIES)) * np.exp(0.1 * of_copy) - 0.2 * of_copy
-    sums = np.stack([d.sum(axis=1), (d * d).sum(axis=1)], axis=1)
-    found = own_error(sums, np.full(PARTS, float(SAMPLES)))
-    sd = np.sqrt(np.diag(found))
-    together = found / sd[:, np.newaxis] / sd
+    of_copy, found = rng.standard_normal(COPIES), Parts()
+    for _ in range(PARTS):
+        d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(0.1 * of_copy) - 0.2 * of_copy
+        found.add(d)
+    error = found.own_error()
+    sd = np.sqrt(np.diag(error))
+    together = error / np.outer(sd, sd)
     assert (together[:P, P:] < -0.85).all()
     assert (together[:P, :P] > 0.9).all()
+
+
+def test_what_stands_out_of_chance_is_told_without_it(seed: int) -> None:
+    """Of 64 copies of nine numbers: nothing of chance alone, a strong one as it is, a weak one not too large."""
+    rng, n = np.random.default_rng(seed), 9
+    A = rng.standard_normal((n, 3 * n))
+    chance = A @ A.T / (3 * n)
+    root, way = np.linalg.cholesky(chance), rng.standard_normal(n)
+    way /= np.linalg.norm(way)
+
+    def one(strength: float) -> float:
+        x = rng.standard_normal((n, COPIES)) + np.sqrt(strength) * way[:, np.newaxis] * rng.standard_normal(
+            COPIES
+        )
+        error = beyond(np.cov(root @ x), chance, COPIES)
+        return float(np.trace(np.linalg.solve(chance, error)))
+
+    none, weak, strong = (np.mean([one(s) for _ in range(200)]) for s in (0.0, 1.0, 10.0))
+    print(f"of 0, 1 and 10: {none:.2f}, {weak:.2f}, {strong:.2f}")
+    assert none < 0.2
+    assert weak < 1.3
+    assert strong == pytest.approx(10, rel=0.15)

@@ -36,9 +36,14 @@ def test_memory_and_level_are_found_within_what_is_stated(seed: int) -> None:
     off = []
     for _ in range(FITS):
         tau, level = MEMORY * math.exp(0.2 * rng.standard_normal()), 0.2 * rng.standard_normal()
-        way = fitted(K, happened(rng, tau, level), MEMORY, SAMPLES)
+        heights = happened(rng, tau, level)
+        way = fitted(K, heights, MEMORY, SAMPLES)
         off.append(np.linalg.solve(way.root, way.best - [math.log(tau), level]))
-        assert (np.sqrt((way.root**2).sum(axis=1)) < 0.15).all()
+        # How often the lowest of those is reached is known as their number tells it.
+        lowest = heights[ENOUGH - 1 : ENOUGH]
+        drawn = way.best + rng.standard_normal((200, 2)) @ way.root.T
+        log_rate = [log_often(lowest, math.exp(log_tau), level) for log_tau, level in drawn]
+        assert np.std(log_rate) == pytest.approx(1 / math.sqrt(ENOUGH), rel=0.3)
     spread = np.sqrt(np.mean(np.square(off), axis=0))
     print(f"off by {spread} of the standard deviations that are stated")
     assert spread == pytest.approx([1.0, 1.0], abs=5 / math.sqrt(2 * FITS))
