@@ -59,8 +59,8 @@ def test_the_interval_holds_the_true_rate(colour: float, seed: int) -> None:
         off = np.log([r.whole / t for r, t in zip(stated, true[b :: len(BUDGETS)], strict=True)])
         print(
             f"\ncolour {colour}, budget one in {budget / HOUR:.3g} h: interval holds the truth in {held}, budget kept"
-            f" in {kept} of {CALIBRATIONS}; the interval spans a factor of {np.exp(width):.2f}, the logarithm of the rate"
-            f" is off by {off.mean():+.3f} +- {off.std():.3f}"
+            f" in {kept} of {CALIBRATIONS}; the interval spans a factor of {np.exp(width):.2f}, the logarithm of the"
+            f" rate is off by {off.mean():+.3f} +- {off.std():.3f}"
         )
         counted.append((held, kept))
     assert all(HELD[0] <= held <= HELD[1] for held, _ in counted)
