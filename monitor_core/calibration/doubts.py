@@ -147,13 +147,15 @@ def _no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]
             )
 
 
-def check_promise(scatter: Scatter, rates: Rates, samples: float, interval_s: float) -> None:
+def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, interval_s: float) -> None:
     """That the budget can be promised from records of that length.
+
+    What copies know, the model says: so the records ``alone`` are not to be silent about it.
 
     Raises:
         CalibrationError: it cannot.
     """
-    most = rates.upper / rates.whole
+    most = max(rates.upper, alone.upper) / rates.whole
     if most <= WIDEST and math.isfinite(rates.upper) and rates.upper * samples <= 1.5:
         return
     seconds = scatter.memories * scatter.memory * interval_s

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from monitor_core.kernel.tables import Floats
 
-EXPECTED = 0.1
-"""Numbers that are something, beforehand: one, of ten axes.  What is far out is believed all the same."""
+EXPECTED = 0.25
+"""Numbers that are something, beforehand: one, of four axes.  What is far out is believed all the same."""
 _STEPS, _SCALES, _WIDE = 120, 60, 9.0
 """Points of zeta and of tau, equal steps of their logarithms, to so far from what is in the middle."""
 _FARTHEST = 1e3

@@ -1,7 +1,7 @@
 """All that healthy records say before a budget is asked for: from deviations to the tails of the tests' sums."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ class Learned:
     """Of p parameters: how their estimates scatter, what their tests are to allow for, and how far the sums go."""
 
     scatter: Scatter
+    alone: Scatter
+    """As uncertain as the records alone leave it, whatever copies of them know"""
     allowance: Floats  # (p,), in sizes
     tails: tuple[Tail, ...]
 
@@ -49,5 +51,7 @@ def learned(
     memory = settings.memory
     k = nu_over_sigma(len(model.scale), memory, budget, within)
     excursions = simulated(model, settings, records, k, rng, copies, progress)
-    told = informed(scatter(found, memory, rng), excursions, rng)
-    return Learned(told, allowance(found, told), tails(told, excursions))
+    seen = scatter(found, memory, rng)
+    told = informed(seen, excursions, rng)
+    alone = replace(told, off=seen.off, power=seen.power)
+    return Learned(told, alone, allowance(found, told), tails(told, excursions))

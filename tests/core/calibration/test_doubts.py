@@ -124,11 +124,13 @@ def test_a_budget_that_cannot_be_promised(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scattered = scatter([record(rng, 25)], MEMORY, rng)
     one = np.ones(2)
-    check_promise(scattered, Rates(one, 1e-6, 1e-8, 1e-5, 1.0), 1e5, 0.005)
-    with pytest.raises(
-        CalibrationError, match=r"25 memories: too short to promise one false alarm in 58 days.*budget of"
-    ):
-        check_promise(scattered, Rates(one, 1e-12, 1e-16, 1e-8, 1.0), 1e9, 0.005)
+    sure, unsure = Rates(one, 1e-6, 1e-8, 1e-5, 1.0), Rates(one, 1e-12, 1e-16, 1e-8, 1.0)
+    check_promise(scattered, sure, sure, 1e5, 0.005)
+    for of_copies in (unsure, replace(unsure, upper=1e-11)):
+        with pytest.raises(
+            CalibrationError, match=r"25 memories: too short to promise one false alarm in 58 days.*budget of"
+        ):
+            check_promise(scattered, of_copies, unsure, 1e9, 0.005)
 
 
 @pytest.mark.parametrize(
