@@ -26,7 +26,7 @@ SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
 LANES = 64
 CHUNK = 4000
 BLOCK = 1.0
-"""Memories in a block of innovations: in longer ones what these have by chance stays, in shorter ones less of colour."""
+"""Memories in a block of innovations: in longer ones what these have by chance stays, in shorter ones less colour."""
 MANY, FEW, FEWEST = 8.0, 0.125, 8
 """Blocks that a copy has, over those of the record: so that all copies are alike, and so that they differ; at least so
 many."""
