@@ -62,7 +62,7 @@ def test_changes_of_one_cause_add_up_and_end_together(standing: Standing) -> Non
     (whole,) = standing.whole_of((share("kT", 0.05),))
     assert whole.size == pytest.approx(0.35)
     assert standing.ended(share("kT", -0.3 * (1 - REST / 2))) == ["kT"]
-    assert standing.ended(share("kT", -0.3 * (1 - 2 * REST))) == []
+    assert standing.ended(share("kT", -0.3 * (1 - 1.5 * REST))) == []
     assert standing.ended(share("fm", -0.3)) == []
 
 

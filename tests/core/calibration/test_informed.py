@@ -55,6 +55,9 @@ def test_copies_of_another_model_are_not_believed(seed: int) -> None:
     assert told.mean_d == pytest.approx(raw.mean_d, abs=0.2 * raw.mean_sd.max())
     assert told.sigma == pytest.approx(raw.sigma, rel=0.03)
     assert told.mean_sd == pytest.approx(raw.mean_sd, rel=0.05)
+    assert (
+        abs(told.off.mean(axis=0)) < 0.2 * told.mean_sd
+    ).all()  # the mean is no part of what it may be off by
 
 
 @pytest.mark.parametrize("own", [0.02, 0.05])
@@ -79,6 +82,8 @@ def test_errors_of_copies_go_together(seed: int) -> None:
     rng = np.random.default_rng(seed)
     found = copies(np.zeros(P), np.ones(P), 0.04)
     together = 0.04**2 * np.ones((2 * P, 2 * P))
-    told = informed(record(rng, np.zeros(P), np.ones(P), 400), replace(found, error=together), rng)
-    seen = np.corrcoef(np.hstack([told.off, np.log(told.power)]).T)
-    assert (seen > 0.2).all()
+    seen = []
+    for _ in range(20):
+        told = informed(record(rng, np.zeros(P), np.ones(P), 400), replace(found, error=together), rng)
+        seen.append(np.corrcoef(np.hstack([told.off, np.log(told.power)]).T))
+    assert (np.mean(seen, axis=0) > 0.2).all()
