@@ -24,8 +24,8 @@ SAMPLES = 120_000
 HOUR = 720_000
 BUDGETS = (HOUR // 6, HOUR)
 WATCHED = 1600 * HOUR
-"""With one false alarm in one to two hours, a rate that is counted is known within 3 %.  It has to be: what it is off by
-is the same for all calibrations, and their intervals reach 25 % to either side."""
+"""With one false alarm in one to two hours, a rate that is counted is known within 3 %.  It has to be: what it is off
+by is the same for all calibrations, and their intervals reach 25 % to either side."""
 WITHIN = 10.0
 
 
