@@ -26,7 +26,8 @@ _SURE = 6.0
 _EDGE = 5
 """Memories at each end in which no change is looked for."""
 WIDEST = 1000.0
-"""Times the rate that is most likely: if it may be more, nothing can be promised."""
+"""Times the rate that is most likely: if it may be more, nothing can be promised.  A budget that is farther away than
+the square of so many memories is known to the root of that, as no record of minutes knows a year better."""
 _NEARLY = 0.05
 
 
@@ -156,14 +157,15 @@ def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, 
         CalibrationError: it cannot.
     """
     most = max(rates.upper, alone.upper) / rates.whole
-    if most <= WIDEST and math.isfinite(rates.upper) and rates.upper * samples <= 1.5:
+    widest = max(WIDEST, math.sqrt(samples / scatter.memory))
+    if most <= widest and math.isfinite(rates.upper) and rates.upper * samples <= 1.5:
         return
     seconds = scatter.memories * scatter.memory * interval_s
     # The logarithm's uncertainty goes like the logarithm of the budget over the root of the length.
     log = math.log(max(samples / scatter.memory, math.e))
-    width = max(math.log(max(most, 1.0 + 1e-9)), 1e-9) if math.isfinite(most) else 2 * math.log(WIDEST)
-    longer = seconds * max(1.5, (width / math.log(WIDEST)) ** 2)
-    budget = scatter.memory * interval_s * math.exp(log * min(0.9, math.log(WIDEST) / width))
+    width = max(math.log(max(most, 1.0 + 1e-9)), 1e-9) if math.isfinite(most) else 2 * math.log(widest)
+    longer = seconds * max(1.5, (width / math.log(widest)) ** 2)
+    budget = scatter.memory * interval_s * math.exp(log * min(0.9, math.log(widest) / width))
     raise CalibrationError(
         f"{seconds:.3g} s of the records can be used, {scatter.memories:.0f} memories: too short to promise one false"
         f" alarm in {duration(samples * interval_s)}. The rate might be {_times(most)} times what is most likely. Give"

@@ -1,39 +1,39 @@
 """Thresholds of a bank of hypotheses from healthy records and a false-alarm budget.
 
 For an exact model g goes beyond h about as often as exp(-h) says.  Of a real axis it is exp(-r h), with an r of each
-hypothesis: of the records themselves, as what the model lacks goes with their motion, and of copies of them
-(surrogate.py), which are as many as the tail needs.  What speaks for a hypothesis all along in some part of a healthy
-record is taken from its log-likelihood ratios: the allowance.
+hypothesis (bank_tails.py): of the records themselves, as what the model lacks goes with their motion, and of copies of
+them (watched.py), which are as many as the tail needs.  What speaks for a hypothesis all along in some part of a
+healthy record is taken from its log-likelihood ratios: the allowance.
+
+What the rate is off by is what chance has done to the record: it knows the power of the innovations no better than it
+is long (spectra.py), and its motion is not the next one (bank_tails.py).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.calibration.bank_tails import bank_tails
 from monitor_core.calibration.budget import LOWER, UPPER
 from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.surrogate import MANY, blocks_of, copies_of, source_of
-from monitor_core.detection.bank import HypothesisBank, default_hypotheses
+from monitor_core.calibration.heights import LEAST_HEIGHT
+from monitor_core.calibration.run_length import root
+from monitor_core.calibration.together import log_share
+from monitor_core.calibration.watched import COPIES, Watched, watched
 from monitor_core.detection.detector import Limit
-from monitor_core.detection.hypotheses import Hypothesis
-from monitor_core.detection.threshold import ALIKE, BLOCKS, LEAST_HEIGHT
-from monitor_core.kernel.hypotheses import Memory
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
-COPIES = 2_000_000
-"""Samples of copies that the bank is run over."""
-TOP = 150
-"""Excursions that go highest, which tell the tail."""
 _LARGEST = 1.1
 """A threshold is so many times what the healthy records themselves reach, at least."""
-_CHUNK = 10_000
 _DRAWS = 1000
-_SLOW = 2.0
-"""Memories, after which innovations run another course."""
+_MOST = 4.0
+"""Logarithm of a factor, by which the hypotheses' shares of the budget may be off."""
+_NEAR = 0.01
+_HALVINGS = 14
+"""Of a height's bounds, to find it."""
 
 
 @dataclass(frozen=True)
@@ -50,18 +50,6 @@ class BankLimits:
     beyond: float
 
 
-class _Tail(NamedTuple):
-    """Excursions above ``base`` happen at the rate exp(log_rate) per sample, and exceed it by h at exp(-r h) of that.
-
-    ``sure`` is the number of excursions that r is known from.
-    """
-
-    base: float
-    log_rate: float
-    r: float
-    sure: int
-
-
 def bank_limits(
     model: AxisModel,
     settings: Settings,
@@ -73,157 +61,61 @@ def bank_limits(
 ) -> BankLimits:
     """Thresholds with one false alarm of the whole bank in so many samples, kept with a certainty of 95 %.
 
-    Every hypothesis has the same share of the budget.
-
     Raises:
         ValueError: the axis can have no bank; nothing was tested in any record.
     """
-    bank = HypothesisBank(model, settings, default_hypotheses(model, settings))
-    allowance = _allowance(bank, records)
-    bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
-    recorded = _Heights(len(bank.hypotheses))
-    for one in records:
-        _over(bank, one, recorded)
-    if not recorded.samples:
-        raise ValueError("nothing was tested in any record")
-    progress(0.2)
-    copied = _copied(bank, records, copies, rng, lambda part: progress(0.2 + 0.8 * part))
-    return _limits(bank, allowance, recorded, copied, samples, rng)
+    return limits(watched(model, settings, records, rng, copies, progress), samples, rng)
 
 
-def _allowance(bank: HypothesisBank, records: Sequence[Samples]) -> Floats:
-    """As ``threshold.allowances``, in pieces."""
-    most = np.zeros(len(bank.hypotheses))
-    for one in records:
-        N = len(one.t_us)
-        sums, counts = np.zeros((BLOCKS, len(most))), np.zeros(BLOCKS)
-        bank.reset()
-        for k in range(0, N, _CHUNK):
-            part = one.part(k, k + _CHUNK)
-            _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
-            tested = np.isfinite(trace.llr).any(axis=1)
-            of = (k + np.flatnonzero(tested)) * BLOCKS // N
-            np.add.at(sums, of, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
-            np.add.at(counts, of, 1.0)
-        means = sums[counts > 0] / counts[counts > 0, np.newaxis]
-        most = np.maximum(most, 2 * means.max(axis=0, initial=0.0))
-    return most
+def limits(of: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
+    """Thresholds with one false alarm of the whole bank in so many samples, kept with a certainty of 95 %.
+
+    Every hypothesis has the same share of the budget.
+    """
+    many, log_budget = len(of.hypotheses), -float(np.log(max(samples, 1.0)))
+    weights = rng.exponential(size=(1 + _DRAWS, of.places))
+    weights /= weights.mean(axis=1, keepdims=True)
+    weights[0] = 1.0
+    farther = rng.standard_normal(1 + _DRAWS)
+    farther[0] = 0.0
+    tails, seen = (bank_tails(heights, many, weights, farther) for heights in (of.copied, of.recorded))
+    off = rng.multivariate_normal(np.zeros(many), of.covariance, 1 + _DRAWS, method="eigh")
+    of_bank = log_share(of.copied, many, log_budget, rng.standard_normal(_DRAWS))
+    least = np.maximum(_LARGEST * of.recorded.largest, LEAST_HEIGHT)
+
+    def each(h: Floats) -> Floats:
+        return tails.log_rates(h, np.exp(-off))[1:]
+
+    def whole(h: Floats) -> Floats:
+        return np.asarray(np.logaddexp.reduce(each(h), axis=1) + of_bank)
+
+    def h_for(less: float) -> Floats:
+        share = log_budget - float(np.log(many)) - less
+        of_copies = _where(lambda h: np.quantile(each(h), UPPER, axis=0), share, least)
+        return _where(lambda h: seen.log_rates(h, np.ones((1, many)))[0], share, of_copies)
+
+    def excess(less: float) -> float:
+        return float(np.quantile(whole(h_for(less)), UPPER)) - log_budget
+
+    less = root(excess, -_MOST, _MOST, xtol=_NEAR) if excess(-_MOST) > 0 > excess(_MOST) else 0.0
+    h = h_for(less)
+    own = tuple(
+        Limit(one.cause, one.size, float(h[i]), float(of.allowance[i]), one.alike)
+        for i, one in enumerate(of.hypotheses)
+    )
+    lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(whole(h), [LOWER, 0.5, UPPER])))
+    as_they_are = tails.log_rates(h, np.ones((1, many)))[0]
+    beyond = float(np.exp((tails.log_rate[0] - as_they_are).max()))
+    return BankLimits(own, most_likely, lower, upper, beyond)
 
 
-class _Heights:
-    """How high g of each hypothesis goes in each of its excursions from zero, from pieces of its course."""
-
-    def __init__(self, many: int) -> None:
-        self._found: list[list[Floats]] = [[] for _ in range(many)]
-        self.largest = np.zeros(many)
-        self.samples = 0
-
-    def take(self, g: Floats, top: Floats) -> None:
-        """g (N, H); ``top`` (H,) is the largest of the excursion that goes on, and becomes that of the next piece."""
-        self.largest = np.maximum(self.largest, g.max(axis=0, initial=0.0))
-        for i, found in enumerate(self._found):
-            course = g[:, i]
-            zeros = np.flatnonzero(course == 0.0)
-            if not len(zeros):
-                top[i] = max(top[i], course.max(initial=0.0))
-                continue
-            heights = np.maximum.reduceat(course, zeros)
-            first = max(top[i], course[: zeros[0]].max(initial=0.0))
-            heights, top[i] = np.append(heights[:-1], first), heights[-1]
-            found.append(heights[heights > LEAST_HEIGHT])
-
-    def tail(self, i: int) -> _Tail:
-        """Of a hypothesis; with few excursions as an exact model has it."""
-        heights = np.sort(np.concatenate([*self._found[i], np.empty(0)]))[::-1]
-        used = heights[:TOP]
-        base = float(used[-1]) if len(heights) > TOP else LEAST_HEIGHT
-        alike = 0 if len(used) == TOP else ALIKE
-        r = (len(used) + alike) / (float((used - base).sum()) + alike)
-        return _Tail(base, float(np.log(max(len(used), 1) / self.samples)), min(r, 1.0), len(used) + alike)
-
-
-def _over(bank: HypothesisBank, one: Samples, heights: _Heights) -> None:
-    """One record, from the start."""
-    bank.reset()
-    top = np.zeros(len(bank.hypotheses))
-    for k in range(0, len(one.t_us), _CHUNK):
-        part = one.part(k, k + _CHUNK)
-        _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
-        heights.take(trace.g, top)
-        heights.samples += int(np.isfinite(trace.llr).any(axis=1).sum())
-
-
-def _copied(
-    bank: HypothesisBank,
-    records: Sequence[Samples],
-    samples: int,
-    rng: np.random.Generator,
-    progress: Callable[[float], None],
-) -> _Heights:
-    """Copies of the records, at least so many samples."""
-    sources = [of for one in records if (of := source_of(bank.model, bank.settings, one)) is not None]
-    heights = _Heights(len(bank.hypotheses))
-    while sources and heights.samples < samples:
-        for source in sources:
-            memories: list[Memory] = []
-            tops: list[Floats] = []
-            draw = blocks_of(bank.settings, source, MANY, rng)
-            for t_us, u, y in copies_of(bank.model, bank.settings, source, draw):
-                for a in range(u.shape[1]):
-                    if len(memories) <= a:
-                        bank.reset()
-                        tops.append(np.zeros(len(bank.hypotheses)))
-                    else:
-                        bank.memory = memories[a]
-                    _, trace = bank.run_traced(t_us, u[:, a], y[:, a])
-                    memories[a : a + 1] = [bank.memory]
-                    heights.take(trace.g, tops[a])
-                    heights.samples += int(np.isfinite(trace.llr).any(axis=1).sum())
-                progress(min(1.0, heights.samples / samples))
-                if heights.samples >= samples:
-                    break
-    return heights
-
-
-def _limits(
-    bank: HypothesisBank,
-    allowance: Floats,
-    recorded: _Heights,
-    copied: _Heights,
-    samples: float,
-    rng: np.random.Generator,
-) -> BankLimits:
-    many = len(bank.hypotheses)
-    log_share = -float(np.log(max(samples, 1.0) * many))
-    own: list[Limit] = []
-    drawn, beyond = np.zeros(_DRAWS), 0.0
-    tails = _paired(bank.hypotheses, [(copied if copied.samples else recorded).tail(i) for i in range(many)])
-    # How far g goes is told by the slow course of the innovations, of which the records have so many blocks.
-    blocks = max(recorded.samples / (_SLOW * bank.settings.memory), 2.0)
-    alike = rng.gamma(blocks / 2, 2 / blocks, _DRAWS)
-    for i, of in enumerate(bank.hypotheses):
-        tail, seen = tails[i], recorded.tail(i)
-        r = tail.r * alike * rng.gamma(tail.sure, 1 / tail.sure, _DRAWS)
-        low = float(np.quantile(r, 1 - UPPER))
-        h = max(
-            tail.base + max(0.0, tail.log_rate - log_share) / low,
-            seen.base + max(0.0, seen.log_rate - log_share) / seen.r,
-            _LARGEST * float(recorded.largest[i]),
-        )
-        own.append(Limit(of.cause, of.size, h, float(allowance[i]), of.alike))
-        drawn += np.exp(tail.log_rate - r * (h - tail.base))
-        beyond = max(beyond, tail.r * (h - tail.base))
-    lower, whole, upper = (float(v) for v in np.quantile(drawn, [LOWER, 0.5, UPPER]))
-    return BankLimits(tuple(own), whole, lower, upper, float(np.exp(beyond)))
-
-
-def _paired(hypotheses: Sequence[Hypothesis], tails: Sequence[_Tail]) -> list[_Tail]:
-    """Up and down differ by chance only: both have the flatter tail of the two."""
-    least: dict[tuple[str, float], float] = {}
-    for of, tail in zip(hypotheses, tails, strict=True):
-        key = of.cause, abs(of.size)
-        least[key] = min(tail.r, least.get(key, 1.0))
-    return [
-        tail._replace(r=least.get((of.cause, abs(of.size)), tail.r))
-        for of, tail in zip(hypotheses, tails, strict=True)
-    ]
+def _where(log_rate: Callable[[Floats], Floats], share: float, least: Floats) -> Floats:
+    """The height (H,) where the logarithm of a rate, which falls, is the share; at least ``least``."""
+    low, high = least.copy(), least.copy()
+    while (above := log_rate(high) > share).any():
+        high = np.where(above, 2 * high, high)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        above = log_rate(middle) > share
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return high

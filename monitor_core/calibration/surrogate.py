@@ -7,6 +7,7 @@ of them, its autocorrelation, the unequal tails, is its own, as the very recursi
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -137,14 +138,26 @@ def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | No
     return Source(one.u[start:], eps - eps.mean(), found.x[0], float(one.u[start - 1]), column, t_us)
 
 
+def block_length(settings: Settings) -> int:
+    """Samples of a block of innovations."""
+    return max(2, round(BLOCK * settings.memory))
+
+
 def blocks_of(settings: Settings, of: Source, share: float, rng: np.random.Generator) -> Blocks:
     """Innovations for LANES copies of a record, each of which has so many times those of the record."""
-    length = max(2, round(BLOCK * settings.memory))
+    length = block_length(settings)
     return Blocks(of.eps, length, max(FEWEST, round(share * len(of.eps) / length)), LANES, rng)
 
 
+class Innovations(Protocol):
+    """Those of LANES copies."""
+
+    def take(self, count: int) -> Floats:
+        """The next (count, LANES)."""
+
+
 def copies_of(
-    model: AxisModel, settings: Settings, of: Source, draw: Blocks
+    model: AxisModel, settings: Settings, of: Source, draw: Innovations
 ) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
     """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES)."""
     plants = Plants(model, settings, [model.nominal])

@@ -217,12 +217,17 @@ class HypothesisBank:
         y: Floats,
         gate: NDArray[np.bool_] | None = None,
         shift: Floats | None = None,
+        *,
+        what_holds: bool = False,
     ) -> tuple[list[Event], BankTrace]:
-        """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each."""
-        N, many = len(t_us), len(self.hypotheses)
+        """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
+
+        With ``what_holds`` there is a column before them, of what holds now.
+        """
+        N, first, last = len(t_us), 0 if what_holds else 1, len(self.hypotheses) + 1
         trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
         events = self._run(_block(t_us, u, y, gate), shift, trace)
-        return events, BankTrace(*(of[:, 1 : many + 1] for of in trace))
+        return events, BankTrace(*(of[:, first:last] for of in trace))
 
     def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
         N, p = len(block.t), len(self.moved)

@@ -19,10 +19,11 @@ from monitor_core.calibration.doubts import (
     duration,
 )
 from monitor_core.calibration.healthy import Samples, deviations
-from monitor_core.calibration.hypotheses import COPIES, bank_limits
+from monitor_core.calibration.hypotheses import bank_limits
 from monitor_core.calibration.injection import changed
 from monitor_core.calibration.learned import learned
 from monitor_core.calibration.surrogate import SAMPLES
+from monitor_core.calibration.watched import COPIES
 from monitor_core.detection.detector import unfit
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
@@ -94,9 +95,11 @@ def calibrate(
     samples = wishes.budget_s / settings.interval_s
     told: Callable[[float], None] = lambda part: progress("copies of the records", part, 1.0)  # noqa: E731
     known = learned(model, settings, records, found, samples, within_s / memory_s, rng, wishes.copies, told)
-    own = thresholds(known.scatter, known.tails, known.allowance, samples, rng)
-    rate = rates(known.scatter, known.tails, own, rng)
-    alone = rates(known.alone, known.tails, own, rng)
+    # All from the same draws: with others the bound of a far budget, which is that wide, would not be met again.
+    drawn = int(rng.integers(2**62))
+    own = thresholds(known.scatter, known.tails, known.allowance, samples, np.random.default_rng(drawn))
+    rate = rates(known.scatter, known.tails, own, np.random.default_rng(drawn))
+    alone = rates(known.alone, known.tails, own, np.random.default_rng(drawn))
     check_promise(known.scatter, rate, alone, samples, settings.interval_s)
     calibrated = replace(settings, thresholds=own)
     caught, onsets = _caught(model, calibrated, records, wishes, within_s, progress)

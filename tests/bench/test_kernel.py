@@ -25,7 +25,7 @@ from tests.bench.axes import (
 )
 from tests.bench.costs import memory_mb
 from tests.bench.measure import Say, in_turns
-from tests.core.oracle import Paper
+from tests.core.oracle.paper import Paper
 
 pytestmark = pytest.mark.bench
 

@@ -10,8 +10,8 @@ from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import Record, experiment
 from monitor_core.settings import Settings
 from tests.core.figures import steady_p
-from tests.core.test_laws import part
-from tests.core.test_supervision import MODEL, SUPERVISED
+from tests.core.laws import part
+from tests.core.supervised import MODEL, SUPERVISED
 
 GATED = replace(SUPERVISED, outlier=6.0)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from monitor_core import bank as bank_module
 from monitor_core.alarms.episodes import DIRECTIONS, Crossing
@@ -16,32 +15,13 @@ from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import Record
 from monitor_core.settings import Threshold
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
-from tests.core.oracle import Log, Paper, prediction
+from tests.core.differences import TOLERANCE, apart, worst
+from tests.core.oracle.paper import Paper
+from tests.core.oracle.prediction import prediction
 
-TOLERANCE = 1e-9
 SAMPLES = 2000
 IN_FULL = ("paper", "angle-paper")
 """The transcription is slow: other drives get half of the samples."""
-
-
-def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[float]) -> float:
-    """Largest difference, relative to the largest value of each column."""
-    reference = np.array(paper).reshape(kernel.shape)
-    assert (np.isnan(kernel) == np.isnan(reference)).all()
-    scale = np.nanmax(np.abs(reference), axis=0)
-    return float(np.nanmax(np.abs(kernel - reference) / np.where(scale > 0, scale, 1)))
-
-
-def worst(trace: Trace, log: Log) -> dict[str, float]:
-    moved = ~np.isnan(np.array(log.psi)[:, 0])
-    diagonal = [np.diag(P) for P in log.P]
-    return {
-        "eps": apart(trace.eps, log.eps),
-        "psi": apart(trace.psi[moved], list(np.array(log.psi)[moved])),
-        "theta": apart(trace.theta, log.theta),
-        "P": apart(trace.P, diagonal),
-        "g": apart(trace.g, log.g),
-    }
 
 
 @pytest.fixture(params=["scalar", "lanes"])

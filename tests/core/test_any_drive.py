@@ -12,8 +12,8 @@ from monitor_core.kernel.block import Trace
 from monitor_core.model import Output
 from tests.core.cases import BY_NAME, Case, as_columns, record
 from tests.core.chains import Sensor, chain, values
-from tests.core.oracle import Paper
-from tests.core.test_against_the_paper import TOLERANCE, worst
+from tests.core.differences import TOLERANCE, worst
+from tests.core.oracle.paper import Paper
 
 FIVE_MASSES = (
     Case(

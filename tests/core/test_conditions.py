@@ -11,8 +11,8 @@ from monitor_core.bank import Bank
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitor import AxisMonitor
 from tests.core.cases import CASES, Case, as_columns, record
-from tests.core.oracle import held_over, inputs
-from tests.core.test_laws import SAMPLES, cases, law, lively, part, seeds, state
+from tests.core.laws import SAMPLES, cases, law, lively, part, seeds, state
+from tests.core.oracle.system import held_over, inputs
 
 PAPER = CASES[0]
 

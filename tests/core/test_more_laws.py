@@ -18,7 +18,7 @@ from monitor_core.monitor import AxisMonitor
 from monitor_core.reference import NOISE, Record
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, H, as_columns, record
-from tests.core.test_laws import SAMPLES, lively, part, state
+from tests.core.laws import SAMPLES, lively, part, state
 
 WAYS: tuple[Mapping[str, float | bool], ...] = (
     {"floor": 0.05, "starved": 0.05},

@@ -18,7 +18,7 @@ from monitor_core.settings import Settings
 from monitor_core.simulation import simulate_linear
 from tests.core.cases import CASES, H, record
 from tests.core.figures import settings_of
-from tests.core.oracle import Paper
+from tests.core.oracle.paper import Paper
 
 MODEL = reference_model("speed")
 AXES = 48

@@ -9,23 +9,20 @@ from monitor_core import bank as bank_module
 from monitor_core.bank import Bank
 from monitor_core.excitation import multisine
 from monitor_core.facts import Observation, Status
-from monitor_core.kalman import filter_gain, gains_after
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import BAND_HZ, NOISE, TORQUE_RMS, Record, faulty, reference_model
+from monitor_core.reference import BAND_HZ, NOISE, TORQUE_RMS, Record, faulty
 from monitor_core.settings import Settings
 from monitor_core.simulation import simulate_linear
 from tests.core.cases import BY_NAME, Case, as_columns
+from tests.core.differences import worst
 from tests.core.figures import steady_p
-from tests.core.oracle import Paper
-from tests.core.test_against_the_paper import worst
-from tests.core.test_laws import part
+from tests.core.laws import part
+from tests.core.oracle.paper import Paper
+from tests.core.supervised import FLOOR, LAM0, MODEL, STARVED, SUPERVISED, TORQUE_NOISE, H
 
-H = 0.005
-MODEL = reference_model()
-FLOOR, STARVED = 0.05, 0.05
 CASES = ("paper", "speed-springs", "angle-paper", "angle-friction")
 
 
@@ -57,20 +54,6 @@ def test_the_kernel_is_the_transcription(name: str, seed: int, monkeypatch: pyte
         assert max(differences.values()) < 1e-7, (shape, differences)
     assert paper.starved_samples > 30 or "tau0" in case.monitored  # an offset shows at rest, too
     assert paper.looks > 20
-
-
-TORQUE_NOISE = 0.3
-"""N m"""
-K, LAM0 = filter_gain(MODEL, H, TORQUE_NOISE, NOISE["speed"])
-SUPERVISED = Settings(
-    H,
-    K=tuple(K),
-    K_after=gains_after(MODEL, H, TORQUE_NOISE, NOISE["speed"]),
-    lam0=LAM0,
-    settle_s=1.0,
-    floor=FLOOR,
-    starved=STARVED,
-)
 
 
 @pytest.fixture(scope="module")

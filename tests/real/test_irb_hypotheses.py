@@ -5,15 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.hypotheses import bank_limits
 from monitor_core.detection.bank import HypothesisBank
+from monitor_core.detection.detector import Limits, bank_of
 from monitor_core.detection.events import Changed, Event, Named
-from monitor_core.detection.threshold import allowances, thresholds
 from tests.real.irb import Record, model_and_settings, read, with_torque_constant, with_viscous_friction
 
 pytestmark = pytest.mark.records
 
 BETWEEN_S = 600.0
 """Mean time between false alarms that is asked for; the record has ten seconds."""
+COPIES = 500_000
+"""Samples of it, four minutes."""
 
 
 @pytest.fixture(scope="module")
@@ -22,15 +26,14 @@ def record(records_dir: Path) -> Record:
 
 
 @pytest.fixture(scope="module")
-def bank(record: Record) -> HypothesisBank:
+def bank(record: Record, seed: int) -> HypothesisBank:
     model, settings = model_and_settings()
-    first = HypothesisBank(model, settings)
-    _, trace = first.run_traced(*record)
-    taken = allowances(trace.llr)
-    second = HypothesisBank(model, settings, first.hypotheses, allowance=taken)
-    _, trace = second.run_traced(*record)
-    h = thresholds(trace.g, settings.interval_s, BETWEEN_S)
-    return HypothesisBank(model, settings, first.hypotheses, h=h, allowance=taken)
+    t_us, u, y = record
+    samples = BETWEEN_S / settings.interval_s
+    own = bank_limits(
+        model, settings, [Samples("irb", t_us, u, y)], samples, np.random.default_rng(seed), COPIES
+    ).own
+    return bank_of(model, settings, Limits(BETWEEN_S, own))
 
 
 def run(bank: HypothesisBank, record: Record) -> list[Event]:

@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.alarms.episodes import Episode
 from monitor_core.reference import FAULT_AT, experiments
-from tests.core.test_naming import FAULTS, H_US, MODEL, SAMPLES, first_named, histories
+from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, first_named, histories
 
 pytestmark = pytest.mark.soak
 

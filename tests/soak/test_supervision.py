@@ -14,7 +14,7 @@ from monitor_core.reference import BAND_HZ, TORQUE_RMS, faulty
 from monitor_core.settings import Settings
 from monitor_core.simulation import simulate_linear
 from tests.core.figures import steady_p
-from tests.core.test_supervision import FLOOR, MODEL, SUPERVISED, TORQUE_NOISE, H
+from tests.core.supervised import FLOOR, MODEL, SUPERVISED, TORQUE_NOISE, H
 
 pytestmark = pytest.mark.soak
 

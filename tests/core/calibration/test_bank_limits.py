@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.stats import poisson
 
+from monitor_core.calibration import hypotheses, watched
 from monitor_core.calibration.catch import Fault, catch
 from monitor_core.calibration.catch_by_bank import catch_by_bank
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.heights import Heights
 from monitor_core.calibration.hypotheses import BankLimits, bank_limits
+from monitor_core.calibration.surrogate import LANES
+from monitor_core.calibration.watched import PARTS, allowances
 from monitor_core.detection.bank import HypothesisBank
 from monitor_core.detection.detector import Limits, bank_of, guaranteed
 from monitor_core.detection.events import Changed
@@ -85,3 +91,64 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     assert by_bank[2].found_within(6.0) < 0.5
     with pytest.raises(ValueError, match="too short"):
         catch_by_bank(of.model, of.settings, own, healthy.part(0, 1000), faults, 20, 6.0)
+
+
+def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The measured torque is a quarter too large in one part of eight, in whatever pieces it is read."""
+    of, number = plant(0.0), 16_000
+    healthy = record(of, seed, number)
+    scaled = Samples("scaled", healthy.t_us, healthy.u.copy(), healthy.y)
+    scaled.u[number // 2 : number // 2 + number // PARTS] *= 1.25
+    bank = HypothesisBank(of.model, of.settings)
+    causes = [(one.cause, one.size) for one in bank.hypotheses]
+    same, beside = allowances(bank, [healthy]), allowances(bank, [healthy, scaled])
+    assert (beside >= same).all()
+    grown = [cause for cause, much, little in zip(causes, beside, same, strict=True) if much > little + 0.01]
+    assert ("kT", -0.2) in grown
+    assert ("kT", 0.2) not in grown
+    monkeypatch.setattr(watched, "_CHUNK", 777)
+    np.testing.assert_allclose(allowances(bank, [healthy, scaled]), beside, rtol=1e-9, atol=1e-12)
+
+
+def test_alarms_that_are_one_leave_room_for_lower_thresholds(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of = plant(0.0, memory=100)
+    known = watched.watched(
+        of.model, of.settings, [record(of, seed, RECORD // 5)], np.random.default_rng(seed), 60_000
+    )
+    found = {}
+    for share in (0.0, -1.0):
+        monkeypatch.setattr(hypotheses, "log_share", lambda *of, share=share: np.full_like(of[-1], share))
+        found[share] = hypotheses.limits(known, BUDGET, np.random.default_rng(seed))
+    apart, together = (np.array([one.h for one in found[share].own]) for share in (0.0, -1.0))
+    assert (together <= apart).all()
+    assert 0.3 < np.median(apart - together) < 3.0
+    assert found[0.0].upper == pytest.approx(1 / BUDGET, rel=0.1)
+    assert found[-1.0].upper == pytest.approx(1 / BUDGET, rel=0.1)
+
+
+def test_copies_go_on_from_chunk_to_chunk(seed: int) -> None:
+    """What is found in them does not hang on how they are cut: predictors, g and excursions go on."""
+    of, number = plant(0.0, memory=100), 1500
+    chunk = Axes(of, np.random.default_rng(seed), LANES).take(number)
+    found = []
+    for cuts in ([0, number], [0, 400, 411, 1100, number]):
+        bank = HypothesisBank(of.model, of.settings, h=math.inf)
+        heights = Heights(len(bank.hypotheses))
+        copies = watched._Copies(bank, heights, 0, number)
+        for start, stop in pairwise(cuts):
+            here = slice(start, stop)
+            copies.run(chunk.t_us[here, 0], chunk.u[here], chunk.y[here], start, np.arange(start, stop))
+        found.append(heights)
+    once, pieces = found
+    assert once.samples == pieces.samples > 0.8 * number * LANES
+    np.testing.assert_array_equal(once.largest, pieces.largest)
+    for i in range(len(bank.hypotheses)):
+        base, above, place = once.highest(i)
+        again = pieces.highest(i)
+        assert base == again[0]
+        np.testing.assert_array_equal(above, again[1])
+        np.testing.assert_array_equal(np.sort(place), np.sort(again[2]))

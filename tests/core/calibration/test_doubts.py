@@ -133,6 +133,23 @@ def test_a_budget_that_cannot_be_promised(seed: int) -> None:
             check_promise(scattered, of_copies, unsure, 1e9, 0.005)
 
 
+def test_how_wide_it_may_be_goes_with_the_root_of_a_far_budget(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scattered = scatter([record(rng, 25)], MEMORY, rng)
+    one = np.ones(2)
+
+    def refused(times: float, memories: float) -> bool:
+        stated = Rates(one, 1e-20, 1e-21, times * 1e-20, 1.0)
+        try:
+            check_promise(scattered, stated, stated, memories * MEMORY, 0.005)
+        except CalibrationError:
+            return True
+        return False
+
+    assert [refused(times, 1e4) for times in (900.0, 1100.0)] == [False, True]
+    assert [refused(times, 4e6) for times in (1900.0, 2100.0)] == [False, True]
+
+
 @pytest.mark.parametrize(
     ("seconds", "words"),
     [

@@ -16,7 +16,6 @@ from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.monitor import AxisMonitor
 from monitor_core.simulation import simulate_linear
-from tests.core import oracle
 from tests.core.cases import BY_NAME, CASES, Case
 from tests.core.chains import chain, values
 from tests.core.identification.problems import (
@@ -27,6 +26,7 @@ from tests.core.identification.problems import (
     case_record,
     reference_record,
 )
+from tests.core.oracle.prediction import prediction
 
 
 def as_monitor(case: Case, **changes: object) -> Problem:
@@ -73,7 +73,7 @@ def test_errors_are_those_of_the_paper_transcribed(name: str, seed: int) -> None
     rec = case_record(seed, case, 120, jitter=0.3)
     t_us = np.rint(rec.t * 1e6).astype(np.int64)
     settings = case.settings()
-    yhat = oracle.prediction(case.model, settings, case.model.theta0, t_us, rec.u, rec.y)
+    yhat = prediction(case.model, settings, case.model.theta0, t_us, rec.u, rec.y)
     eps = all_errors(predictor := Predictor(as_monitor(case), [rec], None), predictor.start())
     np.testing.assert_allclose(eps, rec.y - yhat.real, rtol=0, atol=1e-9 * float(np.std(eps)))
 

@@ -27,7 +27,7 @@ from monitor_core.modeling.numbers import drive_of
 from monitor_core.modeling.statespace import StateSpace
 from monitor_core.modeling.symbolic import expression, matrices, symbols_of
 from tests.core.modeling.random_drives import RandomDrive, drives
-from tests.core.oracle import derivatives
+from tests.core.oracle.system import derivatives
 
 Array = NDArray[np.float64]
 MATRICES = ("A", "B", "C")

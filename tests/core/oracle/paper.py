@@ -5,66 +5,17 @@ Innovations form, friction, offset, torque delay and the rules for gaps as in th
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, matrix_balance
 
 from monitor_core.drive import DELAY
-from monitor_core.kernel.tables import COSINE, COULOMB, GAINS, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COULOMB, GAINS, TORQUE
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 from monitor_core.stability import stable_limits
-
-Array = NDArray[np.float64]
-LOST = 1.75  # intervals: then a mean speed is that over the last one
-STEP = 1e-30  # of the complex step; far below rounding, so that the derivative is exact
-
-
-def derivatives(model: AxisModel, which: str, theta: Array) -> list[Array]:
-    """d(matrix)/dtheta_i for each i, by the complex step."""
-    out = []
-    for i in range(len(theta)):
-        h = STEP * max(1.0, abs(theta[i]))
-        shifted = theta + 1j * h * np.eye(len(theta))[i]
-        matrix = model.drive.matrix(which, model.values(shifted))  # type: ignore[arg-type]
-        out.append(np.imag(matrix) / h)
-    return out
-
-
-def held_over(F: NDArray[np.generic], f: NDArray[np.generic], w: NDArray[np.generic], h: float) -> Array:
-    """w(h) of  w' = F w + f  with f constant: one exponential of the system with f as a further column.
-
-    Balanced first: springs on the arm side and inertias on the motor side differ by 1e8: four digits.
-    """
-    size = len(w)
-    M = np.zeros((size + 1, size + 1), dtype=np.result_type(F, f))
-    M[:size, :size], M[:size, size] = F, f
-    balanced, (d, _) = matrix_balance(M, permute=False, separate=True)
-    return np.asarray((d * (expm(balanced * h) @ (np.append(w, 1.0) / d)))[:size])
-
-
-def inputs(model: AxisModel, s: Settings, u: float, y: float, x: NDArray[Any]) -> NDArray[Any]:
-    """What acts after a sample (u, y), x being the state after its correction: torque, friction, offset, gravity."""
-    ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
-    speed = y if model.drive.output == "speed" else sensor_speed(model) @ x
-    functions: dict[int, Callable[[float], Any]] = {
-        TORQUE: lambda _: u,
-        COULOMB: lambda ratio: np.tanh(ratio * speed / s.speed_scale),
-        ONE: lambda _: 1.0,
-        COSINE: lambda ratio: math.cos(ratio * y),
-        SINE: lambda ratio: math.sin(ratio * y),
-    }
-    return np.array([functions[kind](r) for kind, r in zip(model.drive.inputs, ratio, strict=True)])
-
-
-def sensor_speed(model: AxisModel) -> Array:
-    """The row of the speed at an angle sensor, y' = C A x (the inputs have no direct effect on it), at nominal."""
-    A, _, C = model.matrices()
-    return np.asarray((C @ A)[0])
+from tests.core.oracle.system import LOST, Array, derivatives, held_over, inputs, sensor_speed
 
 
 @dataclass
@@ -393,42 +344,3 @@ class Paper:
                     self.P[i, i] = max(self.P[i, i], self.s.widen * self.P_nom[i])
                     if not self.s.run_on:
                         self.g[way, i], self.onset[way, i] = 0.0, self.t
-
-
-def prediction(
-    model: AxisModel,
-    s: Settings,
-    theta: NDArray[np.generic],
-    t_us: NDArray[np.int64],
-    u: Array,
-    y: Array,
-    y2: Array | None = None,
-) -> NDArray[np.generic]:
-    """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
-    values = model.values(theta)  # type: ignore[arg-type]
-    A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
-    K, kinds = s.gain(len(A)), np.array(model.drive.inputs)
-    delay = theta[model.monitored.index(DELAY)] if DELAY in model.monitored else s.delay_s
-    mean = model.drive.mean_state
-    x = model.drive.matrix("rest", model.nominal)[:, 0] * y[0] + 0 * A[0]
-    yhat, before, held = [C[0] @ x], u[0], inputs(model, s, u[0], y[0], x)
-    for j in range(1, len(u)):
-        h = (t_us[j] - t_us[j - 1]) * 1e-6
-        late, ahead = (min(delay, h, key=np.real), 0.0) if np.real(delay) > 0 else (0.0, delay)
-        x = x + ahead * B @ np.where(kinds == TORQUE, before - u[j - 1], 0.0)
-        lost = mean >= 0 and h > LOST * s.interval_s
-        own = min(h - late, s.interval_s) if lost else h - late
-        for piece, torque in ((late, before), (h - late - own, u[j - 1])):
-            x = held_over(A, B @ np.where(kinds == TORQUE, torque, held), x, piece)
-        if lost:
-            x[mean] = 0.0
-        x = held_over(A, B @ np.where(kinds == TORQUE, u[j - 1], held), x, own)
-        over = 1.0 if mean < 0 else own if lost else h
-        yhat.append(C[0] @ x / over)
-        x = x + K * (y[j] - yhat[-1])
-        if s.second and y2 is not None:
-            x = x + np.array(s.second.K) * (y2[j] - (model.drive.matrix("C2", values) @ x)[0])
-        if mean >= 0:
-            x[mean] = 0.0
-        before, held = u[j - 1], inputs(model, s, u[j], y[j], x)
-    return np.array(yhat)

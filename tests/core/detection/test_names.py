@@ -20,7 +20,6 @@ from monitor_core.detection.candidates import (
 )
 from monitor_core.detection.events import Changed, Named, Over
 from monitor_core.detection.limit import least_delay
-from monitor_core.detection.threshold import allowances, excursions, thresholds
 from monitor_core.drive import DELAY
 from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES, three_mass
@@ -188,43 +187,3 @@ def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> No
     assert changed > 3
     assert over >= changed / 2
     assert len(bank.standing) <= 2
-
-
-# --- thresholds from a healthy record ---------------------------------------------------------------------
-
-
-def walks(rng: np.random.Generator, N: int, H: int, mean: float, sd: float) -> Floats:
-    """g (N, H) of independent normal log-likelihood ratios."""
-    g, out = np.zeros(H), np.empty((N, H))
-    for k, l in enumerate(rng.normal(mean, sd, (N, H))):
-        g = np.maximum(0.0, g + l)
-        out[k] = g
-    return out
-
-
-@pytest.mark.parametrize("r", [1.0, 0.5])
-def test_thresholds_keep_what_they_promise(r: float, seed: int) -> None:
-    """Normal increments with mean -m and variance 2 m / r: exp(r l) has the mean 1, tails fall like exp(-r h)."""
-    m, rng = 0.05, np.random.default_rng(seed)
-    h = thresholds(walks(rng, 60_000, 6, -m, math.sqrt(2 * m / r)), INTERVAL_S, 100.0)
-    fresh = walks(rng, 200_000, 6, -m, math.sqrt(2 * m / r))
-    alarms = sum((excursions(fresh[:, i]) > h[i]).sum() for i in range(6))
-    print(f"r = {r}: h {h}, {alarms} alarms where 10 are promised")
-    assert 1 <= alarms <= 40  # three samples of a Poisson count of 10, and h known to +/-1
-
-
-def test_thresholds_need_a_record_and_a_time() -> None:
-    with pytest.raises(ValueError, match="longer than an interval"):
-        thresholds(np.zeros((1, 3)), INTERVAL_S, 10.0)
-    with pytest.raises(ValueError, match="longer than an interval"):
-        thresholds(np.zeros((100, 3)), INTERVAL_S, 0.0)
-
-
-def test_allowances_are_for_what_is_better_than_now_in_a_healthy_record(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    llr = rng.normal(-0.05, 0.3, (8000, 3))
-    llr[4000:, 1] += 0.1
-    llr[::7] = np.nan
-    found = allowances(llr)
-    assert found[0] == found[2] == 0.0
-    assert found[1] == pytest.approx(0.1, abs=0.08)

@@ -1,0 +1,98 @@
+"""How often g of each hypothesis goes beyond a height that it never reached, from the highest excursions.
+
+What exceeds a high level is of a generalised Pareto distribution (Pickands 1975), of shape xi: 0, exponential, for an
+exact model; above 0 where small excursions are the noise's and high ones what the model lacks, so that the tail becomes
+flatter on the way.  Each hypothesis alone is vague about its shape: it is drawn towards the mean of all, as far as they
+do not differ by more than chance (empirical Bayes, Efron and Morris 1975).  The tail does not become flatter for ever:
+g rises against a drift, and far out falls exponentially; so the shape holds for as far again as it was seen, and from
+there on the slope stays.
+
+Excursions at the same place of the motion are not as many as they look, for the next motion has other places: so the
+chance of a tail is that of other places, drawn with weights (Bayesian bootstrap, Rubin 1981), the same for all
+hypotheses, as their excursions go together.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.calibration.heights import TOP, Heights
+from monitor_core.kernel.tables import Floats
+
+ALIKE = 10
+"""So many excursions as an exact model would have are added where there are fewer than TOP."""
+_LEAST_SHAPE, _MOST_SHAPE = 0.0, 0.45
+_UNSURE = 0.2
+"""Standard deviation of what all shapes become farther out, over what they are."""
+
+
+@dataclass(frozen=True)
+class BankTails:
+    """Of H hypotheses; drawn (B, H) with other places of the motion, the first as they are.
+
+    Excursions above ``base`` (H,) happen at the rate exp(log_rate) per sample, and exceed it by ``mean`` in the mean.
+    """
+
+    base: Floats
+    log_rate: Floats
+    mean: Floats
+    shape: Floats
+    seen: float
+    """Logarithm of the factor that excursions above base become seldomer by, as far as they are seen"""
+
+    def log_rates(self, h: Floats, steeper: Floats) -> Floats:
+        """Logarithms of the rates (B, H) of excursions above h (H,), where g is so many times as steep (B, H)."""
+        sigma = self.mean * (1 - self.shape)
+        above = np.maximum(h - self.base, 0.0) * steeper
+        # -log of the share that goes so far, and its slope; at the end of what the shape holds for, and beyond.
+        end = sigma * _grown(2 * self.seen, self.shape)
+        inner = np.minimum(above, end)
+        fallen = _log_grown(self.shape * inner / sigma, self.shape, inner / sigma)
+        slope = 1 / (sigma + self.shape * end)
+        return np.asarray(self.log_rate - fallen - slope * (above - inner))
+
+
+def _grown(log: float, shape: Floats) -> Floats:
+    """(exp(shape log) - 1) / shape."""
+    return np.where(shape > 1e-6, np.expm1(shape * log) / np.maximum(shape, 1e-6), log)
+
+
+def _log_grown(grown: Floats, shape: Floats, without: Floats) -> Floats:
+    """log(1 + grown) / shape; ``without`` a shape."""
+    return np.where(shape > 1e-6, np.log1p(grown) / np.maximum(shape, 1e-6), without)
+
+
+def bank_tails(of: Heights, many: int, weights: Floats, farther: Floats) -> BankTails:
+    """Of so many hypotheses; weights (B, places) of the motion, of mean 1, and ``farther`` (B,), standard normal."""
+    highest = [of.highest(i) for i in range(many)]
+    base = np.array([one[0] for one in highest])
+    number = np.array([len(one[1]) for one in highest])
+    alike = np.where(number == TOP, 0, ALIKE)[:, np.newaxis]
+    count, first, lower = (np.empty((many, len(weights))) for _ in range(3))
+    for i, (_, above, place) in enumerate(highest):
+        w = weights[:, place]
+        higher = np.cumsum(w, axis=1) - w / 2  # as they fall
+        count[i], first[i], lower[i] = w.sum(axis=1), w @ above, (w * higher) @ above
+    mean = (first + alike) / (count + alike)
+    # By probability-weighted moments (Hosking and Wallis 1987):  xi = 2 - m / (m - 2 a),  a the mean of x (1 - F).
+    a = (lower + alike * count / 4) / (np.maximum(count, 1e-12) * (count + alike))
+    shape = 2 - mean / np.maximum(mean - 2 * a, 1e-12 * mean)
+    # With fewer the base is where small excursions begin, and no tail.
+    shape = _shrunk(shape, number == TOP) * np.maximum(1 + _UNSURE * farther, 0.0)
+    log_rate = np.log(np.maximum(count, 1.0) / max(of.samples, 1))
+    return BankTails(base, log_rate.T, mean.T, shape.T, float(np.log(TOP)))
+
+
+def _shrunk(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
+    """Each towards the mean of all (H, B); those that cannot tell have the mean, if that is not less than zero."""
+    out = np.zeros_like(shape)
+    if tell.any():
+        own, chance = shape[tell, :1], shape[tell, 1:].var(axis=1)
+        mean = shape[tell].mean(axis=0)
+        between = max(float(own.var() - chance.mean()), 0.0)
+        kept = (between / (between + np.maximum(chance, 1e-12)))[:, np.newaxis]
+        differs = shape[tell] - own - (mean - mean[0])  # from draw to draw
+        out[tell] = mean + kept * (own - mean[0]) + np.sqrt(kept) * differs
+        out[~tell] = mean
+    return np.clip(out, _LEAST_SHAPE, _MOST_SHAPE)

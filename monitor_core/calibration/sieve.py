@@ -1,0 +1,68 @@
+"""Innovations that never were: of the colour of a record's, and as many as are asked for.
+
+Blocks of a record's innovations (blocks.py) have its colour, but what is over within a block, a burst of noise, happens
+in copies only as it happened in the record, again and again.  So the colour is taken out by an autoregression, what is
+left is drawn in pieces too short to hold a burst, and the colour is put back (sieve bootstrap, Buehlmann 1997).
+"""
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter, lfiltic
+
+from monitor_core.kernel.tables import Floats
+
+_ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+_SAMPLES_EACH = 20
+"""Of the record, for each coefficient, at least."""
+_TOGETHER = 10
+"""Samples that are drawn in a piece: what they have in common but their colour stays."""
+_SETTLING = 1000
+
+
+class Sieve:
+    """Innovations of copies, without end.
+
+    Args:
+        eps: of the record (N,), at least two, of mean zero.
+        copies: how many there are.
+        rng: of the choice.
+    """
+
+    def __init__(self, eps: Floats, copies: int, rng: np.random.Generator) -> None:
+        self._copies, self._rng = copies, rng
+        self._a = autoregression(eps)
+        self._residuals = lfilter(self._a, [1.0], eps)[len(self._a) - 1 :]
+        self._residuals -= self._residuals.mean()
+        start = lfiltic([1.0], self._a, np.zeros(len(self._a) - 1))
+        self._state = np.repeat(start[:, np.newaxis], copies, axis=1)
+        self._left = np.zeros((0, copies))
+        self.take(_SETTLING)
+
+    def take(self, count: int) -> Floats:
+        """The next (count, copies)."""
+        piece = min(_TOGETHER, len(self._residuals))
+        while len(self._left) < count:
+            many = (count - len(self._left)) // piece + 1
+            first = self._rng.integers(0, len(self._residuals) - piece + 1, (many, 1, self._copies))
+            drawn = self._residuals[first + np.arange(piece)[:, np.newaxis]]
+            self._left = np.concatenate([self._left, drawn.reshape(many * piece, self._copies)])
+        out, self._left = self._left[:count], self._left[count:]
+        out, self._state = lfilter([1.0], self._a, out, axis=0, zi=self._state)
+        return np.asarray(out)
+
+
+def autoregression(eps: Floats) -> Floats:
+    """Coefficients (1 + order,) of the filter that makes white what is left of eps (N,) (Yule and Walker).
+
+    The order is that of the least BIC.
+    """
+    N = len(eps)
+    longest = min(_ORDERS[-1], N // _SAMPLES_EACH)
+    r = np.array([eps[: N - lag] @ eps[lag:] for lag in range(longest + 1)]) / N
+    best, least = np.ones(1), N * np.log(r[0])
+    for order in (p for p in _ORDERS if p <= longest):
+        a = solve_toeplitz(r[:order], r[1 : order + 1])
+        bic = N * np.log(r[0] - a @ r[1 : order + 1]) + order * np.log(N)
+        if bic < least:
+            best, least = np.append(1.0, -a), bic
+    return best

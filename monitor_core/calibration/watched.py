@@ -1,0 +1,161 @@
+"""What a bank of hypotheses does on healthy records, and on copies of them, which are as many as its tails need.
+
+The copies have the motion of the records, as what a model lacks goes with it, and innovations that never were
+(sieve.py).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.heights import Heights
+from monitor_core.calibration.sieve import Sieve
+from monitor_core.calibration.spectra import Spectra
+from monitor_core.calibration.surrogate import LANES, block_length, copies_of, source_of
+from monitor_core.detection.bank import HypothesisBank, default_hypotheses
+from monitor_core.detection.hypotheses import Hypothesis
+from monitor_core.kernel.tables import Floats
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+COPIES = 8_000_000
+"""Samples of copies that the bank is run over."""
+PARTS = 8
+"""Of a record, in none of which anything may speak for a hypothesis all along."""
+_CHUNK = 10_000
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What a bank does on healthy records (``recorded``), and on copies of them, or on them again where there are none.
+
+    ``allowance`` (H,); ``covariance`` (H, H): of the logarithms of the powers that they know; ``places`` of the motion.
+    """
+
+    hypotheses: tuple[Hypothesis, ...]
+    allowance: Floats
+    recorded: Heights
+    copied: Heights
+    covariance: Floats
+    places: int
+
+
+def watched(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    rng: np.random.Generator,
+    copies: int = COPIES,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Watched:
+    """Run the bank over records, and over so many samples of their copies.
+
+    Raises:
+        ValueError: the axis can have no bank; nothing was tested in any record.
+    """
+    bank = HypothesisBank(model, settings, default_hypotheses(model, settings))
+    allowance = allowances(bank, records)
+    bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
+    recorded, spectra = Heights(len(bank.hypotheses)), Spectra(len(bank.hypotheses), block_length(settings))
+    places = _Places(settings, records)
+    for number, one in enumerate(records):
+        spectra.add(_over(bank, one, recorded, places, number))
+    if not recorded.samples:
+        raise ValueError("nothing was tested in any record")
+    progress(0.2)
+    copied = _copied(bank, records, places, copies, rng, lambda part: progress(0.2 + 0.8 * part))
+    whole = copied if copied.samples else recorded
+    return Watched(bank.hypotheses, allowance, recorded, whole, spectra.covariance(), places.many)
+
+
+def allowances(bank: HypothesisBank, records: Sequence[Samples]) -> Floats:
+    """What is taken from each log-likelihood ratio (H,), so that in no part of a healthy record it is positive."""
+    most = np.zeros(len(bank.hypotheses))
+    for one in records:
+        N = len(one.t_us)
+        sums, counts = np.zeros((PARTS, len(most))), np.zeros(PARTS)
+        bank.reset()
+        for k in range(0, N, _CHUNK):
+            part = one.part(k, k + _CHUNK)
+            _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
+            tested = np.isfinite(trace.llr).any(axis=1)
+            of = (k + np.flatnonzero(tested)) * PARTS // N
+            np.add.at(sums, of, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
+            np.add.at(counts, of, 1.0)
+        means = sums[counts > 0] / counts[counts > 0, np.newaxis]
+        most = np.maximum(most, 2 * means.max(axis=0, initial=0.0))
+    return most
+
+
+class _Places:
+    """Parts of the records, a block of innovations long, by number."""
+
+    def __init__(self, settings: Settings, records: Sequence[Samples]) -> None:
+        self._length = block_length(settings)
+        self._first = np.cumsum([0, *(1 + len(one.t_us) // self._length for one in records)])
+        self.many = int(self._first[-1])
+
+    def of(self, record: int, first: int, samples: int) -> np.ndarray:
+        """Of so many samples of a record (samples,)."""
+        return np.asarray(self._first[record] + np.arange(first, first + samples) // self._length)
+
+
+def _over(bank: HypothesisBank, one: Samples, heights: Heights, places: _Places, number: int) -> Floats:
+    """One record, from the start; its innovations (N, 1 + H)."""
+    bank.reset()
+    course, found = heights.course(), []
+    for k in range(0, len(one.t_us), _CHUNK):
+        part = one.part(k, k + _CHUNK)
+        _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift, what_holds=True)
+        heights.take(trace.g[:, 1:], k, places.of(number, k, len(part.t_us)), course)
+        heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
+        found.append(trace.eps)
+    return np.concatenate(found)
+
+
+def _copied(
+    bank: HypothesisBank,
+    records: Sequence[Samples],
+    places: _Places,
+    samples: int,
+    rng: np.random.Generator,
+    progress: Callable[[float], None],
+) -> Heights:
+    """Copies of the records, at least so many samples."""
+    heights, clock = Heights(len(bank.hypotheses)), 0
+    found = ((number, source_of(bank.model, bank.settings, one)) for number, one in enumerate(records))
+    sources = [(number, of) for number, of in found if of is not None]
+    while sources and heights.samples < samples:
+        for number, source in sources:
+            copies = _Copies(bank, heights, clock, len(source.u))
+            at, skipped = 0, len(records[number].t_us) - len(source.u)
+            for t_us, u, y in copies_of(bank.model, bank.settings, source, Sieve(source.eps, LANES, rng)):
+                copies.run(t_us, u, y, at, places.of(number, skipped + at, len(t_us)))
+                at += len(t_us)
+                progress(min(1.0, heights.samples / samples))
+                if heights.samples >= samples:
+                    break
+            clock += LANES * len(source.u)
+    return heights
+
+
+class _Copies:
+    """LANES copies of a record of so many samples, one after the other through one bank."""
+
+    def __init__(self, bank: HypothesisBank, heights: Heights, clock: int, length: int) -> None:
+        self._bank, self._heights, self._clock, self._length = bank, heights, clock, length
+        bank.reset()
+        self._memories = [bank.memory] * LANES
+        self._courses = [heights.course() for _ in range(LANES)]
+
+    def run(self, t_us: NDArray[np.int64], u: Floats, y: Floats, at: int, place: NDArray[np.int64]) -> None:
+        """The next samples, u and y (N, LANES), which begin ``at`` and lie at these places of the motion."""
+        for a in range(LANES):
+            self._bank.memory = self._memories[a]
+            _, trace = self._bank.run_traced(t_us, u[:, a], y[:, a])
+            self._memories[a] = self._bank.memory
+            self._heights.take(trace.g, self._clock + a * self._length + at, place, self._courses[a])
+            self._heights.samples += int(np.isfinite(trace.llr).any(axis=1).sum())

@@ -1,0 +1,37 @@
+"""How high g of each hypothesis of a bank goes before it is back at zero, and when."""
+
+from monitor_core.kernel.compile import entry
+from monitor_core.kernel.tables import Floats, Ints
+
+START, PEAK, PLACE = range(3)
+"""Rows of times: an excursion's first sample, that of its largest g, and the part of the record which that lies in."""
+
+
+@entry
+def heights(
+    g: Floats, clock: int, place: Ints, least: Floats, top: Floats, now: Ints, largest: Floats, times: Ints, found: Ints
+) -> None:  # fmt: skip
+    """Put each excursion of g (N, H) that ends, and went above ``least`` (H,), into a row of ``largest`` (H, room).
+
+    ``clock`` is the time of the first sample, in samples; ``place`` (N,) the part of the record that each belongs to.
+    ``top`` (H,) and ``now`` (3, H) are what a piece before left: of the excursion that goes on.  ``times`` (3, H, room)
+    and ``found`` (H,) as the excursions are found; there is to be room for N / 2.
+    """
+    N, H = g.shape
+    for k in range(N):
+        for i in range(H):
+            if g[k, i] > 0.0:
+                if top[i] == 0.0:
+                    now[START, i] = clock + k
+                if g[k, i] > top[i]:
+                    top[i] = g[k, i]
+                    now[PEAK, i] = clock + k
+                    now[PLACE, i] = place[k]
+            elif top[i] > 0.0:
+                if top[i] > least[i]:
+                    j = found[i]
+                    largest[i, j] = top[i]
+                    for row in range(3):
+                        times[row, i, j] = now[row, i]
+                    found[i] = j + 1
+                top[i] = 0.0

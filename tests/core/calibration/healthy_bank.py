@@ -1,0 +1,80 @@
+"""How often banks of hypotheses with these limits alarm on healthy axes: counted, with all of them at once."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.detection.bank import HypothesisBank, default_hypotheses
+from monitor_core.detection.detector import Limit
+from monitor_core.kernel.compile import entry
+from monitor_core.kernel.tables import Floats, Ints
+from tests.core.calibration.healthy_axes import Axes, Plant
+
+Singles = NDArray[np.float32]
+CHUNK = 20_000
+_PIECE = 250
+"""Samples over which no bank alarms, most often."""
+
+
+def count(of: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples: int) -> tuple[Floats, int]:
+    """False alarms of each bank (len(limits),) in so many tested samples; after an alarm its g begin at zero."""
+    bank = HypothesisBank(of.model, of.settings, default_hypotheses(of.model, of.settings))
+    axes = Axes(of, np.random.default_rng(seed), 1)
+    allowance, h = (
+        np.ascontiguousarray([[getattr(one, field) for one in own] for own in limits], np.float32).T.copy()
+        for field in ("allowance", "h")
+    )
+    g, alarms, seen = np.zeros_like(h), np.zeros(len(limits), np.int64), 0
+    while seen < samples:
+        chunk = axes.take(CHUNK)
+        _, trace = bank.run_traced(chunk.t_us[:, 0], chunk.u[:, 0], chunk.y[:, 0])
+        tested = np.isfinite(trace.llr).any(axis=1)
+        llr = np.ascontiguousarray(np.maximum(trace.llr[tested], -1e9), np.float32)
+        _watch(llr, allowance, h, g, alarms)
+        seen += int(tested.sum())
+    return alarms.astype(float), seen
+
+
+@entry
+def _watch(llr: Singles, allowance: Singles, h: Singles, g: Singles, alarms: Ints) -> None:
+    """llr (N, H); allowance, h and g (H, banks)."""
+    H, banks = g.shape
+    largest, before = np.zeros(banks, np.float32), np.zeros_like(g)
+    for start in range(0, len(llr), _PIECE):
+        stop = min(start + _PIECE, len(llr))
+        before[:] = g
+        crossed = np.zeros(banks, np.int64)
+        for a in range(H):  # as if there was no alarm
+            largest[:] = 0.0
+            for k in range(start, stop):
+                _step(llr[k, a], allowance[a], g[a], largest)
+            for c in range(banks):
+                crossed[c] += largest[c] > h[a, c]
+        for c in range(banks):
+            if crossed[c]:
+                g[:, c] = before[:, c]
+                alarms[c] += _with_alarms(llr, start, stop, allowance, h, g, c)
+
+
+@entry
+def _step(llr: float, allowance: Singles, g: Singles, largest: Singles) -> None:
+    for c in range(g.size):
+        g[c] = max(np.float32(0.0), g[c] + llr - allowance[c])
+        largest[c] = max(largest[c], g[c])
+
+
+@entry
+def _with_alarms(
+    llr: Singles, start: int, stop: int, allowance: Singles, h: Singles, g: Singles, c: int
+) -> int:  # fmt: skip
+    alarms = 0
+    for k in range(start, stop):
+        alarm = False
+        for a in range(len(g)):
+            g[a, c] = max(np.float32(0.0), g[a, c] + llr[k, a] - allowance[a, c])
+            alarm |= g[a, c] > h[a, c]
+        if alarm:
+            alarms += 1
+            g[:, c] = 0.0
+    return alarms

@@ -1,0 +1,126 @@
+"""Tails of a bank's excursions: far beyond the highest as they truly are, and as uncertain as they scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration.bank_tails import ALIKE, BankTails, bank_tails
+from monitor_core.calibration.heights import LEAST_HEIGHT, TOP, Heights
+from monitor_core.kernel.tables import Floats
+
+PLACES, MANY = 500, 40
+FAR = 8.0
+"""Logarithm of the factor by which what is looked at is seldomer than the highest excursions."""
+
+
+def weights(rng: np.random.Generator, places: int = PLACES, draws: int = 200) -> Floats:
+    """As they are, and so many draws."""
+    drawn = rng.exponential(size=(1 + draws, places))
+    drawn /= drawn.mean(axis=1, keepdims=True)
+    drawn[0] = 1.0
+    return drawn
+
+
+def farther(rng: np.random.Generator, draws: int = 200) -> Floats:
+    return np.append(0.0, rng.standard_normal(draws))
+
+
+def watched(heights: Floats, places: int = PLACES) -> Heights:
+    """Excursions that go straight up to each of heights (N, H), and back; all over so many places."""
+    N, H = heights.shape
+    g = np.stack([heights, np.zeros((N, H))], axis=1).reshape(2 * N, H)
+    of = Heights(H)
+    of.take(g, 0, np.arange(2 * N) * places // (2 * N), of.course())
+    of.samples = 2 * N
+    return of
+
+
+def pareto(rng: np.random.Generator, shape: float, number: int, hypotheses: int) -> Floats:
+    """Generalised Pareto excesses of scale 2 above LEAST_HEIGHT."""
+    log = rng.exponential(size=(number, hypotheses))
+    return np.asarray(LEAST_HEIGHT + 2 * (np.expm1(shape * log) / shape if shape else log))
+
+
+@pytest.mark.parametrize("shape", [0.0, 0.2])
+def test_far_out_it_is_what_it_truly_is(shape: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    number = 20 * TOP
+    tails = bank_tails(watched(pareto(rng, shape, number, MANY)), MANY, weights(rng), farther(rng))
+    log = FAR + np.log(number / TOP)
+    h = LEAST_HEIGHT + 2 * (np.expm1(shape * log) / shape if shape else log)
+    drawn = tails.log_rates(np.full(MANY, h), np.ones((1, MANY)))
+    error = drawn[0] + log + np.log(2)  # of every other sample
+    stated = drawn[1:].std(axis=0)
+    print(
+        f"shape {tails.shape[0].mean():.3f}, off {error.mean():+.2f} +- {error.std():.2f} ({stated.mean():.2f})"
+    )
+    assert abs(error.mean()) < 0.5  # what their mean shape is off by, all are
+    assert np.mean(abs(error) < 1.645 * stated) > 0.6
+    assert tails.shape[0].std() < 0.03  # they do not differ, and are said not to
+
+
+def test_those_that_differ_are_left_so(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    heights = np.concatenate([pareto(rng, shape, 20 * TOP, MANY // 2) for shape in (0.0, 0.3)], axis=1)
+    shape = bank_tails(watched(heights), MANY, weights(rng), farther(rng)).shape[0]
+    assert shape[: MANY // 2].mean() < 0.08
+    assert shape[MANY // 2 :].mean() > 0.2
+
+
+def test_how_the_shape_goes_on_is_not_known_better_than_by_a_fifth(seed: int) -> None:
+    """It makes far rates less certain where there is a shape, and of an exponential tail it says next to nothing."""
+    rng, h, even = np.random.default_rng(seed), np.full(MANY, 60.0), np.ones((1, MANY))
+    spread = {}
+    for shape in (0.0, 0.2):
+        of, w = watched(pareto(rng, shape, 20 * TOP, MANY)), weights(rng)
+        for name, draws in (("known", np.zeros(201)), ("unknown", farther(rng))):
+            rates = bank_tails(of, MANY, w, draws).log_rates(h, even)[1:]
+            spread[shape, name] = rates.mean(axis=1).std()  # of what is common to all
+    assert spread[0.2, "unknown"] > 1.5 * spread[0.2, "known"]
+    assert spread[0.0, "unknown"] < 1.5 * spread[0.0, "known"]
+
+
+def test_the_shape_holds_for_as_far_again_as_it_was_seen() -> None:
+    """Then the slope stays; there is no step in either."""
+    one = np.ones((1, 1))
+    tails = BankTails(np.array([5.0]), -10.0 * one, 2.0 * one, 0.2 * one, seen=6.0)
+    h = np.arange(5.0, 300.0, 0.01)
+    rate = np.array([tails.log_rates(np.array([at]), one)[0, 0] for at in h])
+    slope = -np.diff(rate) / 0.01
+    assert rate[0] == -10.0
+    assert slope[0] == pytest.approx(1 / (2.0 * 0.8), rel=0.01)
+    assert (np.diff(slope) < 1e-9).all()
+    end = h[np.searchsorted(-rate, 10 + 12)]
+    assert slope[h[:-1] > end].std() < 1e-9
+    assert slope[np.searchsorted(h, end - 5)] > slope[-1] * 1.02
+    steeper = tails.log_rates(np.array([25.0]), 2 * one)[0, 0]
+    assert steeper == pytest.approx(tails.log_rates(np.array([45.0]), one)[0, 0])
+
+
+def test_places_that_alarm_alone_are_as_few_as_they_are(seed: int) -> None:
+    """All high excursions at five of fifty places of the motion: the chance is that of five."""
+    rng, places, each = np.random.default_rng(seed), 50, TOP
+    heights = np.minimum(3 * rng.random((places, each)), 2.9)
+    heights[rng.permutation(places)[:5]] = 3.0 + rng.exponential(2.0, (5, each))
+    of, none = weights(rng, places), np.zeros(201)
+    few = bank_tails(watched(heights.reshape(-1, 1), places), 1, of, none).log_rate[1:].std()
+    many = (
+        bank_tails(watched(rng.permutation(heights.reshape(-1, 1)), places), 1, of, none).log_rate[1:].std()
+    )
+    assert few > 2 * many
+    assert few == pytest.approx(1 / np.sqrt(5), rel=0.4)
+
+
+def test_few_excursions_are_as_an_exact_model_has_them(seed: int) -> None:
+    of = Heights(2)
+    of.samples = 1000
+    of.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, np.zeros(2, np.int64), of.course())
+    tails = bank_tails(of, 2, weights(np.random.default_rng(seed)), np.zeros(201))
+    assert tails.base.tolist() == [LEAST_HEIGHT, LEAST_HEIGHT]
+    np.testing.assert_allclose(tails.mean[0], [(0.5 + ALIKE) / (1 + ALIKE), 1.0])
+    np.testing.assert_allclose(tails.log_rate[0], -np.log(1000))
+    assert (tails.shape == 0).all()
+    np.testing.assert_allclose(
+        tails.log_rates(np.array([3.0, 3.0]), np.ones((1, 2)))[0, 1], -np.log(1000) - 1
+    )

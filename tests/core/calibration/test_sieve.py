@@ -1,0 +1,85 @@
+"""Innovations that never were: of the record's colour and spread, and with bursts that the record did not have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from monitor_core.calibration.sieve import Sieve, autoregression
+from monitor_core.kernel.tables import Floats
+
+N, COPIES = 40_000, 16
+
+
+def coloured(rng: np.random.Generator, pole: float, number: int = N, uniform: bool = False) -> Floats:
+    noise = rng.uniform(-1, 1, number) if uniform else rng.standard_normal(number)
+    eps = lfilter([1.0], [1, -pole], noise)
+    return np.asarray(eps - eps.mean())
+
+
+def autocorrelation(eps: Floats, lag: int) -> float:
+    return float((eps[:-lag] * eps[lag:]).mean() / (eps * eps).mean())
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
+def test_the_filter_is_the_one_that_coloured_it(pole: float, seed: int) -> None:
+    a = autoregression(coloured(np.random.default_rng(seed), pole))
+    assert len(a) <= 5
+    np.testing.assert_allclose(a[:2] if pole else a[:1], [1.0, -pole][: 1 + bool(pole)], atol=0.04)
+    np.testing.assert_allclose(a[2:], 0.0, atol=0.04)
+
+
+def test_a_filter_of_two_poles(seed: int) -> None:
+    true = [1.0, -1.6, 0.8]
+    eps = lfilter([1.0], true, np.random.default_rng(seed).standard_normal(N))
+    a = autoregression(eps - eps.mean())
+    np.testing.assert_allclose(a[:3], true, atol=0.05)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_colour_and_spread_are_the_records(pole: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    eps = coloured(rng, pole)
+    drawn = Sieve(eps, COPIES, rng).take(N)
+    assert drawn.shape == (N, COPIES)
+    assert drawn.std() == pytest.approx(eps.std(), rel=0.05)
+    assert abs(drawn.mean()) < 0.1 * eps.std()
+    for lag in (1, 5, 20):
+        found = np.mean([autocorrelation(drawn[:, a], lag) for a in range(COPIES)])
+        assert found == pytest.approx(autocorrelation(eps, lag), abs=0.06)
+
+
+def test_it_goes_on_where_it_was(seed: int) -> None:
+    """Whatever the pieces: no step where they meet, the first samples as the others, and each copy of its own."""
+    rng = np.random.default_rng(seed)
+    eps = coloured(rng, 0.95, uniform=True)
+    sieve = Sieve(eps, COPIES, rng)
+    drawn = np.concatenate([sieve.take(count) for count in [1, 7, 10, 333] * 30])
+    shocks = drawn[1:] - 0.95 * drawn[:-1]
+    assert abs(shocks).max() < 1.3  # of 1, but for what the filter is off by
+    first = np.array([Sieve(eps, COPIES, np.random.default_rng(seed + k)).take(1) for k in range(60)])
+    assert first.std() == pytest.approx(eps.std(), rel=0.25)
+    assert abs(np.corrcoef(drawn.T) - np.eye(COPIES)).max() < 0.35
+
+
+def test_bursts_are_larger_than_the_records(seed: int) -> None:
+    """The power of half a memory, the largest of many copies: as of so many fresh records, not as of this one."""
+    rng = np.random.default_rng(seed)
+
+    def largest(eps: Floats) -> float:
+        return float((eps.reshape(-1, 20) ** 2).mean(axis=1).max())
+
+    record = coloured(rng, 0.5, 4000)
+    drawn = Sieve(record, 64, rng).take(N)
+    fresh = coloured(rng, 0.5, 64 * N)
+    assert largest(drawn.T.copy().reshape(-1)) > 1.15 * largest(record)
+    assert largest(drawn.T.copy().reshape(-1)) == pytest.approx(largest(fresh), rel=0.3)
+
+
+def test_a_short_record_is_drawn_as_it_is(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    eps = np.array([1.0, -1.0, 2.0, -2.0])
+    drawn = Sieve(eps, 3, rng).take(50)
+    assert drawn.shape == (50, 3)
+    assert set(np.unique(drawn)) <= set(eps)

@@ -1,0 +1,36 @@
+"""Faults of the reference experiment, and all that is said of them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.alarms.episodes import Episode
+from monitor_core.bank import Bank
+from monitor_core.kernel.tables import Floats
+from monitor_core.monitor import AxisMonitor
+from monitor_core.reference import reference_model
+from tests.core.figures import settings_of
+
+MODEL = reference_model()
+FAULTS = [(name, factor) for name in MODEL.monitored for factor in (1.2, 0.8)]
+SEEDS, SAMPLES = 24, 4000
+H_US = 5000
+
+
+def histories(
+    seed: int, t_us: Sequence[int], u: Floats, y: Floats, joint: bool = False
+) -> tuple[list[list[Episode]], list[AxisMonitor]]:
+    """Everything each axis, a column, said; and its monitor."""
+    W = u.shape[1]
+    settings = replace(settings_of("speed", seed), joint=joint)
+    bank = Bank([MODEL] * W, [settings] * W)
+    monitors = [AxisMonitor(bank, a) for a in range(W)]
+    said: list[list[Episode]] = [[] for _ in monitors]
+    for a, event in bank.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
+        said[a] += monitors[a].apply(event)
+    return said, monitors
+
+
+def first_named(said: Sequence[Episode]) -> Episode | None:
+    return next((e for e in said if e.stage == "named"), None)

@@ -1,0 +1,49 @@
+"""Predictions with a fixed theta, which may be complex."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.drive import DELAY
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+from tests.core.oracle.system import LOST, Array, held_over, inputs
+
+
+def prediction(
+    model: AxisModel,
+    s: Settings,
+    theta: NDArray[np.generic],
+    t_us: NDArray[np.int64],
+    u: Array,
+    y: Array,
+    y2: Array | None = None,
+) -> NDArray[np.generic]:
+    """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
+    values = model.values(theta)  # type: ignore[arg-type]
+    A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
+    K, kinds = s.gain(len(A)), np.array(model.drive.inputs)
+    delay = theta[model.monitored.index(DELAY)] if DELAY in model.monitored else s.delay_s
+    mean = model.drive.mean_state
+    x = model.drive.matrix("rest", model.nominal)[:, 0] * y[0] + 0 * A[0]
+    yhat, before, held = [C[0] @ x], u[0], inputs(model, s, u[0], y[0], x)
+    for j in range(1, len(u)):
+        h = (t_us[j] - t_us[j - 1]) * 1e-6
+        late, ahead = (min(delay, h, key=np.real), 0.0) if np.real(delay) > 0 else (0.0, delay)
+        x = x + ahead * B @ np.where(kinds == TORQUE, before - u[j - 1], 0.0)
+        lost = mean >= 0 and h > LOST * s.interval_s
+        own = min(h - late, s.interval_s) if lost else h - late
+        for piece, torque in ((late, before), (h - late - own, u[j - 1])):
+            x = held_over(A, B @ np.where(kinds == TORQUE, torque, held), x, piece)
+        if lost:
+            x[mean] = 0.0
+        x = held_over(A, B @ np.where(kinds == TORQUE, u[j - 1], held), x, own)
+        over = 1.0 if mean < 0 else own if lost else h
+        yhat.append(C[0] @ x / over)
+        x = x + K * (y[j] - yhat[-1])
+        if s.second and y2 is not None:
+            x = x + np.array(s.second.K) * (y2[j] - (model.drive.matrix("C2", values) @ x)[0])
+        if mean >= 0:
+            x[mean] = 0.0
+        before, held = u[j - 1], inputs(model, s, u[j], y[j], x)
+    return np.array(yhat)

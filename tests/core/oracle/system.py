@@ -1,0 +1,60 @@
+"""The system between samples: its derivatives, its exponential, and what acts on it.  Nothing of the kernel's."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm, matrix_balance
+
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.model import AxisModel
+from monitor_core.settings import Settings
+
+Array = NDArray[np.float64]
+LOST = 1.75  # intervals: then a mean speed is that over the last one
+STEP = 1e-30  # of the complex step; far below rounding, so that the derivative is exact
+
+
+def derivatives(model: AxisModel, which: str, theta: Array) -> list[Array]:
+    """d(matrix)/dtheta_i for each i, by the complex step."""
+    out = []
+    for i in range(len(theta)):
+        h = STEP * max(1.0, abs(theta[i]))
+        shifted = theta + 1j * h * np.eye(len(theta))[i]
+        matrix = model.drive.matrix(which, model.values(shifted))  # type: ignore[arg-type]
+        out.append(np.imag(matrix) / h)
+    return out
+
+
+def held_over(F: NDArray[np.generic], f: NDArray[np.generic], w: NDArray[np.generic], h: float) -> Array:
+    """w(h) of  w' = F w + f  with f constant: one exponential of the system with f as a further column.
+
+    Balanced first: springs on the arm side and inertias on the motor side differ by 1e8: four digits.
+    """
+    size = len(w)
+    M = np.zeros((size + 1, size + 1), dtype=np.result_type(F, f))
+    M[:size, :size], M[:size, size] = F, f
+    balanced, (d, _) = matrix_balance(M, permute=False, separate=True)
+    return np.asarray((d * (expm(balanced * h) @ (np.append(w, 1.0) / d)))[:size])
+
+
+def inputs(model: AxisModel, s: Settings, u: float, y: float, x: NDArray[Any]) -> NDArray[Any]:
+    """What acts after a sample (u, y), x being the state after its correction: torque, friction, offset, gravity."""
+    ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
+    speed = y if model.drive.output == "speed" else sensor_speed(model) @ x
+    functions: dict[int, Callable[[float], Any]] = {
+        TORQUE: lambda _: u,
+        COULOMB: lambda ratio: np.tanh(ratio * speed / s.speed_scale),
+        ONE: lambda _: 1.0,
+        COSINE: lambda ratio: math.cos(ratio * y),
+        SINE: lambda ratio: math.sin(ratio * y),
+    }
+    return np.array([functions[kind](r) for kind, r in zip(model.drive.inputs, ratio, strict=True)])
+
+
+def sensor_speed(model: AxisModel) -> Array:
+    """The row of the speed at an angle sensor, y' = C A x (the inputs have no direct effect on it), at nominal."""
+    A, _, C = model.matrices()
+    return np.asarray((C @ A)[0])

@@ -1,0 +1,21 @@
+"""The reference drive, supervised as the daemon does by default."""
+
+from monitor_core.kalman import filter_gain, gains_after
+from monitor_core.reference import NOISE, reference_model
+from monitor_core.settings import Settings
+
+H = 0.005
+MODEL = reference_model()
+FLOOR, STARVED = 0.05, 0.05
+TORQUE_NOISE = 0.3
+"""N m"""
+K, LAM0 = filter_gain(MODEL, H, TORQUE_NOISE, NOISE["speed"])
+SUPERVISED = Settings(
+    H,
+    K=tuple(K),
+    K_after=gains_after(MODEL, H, TORQUE_NOISE, NOISE["speed"]),
+    lam0=LAM0,
+    settle_s=1.0,
+    floor=FLOOR,
+    starved=STARVED,
+)

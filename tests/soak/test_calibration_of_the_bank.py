@@ -1,0 +1,44 @@
+"""The promise of the bank of hypotheses is kept: of calibrations on fresh records its interval holds the true rate.
+
+The truth is counted: healthy axes, watched for hundreds of hours by each of the banks that were found.
+
+It does not hold yet.  Of 40, counted over 120 h: white 31 and 29, coloured 36 and 29; budgets are kept in 38, 38, 40
+and 40.  Shapes of tails below zero are cut off, which makes the mean of those that are zero too large.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from monitor_core.calibration.hypotheses import BankLimits, limits
+from monitor_core.calibration.watched import watched
+from tests.core.calibration.healthy_axes import Plant, plant, record
+from tests.core.calibration.healthy_bank import count
+from tests.soak.promise import BUDGETS, CALIBRATIONS, HOUR, SAMPLES, kept
+
+pytestmark = pytest.mark.soak
+
+WATCHED = 400 * HOUR
+"""With one false alarm in one to two hours, a rate that is counted is known within 6 %; intervals reach 25 to 40 %."""
+
+
+def calibrated(of: Plant, seed: int) -> list[BankLimits]:
+    """Limits for each budget, from one fresh record."""
+    rng = np.random.default_rng([seed, 1])
+    known = watched(of.model, of.settings, [record(of, seed, SAMPLES)], rng)
+    return [limits(known, budget, rng) for budget in BUDGETS]
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9], ids=["white", "coloured"])
+def test_the_interval_holds_the_true_rate(colour: float, seed: int) -> None:
+    """Of so many calibrations as the promise says; 90 of 100 by design."""
+    of = plant(colour)
+    found = [calibrated(of, seed + k) for k in range(CALIBRATIONS)]
+    alarms, samples = count(of, [own.own for one in found for own in one], seed - 1, WATCHED)
+    true = alarms / samples
+    good = [
+        kept(f"bank, colour {colour}", budget, [one[b] for one in found], true[b :: len(BUDGETS)])
+        for b, budget in enumerate(BUDGETS)
+    ]
+    assert all(good)
