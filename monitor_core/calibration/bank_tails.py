@@ -7,12 +7,14 @@ do not differ by more than chance (empirical Bayes, Efron and Morris 1975).  The
 g rises against a drift, and far out falls exponentially; so the shape holds for as far again as it was seen, and from
 there on the slope stays.
 
-Excursions at the same place of the motion are not as many as they look, for the next motion has other places: so the
-chance of a tail is that of other places, drawn with weights (Bayesian bootstrap, Rubin 1981), the same for all
-hypotheses, as their excursions go together.
+Excursions at the same place of the motion are not as many as they look, for the next motion has other places; nor are
+those that the same few samples of the record made, its largest innovations, which are in the copies again and again:
+so the chance of a tail is that of other places and other innovations, drawn with weights (Bayesian bootstrap, Rubin
+1981) about what is found, the same for all hypotheses, as their excursions go together.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +24,16 @@ from monitor_core.kernel.tables import Floats
 
 ALIKE = 10
 """So many excursions as an exact model would have are added where there are fewer than TOP."""
-_LEAST_SHAPE, _MOST_SHAPE = 0.0, 0.45
+_LEAST_SHAPE, _MOST_SHAPE = -0.1, 0.45
+"""No tail falls faster than an exponential for ever; but where it is one, chance makes half of the shapes negative."""
+_NO_SHAPE = 1e-6
 _UNSURE = 0.2
 """Standard deviation of what all shapes become farther out, over what they are."""
 
 
 @dataclass(frozen=True)
 class BankTails:
-    """Of H hypotheses; drawn (B, H) with other places of the motion, the first as they are.
+    """Of H hypotheses; drawn (B, H) with other motion and innovations, the first as they are.
 
     Excursions above ``base`` (H,) happen at the rate exp(log_rate) per sample, and exceed it by ``mean`` in the mean.
     """
@@ -43,35 +47,31 @@ class BankTails:
 
     def log_rates(self, h: Floats, steeper: Floats) -> Floats:
         """Logarithms of the rates (B, H) of excursions above h (H,), where g is so many times as steep (B, H)."""
-        sigma = self.mean * (1 - self.shape)
-        above = np.maximum(h - self.base, 0.0) * steeper
-        # -log of the share that goes so far, and its slope; at the end of what the shape holds for, and beyond.
-        end = sigma * _grown(2 * self.seen, self.shape)
-        inner = np.minimum(above, end)
-        fallen = _log_grown(self.shape * inner / sigma, self.shape, inner / sigma)
-        slope = 1 / (sigma + self.shape * end)
-        return np.asarray(self.log_rate - fallen - slope * (above - inner))
+        sigma, xi, end, slope = self._form
+        above = h * steeper - self.base
+        fallen = np.log1p(xi / sigma * np.clip(above, 0.0, end)) / xi
+        return np.asarray(
+            self.log_rate - fallen - np.minimum(above, 0.0) / sigma - slope * np.maximum(above - end, 0.0)
+        )
+
+    @cached_property
+    def _form(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Scale and shape; the end of what the shape holds for, and the slope of -log of the share beyond (B, H)."""
+        xi = np.where(np.abs(self.shape) > _NO_SHAPE, self.shape, _NO_SHAPE)
+        sigma = self.mean * (1 - xi)
+        end = sigma * np.expm1(2 * self.seen * xi) / xi
+        return sigma, xi, end, 1 / (sigma + xi * end)
 
 
-def _grown(log: float, shape: Floats) -> Floats:
-    """(exp(shape log) - 1) / shape."""
-    return np.where(shape > 1e-6, np.expm1(shape * log) / np.maximum(shape, 1e-6), log)
-
-
-def _log_grown(grown: Floats, shape: Floats, without: Floats) -> Floats:
-    """log(1 + grown) / shape; ``without`` a shape."""
-    return np.where(shape > 1e-6, np.log1p(grown) / np.maximum(shape, 1e-6), without)
-
-
-def bank_tails(of: Heights, many: int, weights: Floats, farther: Floats) -> BankTails:
-    """Of so many hypotheses; weights (B, places) of the motion, of mean 1, and ``farther`` (B,), standard normal."""
+def bank_tails(of: Heights, many: int, weights: tuple[Floats, Floats], farther: Floats) -> BankTails:
+    """Of so many hypotheses; weights (B, places) of motion and innovations, and ``farther`` (B,), standard normal."""
     highest = [of.highest(i) for i in range(many)]
     base = np.array([one[0] for one in highest])
     number = np.array([len(one[1]) for one in highest])
     alike = np.where(number == TOP, 0, ALIKE)[:, np.newaxis]
-    count, first, lower = (np.empty((many, len(weights))) for _ in range(3))
-    for i, (_, above, place) in enumerate(highest):
-        w = weights[:, place]
+    count, first, lower = (np.empty((many, len(farther))) for _ in range(3))
+    for i, (_, above, (place, origin)) in enumerate(highest):
+        w = weights[0][:, place] * weights[1][:, origin]
         higher = np.cumsum(w, axis=1) - w / 2  # as they fall
         count[i], first[i], lower[i] = w.sum(axis=1), w @ above, (w * higher) @ above
     mean = (first + alike) / (count + alike)
@@ -79,13 +79,19 @@ def bank_tails(of: Heights, many: int, weights: Floats, farther: Floats) -> Bank
     a = (lower + alike * count / 4) / (np.maximum(count, 1e-12) * (count + alike))
     shape = 2 - mean / np.maximum(mean - 2 * a, 1e-12 * mean)
     # With fewer the base is where small excursions begin, and no tail.
-    shape = _shrunk(shape, number == TOP) * np.maximum(1 + _UNSURE * farther, 0.0)
-    log_rate = np.log(np.maximum(count, 1.0) / max(of.samples, 1))
-    return BankTails(base, log_rate.T, mean.T, shape.T, float(np.log(TOP)))
+    shape = np.clip(_centred(_shrunk(shape, number == TOP)), _LEAST_SHAPE, _MOST_SHAPE)
+    shape *= np.maximum(1 + _UNSURE * farther, 0.0)
+    mean, log_rate = np.exp(_centred(np.log(mean))), np.log(np.maximum(count, 1.0) / max(of.samples, 1))
+    return BankTails(base, _centred(log_rate).T, mean.T, shape.T, float(np.log(TOP)))
+
+
+def _centred(drawn: Floats) -> Floats:
+    """Draws (H, B) scatter about what is: where few innovations make a tail, most draws lack some of them."""
+    return np.hstack([drawn[:, :1], drawn[:, 1:] + (drawn[:, :1] - drawn[:, 1:].mean(axis=1, keepdims=True))])
 
 
 def _shrunk(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
-    """Each towards the mean of all (H, B); those that cannot tell have the mean, if that is not less than zero."""
+    """Each towards the mean of all (H, B); those that cannot tell have the mean."""
     out = np.zeros_like(shape)
     if tell.any():
         own, chance = shape[tell, :1], shape[tell, 1:].var(axis=1)
@@ -95,4 +101,4 @@ def _shrunk(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
         differs = shape[tell] - own - (mean - mean[0])  # from draw to draw
         out[tell] = mean + kept * (own - mean[0]) + np.sqrt(kept) * differs
         out[~tell] = mean
-    return np.clip(out, _LEAST_SHAPE, _MOST_SHAPE)
+    return out

@@ -6,7 +6,7 @@ They are found in pieces of the course of g, over as many copies of records as t
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.heights import PEAK, PLACE, START
+from monitor_core.kernel.heights import ORIGIN, PEAK, PLACE, START
 from monitor_core.kernel.heights import heights as heights_of
 from monitor_core.kernel.tables import Floats
 
@@ -22,8 +22,8 @@ class Heights:
     def __init__(self, many: int) -> None:
         self._least = np.full(many, LEAST_HEIGHT)
         self._largest: list[Floats] = [np.empty(0) for _ in range(many)]
-        self._times: list[NDArray[np.int64]] = [np.empty((3, 0), np.int64) for _ in range(many)]
-        self._top, self._now = np.zeros(many), np.zeros((3, many), np.int64)
+        self._times: list[NDArray[np.int64]] = [np.empty((4, 0), np.int64) for _ in range(many)]
+        self._top, self._now = np.zeros(many), np.zeros((4, many), np.int64)
         self.largest = np.zeros(many)
         self.samples = 0
         """Tested ones."""
@@ -33,14 +33,20 @@ class Heights:
         return np.zeros_like(self._top), np.zeros_like(self._now)
 
     def take(
-        self, g: Floats, clock: int, place: NDArray[np.int64], going_on: tuple[Floats, NDArray[np.int64]]
+        self,
+        g: Floats,
+        clock: int,
+        place: NDArray[np.int64],
+        origin: NDArray[np.int64],
+        going_on: tuple[Floats, NDArray[np.int64]],
     ) -> None:
-        """g (N, H) from the time ``clock`` [samples] on, at places (N,) of the motion."""
+        """g (N, H) from the time ``clock`` [samples] on; places of its motion and of its innovations (N,)."""
         N, many = g.shape
         self.largest = np.maximum(self.largest, g.max(axis=0, initial=0.0))
-        largest, times = np.empty((many, N // 2 + 1)), np.empty((3, many, N // 2 + 1), np.int64)
+        largest, times = np.empty((many, N // 2 + 1)), np.empty((4, many, N // 2 + 1), np.int64)
         found = np.zeros(many, np.int64)
-        heights_of(np.ascontiguousarray(g), clock, place, self._least, *going_on, largest, times, found)
+        g = np.ascontiguousarray(g)
+        heights_of(g, clock, place, origin, self._least, *going_on, largest, times, found)
         for i in np.flatnonzero(found):
             self._keep(int(i), largest[i, : found[i]], times[:, i, : found[i]])
 
@@ -53,10 +59,10 @@ class Heights:
             self._least[i] = self._largest[i][-1]
 
     def highest(self, i: int) -> tuple[float, Floats, NDArray[np.int64]]:
-        """What the highest of hypothesis i exceed; by how much each does (n,), falling; the places of their peaks."""
+        """What the highest of hypothesis i exceed; by how much (n,), falling; place and origin of the peaks (2, n)."""
         order = np.argsort(self._largest[i])[::-1]
         base = float(self._largest[i][order[TOP]]) if len(order) > TOP else LEAST_HEIGHT
-        return base, self._largest[i][order[:TOP]] - base, self._times[i][PLACE, order[:TOP]]
+        return base, self._largest[i][order[:TOP]] - base, self._times[i][[PLACE, ORIGIN]][:, order[:TOP]]
 
     def events(self, i: int, many: int) -> Floats:
         """First sample, and that where they reach the least high of them (2, n), of so many that go highest.

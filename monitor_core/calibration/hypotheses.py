@@ -6,7 +6,7 @@ them (watched.py), which are as many as the tail needs.  What speaks for a hypot
 healthy record is taken from its log-likelihood ratios: the allowance.
 
 What the rate is off by is what chance has done to the record: it knows the power of the innovations no better than it
-is long (spectra.py), and its motion is not the next one (bank_tails.py).
+is long (spectra.py), and neither its motion nor its largest innovations are the next ones (bank_tails.py).
 """
 
 from collections.abc import Callable, Sequence
@@ -73,9 +73,7 @@ def limits(of: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
     Every hypothesis has the same share of the budget.
     """
     many, log_budget = len(of.hypotheses), -float(np.log(max(samples, 1.0)))
-    weights = rng.exponential(size=(1 + _DRAWS, of.places))
-    weights /= weights.mean(axis=1, keepdims=True)
-    weights[0] = 1.0
+    weights = (_weights(of.places, rng), _weights(of.places, rng))
     farther = rng.standard_normal(1 + _DRAWS)
     farther[0] = 0.0
     tails, seen = (bank_tails(heights, many, weights, farther) for heights in (of.copied, of.recorded))
@@ -107,6 +105,13 @@ def limits(of: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
     as_they_are = tails.log_rates(h, np.ones((1, many)))[0]
     beyond = float(np.exp((tails.log_rate[0] - as_they_are).max()))
     return BankLimits(own, most_likely, lower, upper, beyond)
+
+
+def _weights(places: int, rng: np.random.Generator) -> Floats:
+    """Of mean 1, drawn (1 + _DRAWS, places); the first all alike."""
+    drawn = rng.exponential(size=(1 + _DRAWS, places))
+    drawn[0] = 1.0
+    return np.asarray(drawn / drawn.mean(axis=1, keepdims=True))
 
 
 def _where(log_rate: Callable[[Floats], Floats], share: float, least: Floats) -> Floats:

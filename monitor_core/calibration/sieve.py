@@ -35,7 +35,9 @@ class Sieve:
         self._residuals -= self._residuals.mean()
         start = lfiltic([1.0], self._a, np.zeros(len(self._a) - 1))
         self._state = np.repeat(start[:, np.newaxis], copies, axis=1)
-        self._left = np.zeros((0, copies))
+        self._left, self._left_of = np.zeros((0, copies)), np.zeros((0, copies), np.int64)
+        self.origin = self._left_of
+        """Of what was taken last (count, copies): which sample of the record each is drawn from"""
         self.take(_SETTLING)
 
     def take(self, count: int) -> Floats:
@@ -44,9 +46,11 @@ class Sieve:
         while len(self._left) < count:
             many = (count - len(self._left)) // piece + 1
             first = self._rng.integers(0, len(self._residuals) - piece + 1, (many, 1, self._copies))
-            drawn = self._residuals[first + np.arange(piece)[:, np.newaxis]]
-            self._left = np.concatenate([self._left, drawn.reshape(many * piece, self._copies)])
+            of = (first + np.arange(piece)[:, np.newaxis]).reshape(many * piece, self._copies)
+            self._left = np.concatenate([self._left, self._residuals[of]])
+            self._left_of = np.concatenate([self._left_of, of + len(self._a) - 1])
         out, self._left = self._left[:count], self._left[count:]
+        self.origin, self._left_of = self._left_of[:count], self._left_of[count:]
         out, self._state = lfilter([1.0], self._a, out, axis=0, zi=self._state)
         return np.asarray(out)
 

@@ -98,9 +98,9 @@ class _Places:
         self._first = np.cumsum([0, *(1 + len(one.t_us) // self._length for one in records)])
         self.many = int(self._first[-1])
 
-    def of(self, record: int, first: int, samples: int) -> np.ndarray:
-        """Of so many samples of a record (samples,)."""
-        return np.asarray(self._first[record] + np.arange(first, first + samples) // self._length)
+    def of(self, record: int, samples: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Of samples of a record."""
+        return np.asarray(self._first[record] + samples // self._length)
 
 
 def _over(bank: HypothesisBank, one: Samples, heights: Heights, places: _Places, number: int) -> Floats:
@@ -110,7 +110,8 @@ def _over(bank: HypothesisBank, one: Samples, heights: Heights, places: _Places,
     for k in range(0, len(one.t_us), _CHUNK):
         part = one.part(k, k + _CHUNK)
         _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift, what_holds=True)
-        heights.take(trace.g[:, 1:], k, places.of(number, k, len(part.t_us)), course)
+        here = places.of(number, np.arange(k, k + len(part.t_us)))
+        heights.take(trace.g[:, 1:], k, here, here, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
         found.append(trace.eps)
     return np.concatenate(found)
@@ -132,8 +133,10 @@ def _copied(
         for number, source in sources:
             copies = _Copies(bank, heights, clock, len(source.u))
             at, skipped = 0, len(records[number].t_us) - len(source.u)
-            for t_us, u, y in copies_of(bank.model, bank.settings, source, Sieve(source.eps, LANES, rng)):
-                copies.run(t_us, u, y, at, places.of(number, skipped + at, len(t_us)))
+            sieve = Sieve(source.eps, LANES, rng)
+            for t_us, u, y in copies_of(bank.model, bank.settings, source, sieve):
+                here = places.of(number, skipped + at + np.arange(len(t_us)))
+                copies.run(t_us, u, y, at, here, places.of(number, skipped + sieve.origin))
                 at += len(t_us)
                 progress(min(1.0, heights.samples / samples))
                 if heights.samples >= samples:
@@ -151,11 +154,23 @@ class _Copies:
         self._memories = [bank.memory] * LANES
         self._courses = [heights.course() for _ in range(LANES)]
 
-    def run(self, t_us: NDArray[np.int64], u: Floats, y: Floats, at: int, place: NDArray[np.int64]) -> None:
-        """The next samples, u and y (N, LANES), which begin ``at`` and lie at these places of the motion."""
+    def run(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        at: int,
+        place: NDArray[np.int64],
+        origin: NDArray[np.int64],
+    ) -> None:
+        """The next samples, u and y (N, LANES), which begin ``at``.
+
+        They lie at the places (N,) of the motion, and have innovations from the places ``origin`` (N, LANES).
+        """
         for a in range(LANES):
             self._bank.memory = self._memories[a]
             _, trace = self._bank.run_traced(t_us, u[:, a], y[:, a])
             self._memories[a] = self._bank.memory
-            self._heights.take(trace.g, self._clock + a * self._length + at, place, self._courses[a])
+            clock, of = self._clock + a * self._length + at, np.ascontiguousarray(origin[:, a])
+            self._heights.take(trace.g, clock, place, of, self._courses[a])
             self._heights.samples += int(np.isfinite(trace.llr).any(axis=1).sum())

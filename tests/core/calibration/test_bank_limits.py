@@ -141,14 +141,18 @@ def test_copies_go_on_from_chunk_to_chunk(seed: int) -> None:
         copies = watched._Copies(bank, heights, 0, number)
         for start, stop in pairwise(cuts):
             here = slice(start, stop)
-            copies.run(chunk.t_us[here, 0], chunk.u[here], chunk.y[here], start, np.arange(start, stop))
+            samples = np.arange(start, stop)
+            origin = samples[:, np.newaxis] * np.arange(1, LANES + 1)
+            copies.run(chunk.t_us[here, 0], chunk.u[here], chunk.y[here], start, samples, origin)
         found.append(heights)
     once, pieces = found
     assert once.samples == pieces.samples > 0.8 * number * LANES
     np.testing.assert_array_equal(once.largest, pieces.largest)
     for i in range(len(bank.hypotheses)):
-        base, above, place = once.highest(i)
+        base, above, (place, origin) = once.highest(i)
         again = pieces.highest(i)
         assert base == again[0]
         np.testing.assert_array_equal(above, again[1])
-        np.testing.assert_array_equal(np.sort(place), np.sort(again[2]))
+        np.testing.assert_array_equal(np.sort(place), np.sort(again[2][0]))
+        assert (origin % np.maximum(place, 1) == 0).all()  # each of its own copy
+        np.testing.assert_array_equal(np.sort(origin), np.sort(again[2][1]))

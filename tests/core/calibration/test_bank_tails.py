@@ -14,24 +14,31 @@ FAR = 8.0
 """Logarithm of the factor by which what is looked at is seldomer than the highest excursions."""
 
 
-def weights(rng: np.random.Generator, places: int = PLACES, draws: int = 200) -> Floats:
-    """As they are, and so many draws."""
-    drawn = rng.exponential(size=(1 + draws, places))
-    drawn /= drawn.mean(axis=1, keepdims=True)
-    drawn[0] = 1.0
-    return drawn
+def weights(rng: np.random.Generator, places: int = PLACES, draws: int = 200) -> tuple[Floats, Floats]:
+    """Of motion and innovations: as they are, and so many draws."""
+    drawn = rng.exponential(size=(2, 1 + draws, places))
+    drawn /= drawn.mean(axis=2, keepdims=True)
+    drawn[:, 0] = 1.0
+    return drawn[0], drawn[1]
 
 
 def farther(rng: np.random.Generator, draws: int = 200) -> Floats:
     return np.append(0.0, rng.standard_normal(draws))
 
 
-def watched(heights: Floats, places: int = PLACES) -> Heights:
-    """Excursions that go straight up to each of heights (N, H), and back; all over so many places."""
+def watched(heights: Floats, places: int = PLACES, swapped: bool = False) -> Heights:
+    """Excursions straight up to each of heights (N, H), and back; all over so many places, with any innovations.
+
+    ``swapped``: with innovations from all over, at any place.
+    """
     N, H = heights.shape
     g = np.stack([heights, np.zeros((N, H))], axis=1).reshape(2 * N, H)
     of = Heights(H)
-    of.take(g, 0, np.arange(2 * N) * places // (2 * N), of.course())
+    place, any_place = (
+        np.arange(2 * N) * places // (2 * N),
+        np.random.default_rng(N).integers(0, places, 2 * N),
+    )
+    of.take(g, 0, *((any_place, place) if swapped else (place, any_place)), of.course())
     of.samples = 2 * N
     return of
 
@@ -95,27 +102,30 @@ def test_the_shape_holds_for_as_far_again_as_it_was_seen() -> None:
     assert slope[h[:-1] > end].std() < 1e-9
     assert slope[np.searchsorted(h, end - 5)] > slope[-1] * 1.02
     steeper = tails.log_rates(np.array([25.0]), 2 * one)[0, 0]
-    assert steeper == pytest.approx(tails.log_rates(np.array([45.0]), one)[0, 0])
+    assert steeper == pytest.approx(tails.log_rates(np.array([50.0]), one)[0, 0])  # all of g, also below base
+    assert tails.log_rates(np.array([5.0]), 0.8 * one)[0, 0] == pytest.approx(-10 + 1 / 1.6)
 
 
-def test_places_that_alarm_alone_are_as_few_as_they_are(seed: int) -> None:
-    """All high excursions at five of fifty places of the motion: the chance is that of five."""
+@pytest.mark.parametrize("swapped", [False, True], ids=["motion", "innovations"])
+def test_places_that_alarm_alone_are_as_few_as_they_are(swapped: bool, seed: int) -> None:
+    """All high excursions at five of fifty places, or with the innovations of five: the chance is that of five."""
     rng, places, each = np.random.default_rng(seed), 50, TOP
     heights = np.minimum(3 * rng.random((places, each)), 2.9)
     heights[rng.permutation(places)[:5]] = 3.0 + rng.exponential(2.0, (5, each))
-    of, none = weights(rng, places), np.zeros(201)
-    few = bank_tails(watched(heights.reshape(-1, 1), places), 1, of, none).log_rate[1:].std()
-    many = (
-        bank_tails(watched(rng.permutation(heights.reshape(-1, 1)), places), 1, of, none).log_rate[1:].std()
+    of, none, column = weights(rng, places), np.zeros(201), heights.reshape(-1, 1)
+    few, many = (
+        bank_tails(watched(one, places, swapped), 1, of, none) for one in (column, rng.permutation(column))
     )
-    assert few > 2 * many
-    assert few == pytest.approx(1 / np.sqrt(5), rel=0.4)
+    assert few.log_rate[1:].std() > 2 * many.log_rate[1:].std()
+    assert few.log_rate[1:].std() == pytest.approx(1 / np.sqrt(5), rel=0.4)
+    for drawn in (few.log_rate, np.log(few.mean), few.shape):
+        assert drawn[1:].mean() == pytest.approx(drawn[0, 0], abs=0.01)  # most draws lack some of the five
 
 
 def test_few_excursions_are_as_an_exact_model_has_them(seed: int) -> None:
     of = Heights(2)
     of.samples = 1000
-    of.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, np.zeros(2, np.int64), of.course())
+    of.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, *np.zeros((2, 2), np.int64), of.course())
     tails = bank_tails(of, 2, weights(np.random.default_rng(seed)), np.zeros(201))
     assert tails.base.tolist() == [LEAST_HEIGHT, LEAST_HEIGHT]
     np.testing.assert_allclose(tails.mean[0], [(0.5 + ALIKE) / (1 + ALIKE), 1.0])

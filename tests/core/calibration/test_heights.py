@@ -16,7 +16,8 @@ def watched(g: Floats, pieces: int = 1, places: int = PLACES) -> Heights:
     of = Heights(g.shape[1])
     course, at = of.course(), 0
     for piece in np.array_split(g, pieces):
-        of.take(piece, at, np.arange(at, at + len(piece)) * places // len(g), course)
+        here = np.arange(at, at + len(piece)) * places // len(g)
+        of.take(piece, at, here, places - here, course)
         at += len(piece)
     of.samples = len(g)
     return of
@@ -52,11 +53,12 @@ def test_excursions_are_those_found_by_hand(seed: int) -> None:
             whole = g[: np.flatnonzero(g[:, i] == 0.0)[-1] + 1, i]  # what has ended
             by_hand = excursions(whole)
             by_hand = np.sort(by_hand[by_hand > LEAST_HEIGHT])[::-1]
-            base, above, place = of.highest(i)
+            base, above, (place, origin) = of.highest(i)
             assert base == LEAST_HEIGHT
             np.testing.assert_allclose(base + above, by_hand)
             peak = np.array([np.flatnonzero(g[:, i] == height)[0] for height in base + above])
             np.testing.assert_array_equal(place, peak * PLACES // len(g))
+            np.testing.assert_array_equal(origin, PLACES - place)
             start, reached = of.events(i, TOP)
             first = start.astype(int)
             assert all((g[s : p + 1, i] > 0).all() for s, p in zip(first, peak, strict=True))

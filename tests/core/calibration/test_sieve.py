@@ -77,6 +77,18 @@ def test_bursts_are_larger_than_the_records(seed: int) -> None:
     assert largest(drawn.T.copy().reshape(-1)) == pytest.approx(largest(fresh), rel=0.3)
 
 
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_each_knows_which_sample_it_is_drawn_from(pole: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    eps = coloured(rng, pole, 4000)
+    a, sieve = autoregression(eps), Sieve(eps, 3, rng)
+    taken = [(sieve.take(count), sieve.origin) for count in (7, 250, 1, 90)]
+    drawn, origin = (np.concatenate(parts) for parts in zip(*taken, strict=True))
+    shocks, own = lfilter(a, [1.0], drawn, axis=0), lfilter(a, [1.0], eps)
+    own -= own[len(a) - 1 :].mean()
+    np.testing.assert_allclose(shocks[len(a) :], own[origin[len(a) :]], atol=1e-9)
+
+
 def test_a_short_record_is_drawn_as_it_is(seed: int) -> None:
     rng = np.random.default_rng(seed)
     eps = np.array([1.0, -1.0, 2.0, -2.0])

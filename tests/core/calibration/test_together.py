@@ -31,7 +31,7 @@ def course(llr: Floats, h: Floats | None = None) -> tuple[Floats, int]:
 
 def heights(g: Floats) -> Heights:
     of = Heights(g.shape[1])
-    of.take(g, 0, np.zeros(len(g), np.int64), of.course())
+    of.take(g, 0, *np.zeros((2, len(g)), np.int64), of.course())
     of.samples = len(g)
     return of
 
