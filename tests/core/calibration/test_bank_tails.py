@@ -125,7 +125,8 @@ def test_places_that_alarm_alone_are_as_few_as_they_are(swapped: bool, seed: int
 def test_few_excursions_are_as_an_exact_model_has_them(seed: int) -> None:
     of = Heights(2)
     of.samples = 1000
-    of.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, *np.zeros((2, 2), np.int64), of.course())
+    place = np.zeros(2, np.int64)
+    of.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, place, place, of.course())
     tails = bank_tails(of, 2, weights(np.random.default_rng(seed)), np.zeros(201))
     assert tails.base.tolist() == [LEAST_HEIGHT, LEAST_HEIGHT]
     np.testing.assert_allclose(tails.mean[0], [(0.5 + ALIKE) / (1 + ALIKE), 1.0])

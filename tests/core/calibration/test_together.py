@@ -31,7 +31,8 @@ def course(llr: Floats, h: Floats | None = None) -> tuple[Floats, int]:
 
 def heights(g: Floats) -> Heights:
     of = Heights(g.shape[1])
-    of.take(g, 0, *np.zeros((2, len(g)), np.int64), of.course())
+    place = np.zeros(len(g), np.int64)
+    of.take(g, 0, place, place, of.course())
     of.samples = len(g)
     return of
 
