@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from monitor_core.calibration.budget import rates, thresholds
+from monitor_core.calibration.budget import Rates, rates, thresholds
 from monitor_core.calibration.catch import Caught, Fault, catch
 from monitor_core.calibration.catch_by_bank import catch_by_bank
 from monitor_core.calibration.doubts import (
@@ -19,15 +20,16 @@ from monitor_core.calibration.doubts import (
     duration,
 )
 from monitor_core.calibration.healthy import Samples, deviations
-from monitor_core.calibration.hypotheses import bank_limits
+from monitor_core.calibration.hypotheses import BankLimits, bank_limits
 from monitor_core.calibration.injection import changed
-from monitor_core.calibration.learned import learned
+from monitor_core.calibration.learned import Learned, learned
 from monitor_core.calibration.surrogate import SAMPLES
 from monitor_core.calibration.watched import COPIES
 from monitor_core.detection.detector import unfit
 from monitor_core.model import AxisModel
-from monitor_core.settings import Settings
+from monitor_core.settings import Settings, Threshold
 from service.axes import axis_model, axis_settings
+from service.calibration.beside import Beside
 from service.calibration.found import Bank, Calibration, Provenance
 from service.calibration.reading import read
 from service.config import Config, NamedAxis
@@ -91,24 +93,38 @@ def calibrate(
     found = deviations(model, settings, records, lambda part: progress("healthy records", part, 1.0))
     check_records(model, settings, found)
     check_healthy(model, settings, found)
-    rng = np.random.default_rng(wishes.seed)
+    rng, of_bank = np.random.default_rng(wishes.seed).spawn(2)
     samples = wishes.budget_s / settings.interval_s
     told: Callable[[float], None] = lambda part: progress("copies of the records", part, 1.0)  # noqa: E731
-    known = learned(model, settings, records, found, samples, within_s / memory_s, rng, wishes.copies, told)
-    # All from the same draws: with others the bound of a far budget, which is that wide, would not be met again.
-    drawn = int(rng.integers(2**62))
-    own = thresholds(known.scatter, known.tails, known.allowance, samples, np.random.default_rng(drawn))
-    rate = rates(known.scatter, known.tails, own, np.random.default_rng(drawn))
-    alone = rates(known.alone, known.tails, own, np.random.default_rng(drawn))
-    check_promise(known.scatter, rate, alone, samples, settings.interval_s)
-    calibrated = replace(settings, thresholds=own)
-    caught, onsets = _caught(model, calibrated, records, wishes, within_s, progress)
-    bank = _bank(model, calibrated, records, [one.fault for one in caught], wishes, within_s, rng, progress)
+    # Half of the work each: the copies for the tests, and those for the bank.
+    with Beside(partial(_limits, model, settings, records, samples, of_bank, wishes.bank_copies)) as aside:
+        memories = within_s / memory_s
+        known = learned(model, settings, records, found, samples, memories, rng, wishes.copies, told)
+        own, rate = _thresholds(known, samples, settings.interval_s, int(rng.integers(2**62)))
+        calibrated = replace(settings, thresholds=own)
+        caught, onsets = _caught(model, calibrated, records, wishes, within_s, progress)
+        limits = aside.result(lambda part: progress("bank of hypotheses", part, 1.0))
+    faults = [one.fault for one in caught]
+    bank = _bank(model, calibrated, records, limits, faults, wishes, within_s) if limits else None
     result = Calibration(
         axis, model, calibrated, wishes.budget_s, within_s, known.scatter, rate, known.allowance, caught, onsets,
         sources, (), provenance, bank,
     )  # fmt: skip
     return replace(result, warnings=tuple(_warnings(result)))
+
+
+def _thresholds(
+    known: Learned, samples: float, interval_s: float, drawn: int
+) -> tuple[tuple[Threshold, ...], Rates]:
+    """Of the CUSUM tests, and how often they alarm.
+
+    All from the same draws: with others the bound of a far budget, which is that wide, would not be met again.
+    """
+    own = thresholds(known.scatter, known.tails, known.allowance, samples, np.random.default_rng(drawn))
+    rate = rates(known.scatter, known.tails, own, np.random.default_rng(drawn))
+    alone = rates(known.alone, known.tails, own, np.random.default_rng(drawn))
+    check_promise(known.scatter, rate, alone, samples, interval_s)
+    return own, rate
 
 
 def _caught(
@@ -137,23 +153,31 @@ def _caught(
     return [], 0
 
 
+def _limits(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    samples: float,
+    rng: np.random.Generator,
+    copies: int,
+    tell: Callable[[float], None],
+) -> BankLimits | None:
+    """Of the bank; None where the axis can have none."""
+    return (
+        None if unfit(model, settings) else bank_limits(model, settings, records, samples, rng, copies, tell)
+    )
+
+
 def _bank(
     model: AxisModel,
     settings: Settings,
     records: Sequence[Samples],
+    limits: BankLimits,
     faults: Sequence[Fault],
     wishes: Wishes,
     within_s: float,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> Bank | None:
-    """The limits of the bank, and what it catches of the same faults; None where the axis can have none."""
-    if unfit(model, settings):
-        return None
-    told: Callable[[float], None] = lambda part: progress("bank of hypotheses", 0.8 * part, 1.0)  # noqa: E731
-    limits = bank_limits(
-        model, settings, records, wishes.budget_s / settings.interval_s, rng, wishes.bank_copies, told
-    )
+) -> Bank:
+    """The limits of the bank, and what it catches of the same faults."""
     longest = max(records, key=lambda one: len(one.t_us))
     for share in (LOOKED_AT, 1.0) if faults else ():
         try:
@@ -162,7 +186,6 @@ def _bank(
             )
         except ValueError:
             continue
-        progress("bank of hypotheses", 1.0, 1.0)
         return Bank(limits, caught)
     return Bank(limits, ())
 
