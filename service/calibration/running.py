@@ -163,9 +163,9 @@ def _limits(
     tell: Callable[[float], None],
 ) -> BankLimits | None:
     """Of the bank; None where the axis can have none."""
-    return (
-        None if unfit(model, settings) else bank_limits(model, settings, records, samples, rng, copies, tell)
-    )
+    if unfit(model, settings):
+        return None
+    return bank_limits(model, settings, records, samples, rng, copies, tell)
 
 
 def _bank(

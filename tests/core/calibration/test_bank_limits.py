@@ -148,11 +148,14 @@ def test_copies_go_on_from_chunk_to_chunk(seed: int) -> None:
     once, pieces = found
     assert once.samples == pieces.samples > 0.8 * number * LANES
     np.testing.assert_array_equal(once.largest, pieces.largest)
+    copies_seen = set[int]()
     for i in range(len(bank.hypotheses)):
         base, above, (place, origin) = once.highest(i)
         again = pieces.highest(i)
         assert base == again[0]
         np.testing.assert_array_equal(above, again[1])
         np.testing.assert_array_equal(np.sort(place), np.sort(again[2][0]))
-        assert (origin % np.maximum(place, 1) == 0).all()  # each of its own copy
+        assert (origin % np.maximum(place, 1) == 0).all()
+        copies_seen |= set((origin // np.maximum(place, 1)).tolist())
         np.testing.assert_array_equal(np.sort(origin), np.sort(again[2][1]))
+    assert len(copies_seen) > LANES / 2  # each has innovations of its own
