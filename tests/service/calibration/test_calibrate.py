@@ -52,6 +52,14 @@ def test_the_promise(found: Calibration) -> None:
     assert "one false alarm in" in found.promise
 
 
+def test_the_same_again_is_the_same(robot: Path, found: Calibration) -> None:
+    """Also of the bank, whose copies run beside the others: neither takes the other's draws."""
+    config = load(robot, {})
+    again = calibrate(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
+    assert found.bank is not None
+    assert as_toml(again) == as_toml(found)
+
+
 def test_faults_are_found(found: Calibration) -> None:
     assert found.onsets == 8
     for name in found.model.monitored:
