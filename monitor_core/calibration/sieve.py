@@ -9,9 +9,10 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter, lfiltic
 
+from monitor_core.calibration.excesses import Shocks
 from monitor_core.kernel.tables import Floats
 
-_ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+_ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 _SAMPLES_EACH = 20
 """Of the record, for each coefficient, at least."""
 _TOGETHER = 10
@@ -31,8 +32,8 @@ class Sieve:
     def __init__(self, eps: Floats, copies: int, rng: np.random.Generator) -> None:
         self._copies, self._rng = copies, rng
         self._a = autoregression(eps)
-        self._residuals = lfilter(self._a, [1.0], eps)[len(self._a) - 1 :]
-        self._residuals -= self._residuals.mean()
+        residuals = lfilter(self._a, [1.0], eps)[len(self._a) - 1 :]
+        self._shocks = Shocks(residuals - residuals.mean())
         start = lfiltic([1.0], self._a, np.zeros(len(self._a) - 1))
         self._state = np.repeat(start[:, np.newaxis], copies, axis=1)
         self._left, self._left_of = np.zeros((0, copies)), np.zeros((0, copies), np.int64)
@@ -42,12 +43,12 @@ class Sieve:
 
     def take(self, count: int) -> Floats:
         """The next (count, copies)."""
-        piece = min(_TOGETHER, len(self._residuals))
+        piece = min(_TOGETHER, len(self._shocks))
         while len(self._left) < count:
             many = (count - len(self._left)) // piece + 1
-            first = self._rng.integers(0, len(self._residuals) - piece + 1, (many, 1, self._copies))
+            first = self._rng.integers(0, len(self._shocks) - piece + 1, (many, 1, self._copies))
             of = (first + np.arange(piece)[:, np.newaxis]).reshape(many * piece, self._copies)
-            self._left = np.concatenate([self._left, self._residuals[of]])
+            self._left = np.concatenate([self._left, self._shocks.drawn(of, self._rng)])
             self._left_of = np.concatenate([self._left_of, of + len(self._a) - 1])
         out, self._left = self._left[:count], self._left[count:]
         self.origin, self._left_of = self._left_of[:count], self._left_of[count:]
@@ -58,7 +59,8 @@ class Sieve:
 def autoregression(eps: Floats) -> Floats:
     """Coefficients (1 + order,) of the filter that makes white what is left of eps (N,) (Yule and Walker).
 
-    The order is that of the least BIC.
+    The order is that of the least AIC: what colours innovations has no order, and of the filters that come near it this
+    one is the best (Shibata 1980); BIC's are too short, and often of other lengths for records of the same axis.
     """
     N = len(eps)
     longest = min(_ORDERS[-1], N // _SAMPLES_EACH)
@@ -66,7 +68,7 @@ def autoregression(eps: Floats) -> Floats:
     best, least = np.ones(1), N * np.log(r[0])
     for order in (p for p in _ORDERS if p <= longest):
         a = solve_toeplitz(r[:order], r[1 : order + 1])
-        bic = N * np.log(r[0] - a @ r[1 : order + 1]) + order * np.log(N)
-        if bic < least:
-            best, least = np.append(1.0, -a), bic
+        aic = N * np.log(r[0] - a @ r[1 : order + 1]) + 2 * order
+        if aic < least:
+            best, least = np.append(1.0, -a), aic
     return best

@@ -13,7 +13,7 @@ from monitor_core.kernel.tables import Floats
 
 _OFTEN, _FEW = TOP // 10, TOP // 100
 _STEEPEST = 1.0
-_UNSURE = 0.4
+_UNSURE = 0.2
 """Standard deviation of the exponent's logarithm of the share, over itself."""
 
 
