@@ -6,7 +6,7 @@ tests' sums go in them, and what copies are off by), horseshoe and informed (wha
 together), run_length, tail and budget (thresholds, and their rate of false alarms), learned (the whole way from the
 records to there), injection and catch (faults that begin anywhere in a record).
 
-Of a bank of hypotheses: watched (the bank over the records and their copies), sieve and excesses (innovations of these),
-heights and bank_tails (how far g goes), together and spectra (what is one alarm, and what a record knows), hypotheses
-(thresholds, and their rate of false alarms), catch_by_bank.
+Of a bank of hypotheses: watched (the bank over the records and their copies), sieve and excesses (innovations
+of copies), heights and bank_tails (how far g goes), together and spectra (what is one alarm, what a record knows),
+hypotheses (thresholds, and their rate of false alarms), catch_by_bank.
 """
