@@ -27,7 +27,7 @@ ALIKE = 10
 _LEAST_SHAPE, _MOST_SHAPE = -0.1, 0.45
 """No tail falls faster than an exponential for ever; but where it is one, chance makes half of the shapes negative."""
 _NO_SHAPE = 1e-6
-_UNSURE = 0.2
+_UNSURE = 0.25
 """Standard deviation of what all shapes become farther out, over what they are."""
 
 

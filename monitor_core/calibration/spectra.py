@@ -1,40 +1,120 @@
-"""How well a finite record knows the power of the innovations where each hypothesis looks at them.
+"""How well a finite record knows how steeply g of each hypothesis falls: from what it knows of its innovations' power.
 
-What a hypothesis says of a sample is, but for a square, e_0 (e_i - e_0): how far its g goes hangs on the power of the
-innovations at the frequencies of that difference.  A record knows the power at each frequency from as many periodogram
-ordinates as it is long (Priestley 1981, 6.2): a hypothesis that looks at all frequencies knows it well, an offset at
-those next to zero.
+g goes beyond h about as often as exp(-r h), with the r where the cumulant generating function of a log-likelihood ratio
+is zero (Lundberg).  That hangs on the power S of the innovations e_0 at the frequencies where the hypothesis looks at
+them.  Its innovations are  e_i = (1 + F) e_0 + d:  its predictor filters what is noise, and differs by d of the power D
+where there is motion.  For Gaussian noise, and innovations that are said to have the variances lambda and lambda_i, the
+function of r is the mean over all frequencies of
+
+    -log(1 - x) / 2 - r D / (2 lambda_i) + B / (1 - x) - r level,
+
+x = r S (1 / lambda - |1 + F|^2 / lambda_i),  B = r^2 D S |1 + F|^2 / (2 lambda_i^2),  and the level is half of
+log(lambda_i / lambda), and the allowance.  With F = 0 and lambda_i = lambda r is lambda times the mean of D over that
+of D S; where more noise is said to be there, r falls several times as fast with S.
+
+A record knows the power at each frequency from as many periodogram ordinates as it is long (Priestley 1981, 6.2): a
+hypothesis that looks at all frequencies knows its r well, an offset, at those next to zero, does not.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 
 from monitor_core.kernel.tables import Floats
 
+_DOUBLINGS, _HALVINGS = 30, 60
+_LEAST = 1e-9
+
 
 class Spectra:
-    """Of innovations (N, 1 + H), of what holds and of each hypothesis, in segments of so many samples."""
+    """Of innovations (N, 1 + H), of what holds and of each hypothesis, in segments of so many samples.
 
-    def __init__(self, hypotheses: int, length: int) -> None:
-        self._length, self._window = length, np.hanning(length + 2)[1:-1]
-        self._eps = np.zeros((length // 2 + 1, 1))
-        self._difference = np.zeros((length // 2 + 1, hypotheses))
-        self._samples = 0
+    Args:
+        variance: that innovations are said to have (1 + H,).
+        allowance: taken from each log-likelihood ratio (H,).
+        length: of a segment.
+    """
+
+    def __init__(self, variance: Floats, allowance: Floats, length: int) -> None:
+        self._lam, self._lam_i = variance[0], variance[1:]
+        self._level = np.log(self._lam_i / self._lam) / 2 + allowance
+        self._length = length
+        window = np.hanning(length + 2)[1:-1]
+        self._window = window / np.sqrt(window @ window)
+        frequencies, hypotheses = length // 2 + 1, len(allowance)
+        self._eps = np.zeros((frequencies, 1))
+        self._difference = np.zeros((frequencies, hypotheses))
+        self._cross = np.zeros((frequencies, hypotheses), complex)
+        self._samples = self._segments = 0
 
     def add(self, eps: Floats) -> None:
         """Of one record; samples without a finite innovation are left out."""
         kept = eps[np.isfinite(eps).all(axis=1)]
         segments = len(kept) // self._length
         for one in kept[: segments * self._length].reshape(segments, self._length, -1):
-            windowed = one * self._window[:, np.newaxis]
-            self._eps += np.abs(np.fft.rfft(windowed[:, :1], axis=0)) ** 2
-            self._difference += np.abs(np.fft.rfft(windowed[:, 1:] - windowed[:, :1], axis=0)) ** 2
-        self._samples += len(kept)
+            wave = np.fft.rfft(one * self._window[:, np.newaxis], axis=0)
+            own, difference = wave[:, :1], wave[:, 1:] - wave[:, :1]
+            self._eps += np.abs(own) ** 2
+            self._difference += np.abs(difference) ** 2
+            self._cross += own.conj() * difference
+        self._samples, self._segments = self._samples + len(kept), self._segments + segments
+
+    def r(self) -> Floats:
+        """Of each hypothesis (H,): 1 for an exact model; far above it where nothing ever speaks for a hypothesis."""
+        S, gain, D = self._parts()
+        slack, weight = S * self._slack(gain), self._bands() / self._bands().sum()
+
+        def cumulant(r: Floats) -> Floats:
+            left = np.maximum(1 - r * slack, _LEAST)
+            B = r**2 * D * S * gain / (2 * self._lam_i**2)
+            of_all = -np.log(left) / 2 - r * D / (2 * self._lam_i) + B / left
+            return np.asarray((weight * of_all).sum(axis=0) - r * self._level)
+
+        return _root(cumulant, 1 / np.maximum(slack.max(axis=0), _LEAST))
 
     def covariance(self) -> Floats:
-        """Of the logarithms of the powers (H, H); nothing is known of those that never differ."""
-        looked_at = self._eps * self._difference
-        looked_at[0] /= 2  # half of its band is below zero, and the same again
-        whole = looked_at.sum(axis=0)
-        share = looked_at / np.where(whole > 0, whole, 1.0)
-        share[0] *= np.sqrt(2)
-        return np.asarray(share.T @ share * self._length / max(self._samples, 1))
+        """Of log r (H, H); nothing is known of those that nothing speaks for."""
+        share = self._shares()
+        return np.asarray((share / self._bands()).T @ share * self._length / max(self._samples, 1))
+
+    def _shares(self) -> Floats:
+        """By how much log r falls with the logarithm of the power at each frequency (F, H): by implicit derivatives."""
+        S, gain, D = self._parts()
+        r, weight = self.r(), self._bands() / self._bands().sum()
+        x = r * S * self._slack(gain)
+        left, B = np.maximum(1 - x, _LEAST), r**2 * D * S * gain / (2 * self._lam_i**2)
+        with_power = weight * (x / (2 * left) + B / left**2)
+        with_r = weight * (x / (2 * left) - r * D / (2 * self._lam_i) + 2 * B / left + B * x / left**2)
+        slope = with_r.sum(axis=0) - r * self._level
+        return np.asarray(with_power / np.where(slope > _LEAST, slope, np.inf))
+
+    def _bands(self) -> Floats:
+        """Of the frequencies (F, 1): half of the first and of the last is another's."""
+        band = np.ones((len(self._eps), 1))
+        band[0] = band[-1] = 0.5
+        return band
+
+    def _slack(self, gain: Floats) -> Floats:
+        """What noise of power 1 speaks for the hypotheses at each frequency (F, H), twice."""
+        return np.asarray(1 / self._lam - gain / self._lam_i)
+
+    def _parts(self) -> tuple[Floats, Floats, Floats]:
+        """Per sample: S (F, 1), |1 + F|^2 (F, H) and D (F, H)."""
+        many = max(self._segments, 1)
+        S, difference = np.maximum(self._eps / many, _LEAST * self._lam), self._difference / many
+        # Of what motion makes, chance puts its part into F: as much as it would of a difference with no noise in it.
+        chance = difference * S / np.maximum(np.abs(self._cross) ** 2 / many, np.finfo(float).tiny)
+        F = self._cross / many / S * np.maximum(1 - chance, 0.0)
+        return S, np.abs(1 + F) ** 2, np.maximum(difference - np.abs(F) ** 2 * S, 0.0)
+
+
+def _root(of: Callable[[Floats], Floats], most: Floats) -> Floats:
+    """Where convex functions that fall from 0 at 0 are 0 again (H,), below ``most``; far out if they never are."""
+    low, high = np.zeros_like(most), np.minimum(most, 1.0)
+    for _ in range(_DOUBLINGS):
+        high = np.where(of(high) < 0, np.minimum(2 * high, most), high)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        below = of(middle) < 0
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return high

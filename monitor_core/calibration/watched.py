@@ -25,6 +25,8 @@ COPIES = 8_000_000
 """Samples of copies that the bank is run over."""
 PARTS = 8
 """Of a record, in none of which anything may speak for a hypothesis all along."""
+LOOK = 2
+"""Blocks over which the power of the innovations is told: what an offset looks at is next to zero."""
 _CHUNK = 10_000
 
 
@@ -32,7 +34,7 @@ _CHUNK = 10_000
 class Watched:
     """What a bank does on healthy records (``recorded``), and on copies of them, or on them again where there are none.
 
-    ``allowance`` (H,); ``covariance`` (H, H): of the logarithms of the powers that they know; ``places`` of the motion.
+    ``allowance`` (H,); ``covariance`` (H, H): of what is known of log r (spectra.py); ``places`` of the motion.
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -59,7 +61,8 @@ def watched(
     bank = HypothesisBank(model, settings, default_hypotheses(model, settings))
     allowance = allowances(bank, records)
     bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
-    recorded, spectra = Heights(len(bank.hypotheses)), Spectra(len(bank.hypotheses), block_length(settings))
+    variance = settings.lam0 * np.array([1.0, *(one.variance for one in bank.hypotheses)])
+    recorded, spectra = Heights(len(allowance)), Spectra(variance, allowance, LOOK * block_length(settings))
     places = _Places(settings, records)
     for number, one in enumerate(records):
         spectra.add(_over(bank, one, recorded, places, number))

@@ -19,8 +19,9 @@ from tests.soak.promise import BUDGETS, CALIBRATIONS, HOUR, SAMPLES, kept
 
 pytestmark = pytest.mark.soak
 
-WATCHED = 400 * HOUR
-"""With one false alarm in one to two hours, a rate that is counted is known within 6 %; intervals reach 25 to 40 %."""
+WATCHED = 200 * HOUR
+"""With one false alarm in one to two hours, a rate that is counted is known within 9 %; intervals reach twice as far as
+what is most likely, and half as far."""
 
 
 def calibrated(of: Plant, seed: int) -> list[BankLimits]:

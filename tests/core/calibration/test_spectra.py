@@ -1,4 +1,4 @@
-"""How well a record knows the power of its innovations: against the scatter of that power over many records."""
+"""How steeply g falls, and how well a record knows that: for exact models 1, and as many records scatter."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from monitor_core.calibration.spectra import Spectra
 from monitor_core.kernel.tables import Floats
 
 N, LENGTH, RECORDS = 20_000, 100, 600
+
+
+def of_variances(*factors: float) -> Spectra:
+    """Hypotheses that say that the innovations, of variance 1, have so many times that."""
+    return Spectra(np.array([1.0, *factors]), np.zeros(len(factors)), LENGTH)
 
 
 def differences(rng: np.random.Generator) -> Floats:
@@ -32,7 +37,7 @@ def test_the_covariance_is_that_of_many_records(colour: float, seed: int) -> Non
     weight = np.stack([np.interp(fine, coarse, one) for one in looked_at.T], axis=1)
     for k in range(RECORDS):
         eps = lfilter([1.0], [1, -colour], rng.standard_normal(N))
-        spectra = Spectra(3, LENGTH)
+        spectra = of_variances(1.0, 1.0, 1.0)
         spectra.add(np.column_stack([eps, eps[:, np.newaxis] + wave]))
         stated.append(spectra.covariance())
         found[k] = np.log(np.abs(np.fft.rfft(eps)) ** 2 @ weight)  # of the whole record at once
@@ -44,23 +49,79 @@ def test_the_covariance_is_that_of_many_records(colour: float, seed: int) -> Non
     assert np.linalg.eigvalsh(mean).min() > -1e-12
 
 
+def alternatives(eps: Floats, moved: Floats) -> Floats:
+    """Innovations (N, 1 + 4): as they are, twice; filtered; that and moved; moved alone."""
+    filtered = lfilter([1.0, -0.2, 0.1], [1.0, 0.1], eps)
+    return np.stack([eps, eps, filtered, filtered + moved, eps + moved], axis=1)
+
+
+FACTORS = (1.5, 1.2, 1.0, 1.3)
+_TAPERED = np.sqrt(35 / 18)
+"""By what segments with Hann's window w know the power less well than the record:  N sum(w^4) / sum(w^2)^2."""
+
+
+def test_of_an_exact_model_g_falls_with_one(seed: int) -> None:
+    """White noise of the variance that is said: the mean of exp(l) is 1, whatever a hypothesis filters and says."""
+    rng = np.random.default_rng(seed)
+    spectra, eps = of_variances(*FACTORS), rng.standard_normal(20 * N)
+    spectra.add(alternatives(eps, lfilter([0.3], [1, -0.9], rng.standard_normal(20 * N))))
+    print(spectra.r())
+    np.testing.assert_allclose(spectra.r(), 1.0, atol=0.06)
+    # With the r of a difference alone twice the power is half of it.
+    twice = of_variances(1.0)
+    twice.add(np.stack([np.sqrt(2) * eps, np.sqrt(2) * eps + 0.3 * rng.standard_normal(20 * N)], axis=1))
+    np.testing.assert_allclose(twice.r(), 0.5, atol=0.03)
+
+
+def test_what_is_taken_from_a_ratio_makes_g_fall_faster(seed: int) -> None:
+    """Ratios of a move d are -d^2 / 2 in the mean; less as much again, they are twice as far below zero."""
+    eps, d = np.random.default_rng(seed).standard_normal((2, 20 * N)) * [[1.0], [0.5]]
+    spectra = Spectra(np.ones(2), np.array([np.mean(d * d) / 2]), LENGTH)
+    spectra.add(np.column_stack([eps, eps + d]))
+    np.testing.assert_allclose(spectra.r(), 2.0, rtol=0.04)
+
+
+@pytest.mark.parametrize("colour", [0.0, -0.3], ids=["white", "coloured"])
+def test_the_covariance_of_log_r_is_that_of_many_records(colour: float, seed: int) -> None:
+    """Also where a hypothesis says other things of the noise: then a little more power makes g fall much less."""
+    rng = np.random.default_rng(seed)
+    moved, found, stated = lfilter([0.3], [1, -0.9], rng.standard_normal(N)), [], []
+    for _ in range(RECORDS // 2):
+        eps = np.sqrt(1 - colour**2) * lfilter([1.0], [1, -colour], rng.standard_normal(N))
+        spectra = of_variances(*FACTORS)
+        spectra.add(alternatives(eps, moved))
+        found.append(np.log(spectra.r()))
+        stated.append(spectra.covariance())
+    mean = np.mean(stated, axis=0)
+    own, told = np.std(found, axis=0) / _TAPERED, np.sqrt(np.diag(mean))
+    print(np.exp(np.mean(found, axis=0)), own, told)
+    np.testing.assert_allclose(told, own, rtol=0.4)
+    assert told[0] > 3 * np.sqrt(
+        2 / N
+    )  # more power alone, with nothing but noise: five times what it is off by
+    np.testing.assert_allclose(mean / np.outer(told, told), np.corrcoef(np.transpose(found)), atol=0.25)
+
+
 def test_records_add_up_and_gaps_are_left_out(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    eps = rng.standard_normal((N, 3))
-    once, twice = Spectra(2, LENGTH), Spectra(2, LENGTH)
-    once.add(eps)
-    twice.add(eps)
+    eps = rng.standard_normal((N, 3)) * [1.0, 0.5, 0.5]
+    eps[:, 1:] += eps[:, :1]
+    once, twice, broken = (of_variances(1.0, 1.0) for _ in range(3))
     with_gap = np.concatenate([eps, np.full((50, 3), np.nan)])
     with_gap[-20:, 0] = 1.0
-    twice.add(with_gap)
-    np.testing.assert_allclose(twice.covariance(), once.covariance() / 2)
+    for spectra, added in ((once, [eps]), (twice, [eps, eps]), (broken, [with_gap, eps])):
+        for one in added:
+            spectra.add(one)
+    np.testing.assert_allclose(broken.covariance(), twice.covariance())
+    np.testing.assert_allclose(twice.covariance(), once.covariance() / 2, rtol=0.05)
 
 
-def test_nothing_is_known_of_what_never_differs(seed: int) -> None:
+def test_nothing_is_known_of_what_nothing_speaks_for(seed: int) -> None:
     eps = np.random.default_rng(seed).standard_normal((N, 1))
-    spectra = Spectra(2, LENGTH)
-    spectra.add(np.column_stack([eps, eps, 2 * eps]))
+    spectra = of_variances(1.0, 1.0, 1.0)
+    spectra.add(np.column_stack([eps, eps, 2 * eps, eps + 0.5]))
     covariance = spectra.covariance()
-    assert covariance[0].tolist() == [0.0, 0.0]
-    assert covariance[1, 1] > 0
-    assert Spectra(2, LENGTH).covariance().tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert not covariance[0].any()
+    assert covariance[1, 1] < 1e-4
+    assert covariance[2, 2] > 0
+    assert not of_variances(1.0, 1.0).covariance().any()
