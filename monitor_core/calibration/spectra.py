@@ -24,6 +24,8 @@ from monitor_core.kernel.tables import Floats
 
 _DOUBLINGS, _HALVINGS = 30, 60
 _LEAST = 1e-9
+_MOST = 0.5
+"""Standard deviation of log r: where more than that is told it does not follow the power in a straight line."""
 
 
 class Spectra:
@@ -75,7 +77,9 @@ class Spectra:
     def covariance(self) -> Floats:
         """Of log r (H, H); nothing is known of those that nothing speaks for."""
         share = self._shares()
-        return np.asarray((share / self._bands()).T @ share * self._length / max(self._samples, 1))
+        own = (share / self._bands()).T @ share * self._length / max(self._samples, 1)
+        less = _MOST / np.maximum(np.sqrt(np.diag(own)), _MOST)
+        return np.asarray(own * np.outer(less, less))
 
     def _shares(self) -> Floats:
         """By how much log r falls with the logarithm of the power at each frequency (F, H): by implicit derivatives."""

@@ -70,6 +70,19 @@ def test_the_budget_is_kept(colour: float, seed: int) -> None:
         assert by_guarantee <= poisson.isf(1e-6, expected)
 
 
+def test_what_is_known_of_each_is_stated(seed: int) -> None:
+    """Of an offset less than of a delay; also of what looks at the power of the noise alone."""
+    of = plant(0.0)
+    records = [record(of, seed, RECORD)]
+    found = watched.watched(of.model, of.settings, records, np.random.default_rng(seed), copies=1)
+    sd = np.sqrt(np.diag(found.covariance))
+    by_cause = {one.cause: float(sd[i]) for i, one in enumerate(found.hypotheses)}
+    print({cause: round(value, 4) for cause, value in by_cause.items()})
+    assert (sd > 0.5 * np.sqrt(2 / RECORD)).all()
+    assert (sd < 0.3).all()
+    assert by_cause["output offset"] > 2 * by_cause["delay"]
+
+
 def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     of = plant(0.0, memory=100)
     healthy = record(of, seed, RECORD // 5)

@@ -38,13 +38,16 @@ def test_a_filter_of_two_poles(seed: int) -> None:
 
 def test_a_filter_of_no_order(seed: int) -> None:
     """With a zero next to the circle, as of innovations of an axis: their power is told also where it is small."""
-    eps = lfilter([1, -0.95], [1.0], np.random.default_rng(seed).standard_normal(N))
-    a = autoregression(eps)
-    w = np.linspace(0, np.pi / 4, 64)
-    told = np.var(lfilter(a, [1.0], eps)) / np.abs(freqz(a, worN=w)[1]) ** 2
-    off = np.log(told / np.abs(freqz([1, -0.95], worN=w)[1]) ** 2)
-    print(f"order {len(a) - 1}: the logarithm of the power is off by {np.sqrt(np.mean(off**2)):.3f}")
-    assert np.sqrt(np.mean(off**2)) < 0.14  # .07 to .1; with the order of the least BIC .18
+    rng, w, off = np.random.default_rng(seed), np.linspace(0, np.pi / 4, 64), []
+    true = np.abs(freqz([1, -0.95], worN=w)[1]) ** 2
+    for _ in range(20):
+        eps = lfilter([1, -0.95], [1.0], rng.standard_normal(N))
+        a = autoregression(eps)
+        off.append(np.log(np.var(lfilter(a, [1.0], eps)) / np.abs(freqz(a, worN=w)[1]) ** 2 / true))
+    at_zero, rms = np.mean(off, axis=0)[0], np.sqrt(np.mean(np.square(off)))
+    print(f"the logarithm of the power is off by {rms:.3f}, at zero in the mean by {at_zero:+.3f}")
+    assert rms < 0.13  # with the order of the least BIC .18
+    assert abs(at_zero) < 0.11  # with that of the least AIC .2
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])

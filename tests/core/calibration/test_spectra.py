@@ -125,3 +125,10 @@ def test_nothing_is_known_of_what_nothing_speaks_for(seed: int) -> None:
     assert covariance[1, 1] < 1e-4
     assert covariance[2, 2] > 0
     assert not of_variances(1.0, 1.0).covariance().any()
+
+
+def test_of_a_short_record_no_more_is_said_than_holds(seed: int) -> None:
+    eps = np.random.default_rng(seed).standard_normal(2 * LENGTH)
+    spectra = of_variances(1.0)
+    spectra.add(np.column_stack([eps, eps + 0.5]))
+    assert np.sqrt(spectra.covariance()[0, 0]) == pytest.approx(0.5)
