@@ -15,6 +15,8 @@ _SHARE = 0.02
 """Of the shocks, on each side, that are large."""
 _FEWEST = 500
 """With fewer large ones, which tell their shape no better than within 0.05, all stay as they are."""
+_MOST_SHAPE = 0.45
+"""From 0.5 on what exceeds the level has no variance, and its moments do not tell the shape."""
 _NO_SHAPE = 1e-6
 
 
@@ -58,6 +60,6 @@ def pareto(falling: Floats) -> tuple[float, float]:
     """
     N = len(falling)
     m, a = falling.mean(), falling @ (np.arange(N) + 0.5) / N**2
-    xi = 2 - m / max(m - 2 * a, 1e-12 * m) if m > 0 else 0.0
+    xi = min(2 - m / max(m - 2 * a, 1e-12 * m), _MOST_SHAPE) if m > 0 else 0.0
     xi = float(xi if abs(xi) > _NO_SHAPE else _NO_SHAPE)
     return float(m * (1 - xi)), xi
