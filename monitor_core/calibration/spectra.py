@@ -63,14 +63,12 @@ class Spectra:
 
     def r(self) -> Floats:
         """Of each hypothesis (H,): 1 for an exact model; far above it where nothing ever speaks for a hypothesis."""
-        S, gain, D = self._parts()
-        slack, weight = S * self._slack(gain), self._bands() / self._bands().sum()
+        D, slack, moved = self._parts()
 
         def cumulant(r: Floats) -> Floats:
             left = np.maximum(1 - r * slack, _LEAST)
-            B = r**2 * D * S * gain / (2 * self._lam_i**2)
-            of_all = -np.log(left) / 2 - r * D / (2 * self._lam_i) + B / left
-            return np.asarray((weight * of_all).sum(axis=0) - r * self._level)
+            of_all = -np.log(left) / 2 - r * D / (2 * self._lam_i) + r**2 * moved / left
+            return np.asarray((self._weight() * of_all).sum(axis=0) - r * self._level)
 
         return _root(cumulant, 1 / np.maximum(slack.max(axis=0), _LEAST))
 
@@ -83,12 +81,14 @@ class Spectra:
 
     def _shares(self) -> Floats:
         """By how much log r falls with the logarithm of the power at each frequency (F, H): by implicit derivatives."""
-        S, gain, D = self._parts()
-        r, weight = self.r(), self._bands() / self._bands().sum()
-        x = r * S * self._slack(gain)
-        left, B = np.maximum(1 - x, _LEAST), r**2 * D * S * gain / (2 * self._lam_i**2)
-        with_power = weight * (x / (2 * left) + B / left**2)
-        with_r = weight * (x / (2 * left) - r * D / (2 * self._lam_i) + 2 * B / left + B * x / left**2)
+        D, slack, moved = self._parts()
+        r = self.r()
+        x, B = r * slack, r**2 * moved
+        left = np.maximum(1 - x, _LEAST)
+        with_power = self._weight() * (x / (2 * left) + B / left**2)
+        with_r = self._weight() * (
+            x / (2 * left) - r * D / (2 * self._lam_i) + 2 * B / left + B * x / left**2
+        )
         slope = with_r.sum(axis=0) - r * self._level
         return np.asarray(with_power / np.where(slope > _LEAST, slope, np.inf))
 
@@ -98,18 +98,19 @@ class Spectra:
         band[0] = band[-1] = 0.5
         return band
 
-    def _slack(self, gain: Floats) -> Floats:
-        """What noise of power 1 speaks for the hypotheses at each frequency (F, H), twice."""
-        return np.asarray(1 / self._lam - gain / self._lam_i)
+    def _weight(self) -> Floats:
+        """Of the frequencies (F, 1) in a mean."""
+        return self._bands() / self._bands().sum()
 
     def _parts(self) -> tuple[Floats, Floats, Floats]:
-        """Per sample: S (F, 1), |1 + F|^2 (F, H) and D (F, H)."""
+        """Of each frequency and hypothesis (F, H), at r = 1: D, x, which is what noise speaks for it, and B."""
         many = max(self._segments, 1)
         S, difference = np.maximum(self._eps / many, _LEAST * self._lam), self._difference / many
         # Of what motion makes, chance puts its part into F: as much as it would of a difference with no noise in it.
         chance = difference * S / np.maximum(np.abs(self._cross) ** 2 / many, np.finfo(float).tiny)
         F = self._cross / many / S * np.maximum(1 - chance, 0.0)
-        return S, np.abs(1 + F) ** 2, np.maximum(difference - np.abs(F) ** 2 * S, 0.0)
+        D, gain = np.maximum(difference - np.abs(F) ** 2 * S, 0.0), np.abs(1 + F) ** 2
+        return D, S * (1 / self._lam - gain / self._lam_i), D * S * gain / (2 * self._lam_i**2)
 
 
 def _root(of: Callable[[Floats], Floats], most: Floats) -> Floats:

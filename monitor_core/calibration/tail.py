@@ -13,7 +13,8 @@ from monitor_core.calibration.surrogate import Excursions
 from monitor_core.kernel.tables import Floats
 
 ENOUGH, FEW = 300, 15
-"""Excursions that go farthest, which tell how often; a rate of which there were fewer than the second is not known."""
+"""Excursions that go farthest, which tell how often; a rate of which there were fewer than the second is not known
+without the formula."""
 LEAST_H = 1.0
 """Sigma times memory: of lower thresholds the formula is not right enough to be fitted to."""
 TAU_SD, LEVEL_SD = 0.2, 0.2
@@ -102,9 +103,7 @@ def fitted(k: float, heights: Floats, memory: float, samples: float) -> Way:
         samples: in which they happened.
     """
     h = heights[: min(ENOUGH, int((heights > LEAST_H).sum()))]
-    known_before = np.array([math.log(memory), 0.0])
-    if len(h) < FEW:  # hardly anything goes so far: the formula alone
-        return Way(known_before, np.diag([TAU_SD, LEVEL_SD]))
+    # Where hardly any goes so far, that says something, too.
     base = np.array([float(h[-1]) if len(h) == ENOUGH else LEAST_H])
     around = np.concatenate([h * (1 - _STEP), h * (1 + _STEP)])
 
@@ -121,7 +120,8 @@ def fitted(k: float, heights: Floats, memory: float, samples: float) -> Way:
         return float(np.exp(log_count(base, apart)).sum() - of_heights + prior)
 
     best = least(loss, np.zeros(2), _STEP)
-    return Way(known_before + best, np.linalg.cholesky(np.linalg.inv(curvature(loss, best, _STEP))))
+    covariance = np.linalg.inv(curvature(loss, best, _STEP))
+    return Way(np.array([math.log(memory), 0.0]) + best, np.linalg.cholesky(covariance))
 
 
 def least(f: Callable[[Floats], float], start: Floats, step: float) -> Floats:

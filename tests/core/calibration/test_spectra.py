@@ -45,6 +45,8 @@ def test_the_covariance_is_that_of_many_records(colour: float, seed: int) -> Non
     print(np.sqrt(np.diag(mean)), found.std(axis=0))
     np.testing.assert_allclose(np.sqrt(np.diag(mean)), found.std(axis=0), rtol=0.2)
     assert mean[0, 0] < mean[1, 1] < mean[2, 2]
+    # Hann's window sees what has no end in half a band, and a quarter of it in the next: (2/3)^2 / (1/2) + (1/3)^2 = 1.
+    assert mean[2, 2] * N / LENGTH == pytest.approx(1.0, rel=0.15)
     np.testing.assert_allclose(mean, mean.T)
     assert np.linalg.eigvalsh(mean).min() > -1e-12
 
@@ -71,6 +73,18 @@ def test_of_an_exact_model_g_falls_with_one(seed: int) -> None:
     twice = of_variances(1.0)
     twice.add(np.stack([np.sqrt(2) * eps, np.sqrt(2) * eps + 0.3 * rng.standard_normal(20 * N)], axis=1))
     np.testing.assert_allclose(twice.r(), 0.5, atol=0.03)
+
+
+def test_of_a_short_record_chance_is_not_taken_for_a_filter(seed: int) -> None:
+    """What moves a hypothesis three times as far as noise goes along with that by chance, and is no less known."""
+    few, told = 20 * LENGTH, []
+    for rng in np.random.default_rng(seed).spawn(40):
+        eps, moved = rng.standard_normal((2, few)) * [[1.0], [3.0]]
+        spectra = of_variances(1.0)
+        spectra.add(np.column_stack([eps, eps + moved]))
+        told.append(float(np.sqrt(spectra.covariance()[0, 0])))
+    print(f"log r known within {np.median(told):.3f}, of ordinates of all frequencies {np.sqrt(2 / few):.3f}")
+    assert 0.8 * np.sqrt(2 / few) < np.median(told) < 3 * np.sqrt(2 / few)
 
 
 def test_what_is_taken_from_a_ratio_makes_g_fall_faster(seed: int) -> None:

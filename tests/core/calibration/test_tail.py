@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.run_length import log_mean_time, log_single
-from monitor_core.calibration.tail import ENOUGH, LEVEL_SD, TAU_SD, fitted
+from monitor_core.calibration.tail import ENOUGH, LEAST_H, LEVEL_SD, TAU_SD, fitted
 from monitor_core.kernel.compile import entry
 from monitor_core.kernel.tables import Floats
 
@@ -31,28 +31,46 @@ def happened(rng: np.random.Generator, tau: float, level: float) -> Floats:
     return np.sort(np.interp(rng.uniform(0, often[0], count), often[::-1], h[::-1]))[::-1]
 
 
-def test_memory_and_level_are_found_within_what_is_stated(seed: int) -> None:
+@pytest.mark.parametrize("share", [1.0, 3e-4], ids=["many", "few"])
+def test_memory_and_level_are_found_within_what_is_stated(share: float, seed: int) -> None:
+    """Of a dozen excursions, too, which say less."""
     rng = np.random.default_rng(seed)
-    off = []
+    off, stated, counts = [], [], []
     for _ in range(FITS):
-        tau, level = MEMORY * math.exp(0.2 * rng.standard_normal()), 0.2 * rng.standard_normal()
-        heights = happened(rng, tau, level)
-        way = fitted(K, heights, MEMORY, SAMPLES)
+        tau, level = MEMORY * math.exp(TAU_SD * rng.standard_normal()), LEVEL_SD * rng.standard_normal()
+        heights = happened(rng, tau, level + math.log(share))
+        way = fitted(K, heights, MEMORY, share * SAMPLES)
         off.append(np.linalg.solve(way.root, way.best - [math.log(tau), level]))
-        # How often the lowest of those is reached is known as their number tells it.
-        lowest = heights[ENOUGH - 1 : ENOUGH]
-        drawn = way.best + rng.standard_normal((200, 2)) @ way.root.T
-        log_rate = [log_often(lowest, math.exp(log_tau), level) for log_tau, level in drawn]
-        assert np.std(log_rate) == pytest.approx(1 / math.sqrt(ENOUGH), rel=0.3)
+        stated.append(math.hypot(*way.root[0]))
+        counts.append(int((heights > LEAST_H).sum()))
     spread = np.sqrt(np.mean(np.square(off), axis=0))
-    print(f"off by {spread} of the standard deviations that are stated")
+    print(f"{np.median(counts):.0f} excursions; off by {spread} of what is stated, {np.median(stated):.3f}")
     assert spread == pytest.approx([1.0, 1.0], abs=5 / math.sqrt(2 * FITS))
+    assert np.median(stated) < TAU_SD
 
 
-def test_where_nothing_happened_the_formula_holds() -> None:
-    way = fitted(K, np.zeros(0), MEMORY, SAMPLES)
-    assert way.best == pytest.approx([math.log(MEMORY), 0.0])
-    assert way.root == pytest.approx(np.diag([TAU_SD, LEVEL_SD]))
+def test_how_often_the_lowest_is_reached_is_known_as_their_number_tells_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    heights = happened(rng, MEMORY, 0.0)
+    way = fitted(K, heights, MEMORY, SAMPLES)
+    drawn = way.best + rng.standard_normal((2000, 2)) @ way.root.T
+    log_rate = [log_often(heights[ENOUGH - 1 : ENOUGH], math.exp(log_tau), level) for log_tau, level in drawn]
+    assert np.std(log_rate) == pytest.approx(1 / math.sqrt(ENOUGH), rel=0.3)
+
+
+def test_of_records_in_which_nothing_can_have_happened_the_formula_holds() -> None:
+    way = fitted(K, np.zeros(0), MEMORY, 1e-6)
+    assert way.best == pytest.approx([math.log(MEMORY), 0.0], abs=1e-3)
+    assert way.root @ way.root.T == pytest.approx(np.diag([TAU_SD**2, LEVEL_SD**2]), rel=1e-3, abs=1e-5)
+
+
+def test_where_nothing_happened_though_it_was_expected_it_happens_less() -> None:
+    """The shorter the memory, the less: and nothing in longer records says more."""
+    expected = float(np.exp(log_often(np.array([LEAST_H]), MEMORY, 0.0))[0])
+    ways = [fitted(K, np.zeros(0), MEMORY, SAMPLES * count / expected) for count in (3.0, 30.0)]
+    for way in ways:
+        assert (way.best < [math.log(MEMORY), 0.0]).all()
+    assert (ways[1].best < ways[0].best).all()
 
 
 @entry
