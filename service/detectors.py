@@ -11,7 +11,7 @@ from monitor_core.detection.detector import BankDetector, Limit, Limits, unfit
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 from service.axes import AxisError, axis_model, axis_settings
-from service.config import Config, NamedAxis, thresholds_file_of
+from service.config import AxisConfig, Config, NamedAxis, thresholds_file_of
 from service.config.detector_rules import follows
 
 
@@ -35,8 +35,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
             raise AxisError(f"{axis.id}: the bank of hypotheses cannot watch it: {reason}")
         return Detectors("cusum", None, reason)
     limits, from_record = _limits(axis, settings)
-    # What the model lacks is larger where conditions change it: there the paper's tests alarm, unless said.
-    alarms = wanted.kind or ("bank" if from_record and not follows(axis.config) else "cusum")
+    alarms = alarming(axis.config, from_record)
     if alarms == "cusum" and not wanted.beside:
         return Detectors("cusum", None, "")
     try:
@@ -45,6 +44,12 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
         raise AxisError(f"{axis.id}: {error}") from None
     why = "h from its records" if from_record else f"guaranteed h, 1 in {duration(wanted.budget_s)}"
     return Detectors(alarms, beside, why)
+
+
+def alarming(axis: AxisConfig, from_record: bool) -> DetectorName:
+    """Which detector alarms of an axis that can have both, with thresholds of the bank from a healthy record or not."""
+    # What the model lacks is larger where conditions change it: there the paper's tests alarm, unless said.
+    return axis.detector.kind or ("bank" if from_record and not follows(axis) else "cusum")
 
 
 def _limits(axis: NamedAxis, settings: Settings) -> tuple[Limits, bool]:

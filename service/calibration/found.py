@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.catch import Caught
-from monitor_core.calibration.doubts import duration
 from monitor_core.calibration.hypotheses import BankLimits
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 from service.calibration.reading import Source
+from service.calibration.told import Told
 from service.config import NamedAxis
-
-FOUND = 0.9
-"""A fault counts as found if it is in so many of the onsets."""
 
 
 @dataclass(frozen=True)
@@ -60,49 +58,27 @@ class Calibration:
     provenance: Provenance
     bank: Bank | None = None
     """None: the axis can have none"""
+    alarms: DetectorName = "cusum"
+    """The detector that will alarm, with these thresholds"""
 
     @property
-    def between_s(self) -> tuple[float, float, float]:
-        """Mean time between false alarms: most likely, and the bounds of the 90 % interval."""
-        h, r = self.settings.interval_s, self.rates
-        return h / r.whole, h / r.upper, h / r.lower
+    def tests(self) -> Told:
+        """Of the CUSUM tests."""
+        return Told("cusum", self._between(self.rates), self.caught, self.within_s)
 
     @property
-    def promise(self) -> str:
-        """In one sentence."""
-        most, low, high = (duration(v) for v in self.between_s)
-        return f"one false alarm in {most}, with 90 % certainty between one in {low} and one in {high}"
-
-    @property
-    def bank_between_s(self) -> tuple[float, float, float]:
-        """As ``between_s``, of the bank.
-
-        Raises:
-            ValueError: there is none.
-        """
+    def by_bank(self) -> Told | None:
+        """Of the bank, where the axis can have one."""
         if self.bank is None:
-            raise ValueError("the axis has no bank of hypotheses")
-        h, r = self.settings.interval_s, self.bank.limits
-        return h / r.whole, h / r.upper, h / r.lower
+            return None
+        return Told("bank", self._between(self.bank.limits), self.bank.caught, self.within_s)
 
-    def smallest(self, name: str) -> tuple[float | None, float | None]:
-        """Smallest increase and decrease, in sizes, found within the time in 9 of 10; None: none that was tried."""
-        return self._smallest(name, 1), self._smallest(name, -1)
+    @property
+    def told(self) -> tuple[Told, ...]:
+        """Of each detector: first of the one that will alarm."""
+        both = [one for one in (self.by_bank, self.tests) if one is not None]
+        return tuple(sorted(both, key=lambda one: one.detector != self.alarms))
 
-    def _smallest(self, name: str, sign: int) -> float | None:
-        sizes = [
-            abs(one.fault.size)
-            for one in self.caught
-            if one.fault.parameter == name
-            and one.fault.size * sign > 0
-            and one.found_within(self.within_s) >= FOUND
-        ]
-        return sign * min(sizes) if sizes else None
-
-    def confusion(self) -> dict[str, dict[str, int]]:
-        """Of each parameter's faults, how many were first called what; "" is no alarm within what was looked at."""
-        table = {name: dict.fromkeys((*self.model.monitored, ""), 0) for name in self.model.monitored}
-        for one in self.caught:
-            for first in one.first:
-                table[one.fault.parameter][first] += 1
-        return table
+    def _between(self, rates: Rates | BankLimits) -> tuple[float, float, float]:
+        h = self.settings.interval_s
+        return h / rates.whole, h / rates.upper, h / rates.lower

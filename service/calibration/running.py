@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.budget import Rates, rates, thresholds
 from monitor_core.calibration.catch import Caught, Fault, catch
 from monitor_core.calibration.catch_by_bank import catch_by_bank
@@ -33,6 +34,7 @@ from service.calibration.beside import Beside
 from service.calibration.found import Bank, Calibration, Provenance
 from service.calibration.reading import read
 from service.config import Config, NamedAxis
+from service.detectors import alarming
 
 WITHIN = 10.0
 """Memories within which faults are to be found, unless told otherwise."""
@@ -106,9 +108,10 @@ def calibrate(
         limits = aside.result(lambda part: progress("bank of hypotheses", part, 1.0))
     faults = [one.fault for one in caught]
     bank = _bank(model, calibrated, records, limits, faults, wishes, within_s) if limits else None
+    alarms: DetectorName = "cusum" if bank is None else alarming(axis.config, True)
     result = Calibration(
         axis, model, calibrated, wishes.budget_s, within_s, known.scatter, rate, known.allowance, caught, onsets,
-        sources, (), provenance, bank,
+        sources, (), provenance, bank, alarms,
     )  # fmt: skip
     return replace(result, warnings=tuple(_warnings(result)))
 
@@ -200,10 +203,10 @@ def _possible(model: AxisModel, name: str, change: float) -> bool:
 
 def _warnings(of: Calibration) -> Iterator[str]:
     """What to know, in words."""
-    _, low, high = of.between_s
+    _, low, high = of.tests.between_s
     if of.rates.beyond > _EXTRAPOLATED:
         yield (
-            f"One false alarm in {duration(of.budget_s)} cannot be observed in"
+            f"CUSUM tests: one false alarm in {duration(of.budget_s)} cannot be observed in"
             f" {duration(sum(s.seconds for s in of.sources))} of records: the rate is extrapolated by a factor of"
             f" {float(f'{of.rates.beyond:.1g}'):,.0f} beyond what was simulated, and the interval, one in"
             f" {duration(low)} to one in {duration(high)}, is that wide."

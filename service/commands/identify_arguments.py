@@ -116,4 +116,4 @@ JsonFile = Annotated[
         "--json", metavar="[FILE]", help="Also write everything here; - or nothing is standard output."
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite nominal values that are there already.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite files that are there already.")]

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.doubts import duration
 from service.calibration.found import Calibration
+from service.calibration.told import Told
 from service.reports.calibration_plots import power_picture
 from service.reports.calibration_words import (
-    BANK_TITLES,
-    FAULT_TITLES,
+    DETECTORS,
     HYPOTHESIS_TITLES,
     THRESHOLD_TITLES,
-    bank_promise,
-    bank_rows,
     confusion_rows,
     confusion_titles,
     fault_rows,
+    fault_titles,
     hypothesis_rows,
+    part,
+    promises,
+    smallest_rows,
+    smallest_titles,
     threshold_rows,
 )
 from service.reports.page import (
@@ -45,21 +49,31 @@ def as_html(of: Calibration) -> str:
 
 
 def _content(of: Calibration) -> Iterator[str]:
-    yield verdict("warn" if of.warnings else "good", "Thresholds found:", f"{of.promise}.")
+    first, *others = of.told
+    yield verdict("warn" if of.warnings else "good", "Thresholds found:", f"{first.promise}.")
     yield tiles(_tiles(of))
     if of.warnings:
         yield section("What to know", sentences(of.warnings))
-    yield section("Thresholds", _rows(THRESHOLD_TITLES, threshold_rows(of)), legend(_THRESHOLDS))
-    if of.caught:
-        yield section("What will be found", *_power(of))
-        yield section("All faults that were tried", _rows(FAULT_TITLES, fault_rows(of)), legend(_INJECTED))
-        yield section(
-            "Name of the first alarm", _rows(confusion_titles(of), confusion_rows(of)), legend(_FIRST)
-        )
-    yield section("Bank of hypotheses", *_bank(of))
+    promised = listed(escaped(words) for words in promises(of))
+    yield section("Which detector alarms", promised, legend(_KIND) if others else "")
+    if first.caught:
+        yield section("What will be found", *_power(of), *_smallest(of))
+    for one in of.told:
+        if one.caught:
+            yield section(f"By the {DETECTORS[one.detector]}, {part(of, one)}", *_found(of, one))
+    yield section(
+        "Thresholds of the CUSUM tests", _rows(THRESHOLD_TITLES, threshold_rows(of)), legend(_THRESHOLDS)
+    )
+    if of.bank is not None:
+        hypotheses = _rows(HYPOTHESIS_TITLES, hypothesis_rows(of))
+        yield section("Thresholds of the bank of hypotheses", hypotheses, legend(_BANK))
     yield section("Where it comes from", _provenance(of))
 
 
+_KIND = (
+    "Both run; the alarms of one count, and the page tells what the other would say. <code>kind</code> in the table"
+    " <code>[robot.axis.detector]</code> of the configuration says which."
+)
 _THRESHOLDS = (
     "nu = alpha_1 sqrt(lambda_0 P_ii) + allowance &times; size, h = alpha_2 &times; size. All tests have the same"
     " share of the budget, and the axis keeps the whole of it with a certainty of 95 %. nu is such that the smallest"
@@ -70,38 +84,43 @@ _INJECTED = (
     "Exact: put into the record by the torque that the same motion would have needed. Simulated: what the identified"
     " model says that the fault changes, added to the record."
 )
-_FIRST = "Faults of all sizes that were tried, by the parameter whose alarm came first."
-
-
+_NAMES: dict[DetectorName, str] = {
+    "cusum": "Names: the parameter whose alarm came first; the alarm is named three memories later.",
+    "bank": "Names: those that the alarm got, up to three memories after it was raised.",
+}
 _BANK = (
-    "The second detector: predictors side by side, one for each cause and size of a change, faults of the sensors among"
-    " them. g is the sum of log-likelihood ratios, less the allowance; alarm when g &gt; h. Each has the same share"
-    " of the budget, and keeps it with a certainty of 95 %. Names are those that the alarm got, up to three memories"
-    " after it was raised."
+    "Predictors side by side, one for each cause and size of a change, faults of the sensors among them. g is the sum"
+    " of log-likelihood ratios, less the allowance; alarm when g &gt; h. Each has the same share of the budget, and the"
+    " bank keeps it with a certainty of 95 %."
 )
 
 
-def _bank(of: Calibration) -> Iterator[str]:
-    yield f"<p>{escaped(bank_promise(of))}</p>"
-    if of.bank is None:
-        return
-    if of.bank.caught:
-        yield _rows(BANK_TITLES, bank_rows(of))
-    yield _rows(HYPOTHESIS_TITLES, hypothesis_rows(of))
-    yield legend(_BANK)
-
-
 def _tiles(of: Calibration) -> Iterator[tuple[str, str]]:
-    most, low, _ = of.between_s
-    yield f"1 in {duration(most)}", "false alarms of the axis, most likely"
+    first = of.told[0]
+    most, low, _ = first.between_s
+    yield f"1 in {duration(most)}", f"false alarms of the {DETECTORS[first.detector]}, most likely"
     yield (
         f"1 in {duration(low)}",
         f"at worst, with 95 % certainty; wanted: no more than 1 in {duration(of.budget_s)}",
     )
     for name in of.model.monitored:
-        sizes = [abs(v) for v in of.smallest(name) if v is not None]
+        sizes = [abs(v) for v in first.smallest(name) if v is not None]
         words = percent(max(sizes)) if len(sizes) == 2 else "-"
         yield words, f"smallest change of {escaped(name)}, up and down, found within {of.within_s:.3g} s"
+
+
+def _smallest(of: Calibration) -> Iterator[str]:
+    yield legend(
+        f"Smallest change that is found within {of.within_s:.3g} s in 9 of 10, of those that were tried:"
+    )
+    yield _rows(smallest_titles(of), smallest_rows(of))
+
+
+def _found(of: Calibration, one: Told) -> Iterator[str]:
+    yield _rows(fault_titles(of, one), fault_rows(of, one))
+    yield legend(_INJECTED)
+    yield _rows(confusion_titles(one), confusion_rows(one))
+    yield legend(f"Faults of all sizes that were tried, and what they were called. {_NAMES[one.detector]}")
 
 
 def _power(of: Calibration) -> Iterator[str]:

@@ -8,7 +8,8 @@ from dataclasses import asdict
 from typing import Any
 
 from monitor_core.calibration.catch import Caught
-from service.calibration.found import Bank, Calibration
+from service.calibration.found import Calibration
+from service.calibration.told import Told
 from service.thresholds import made_with
 
 Json = dict[str, Any]
@@ -16,20 +17,18 @@ Json = dict[str, Any]
 
 def as_json(of: Calibration) -> str:
     """The whole document."""
-    most, low, high = of.between_s
     content = {
         "axis": of.axis.id,
+        "alarms": of.alarms,
         "budget_s": of.budget_s,
         "within_s": of.within_s,
-        "false_alarms": {"one_in_s": most, "interval_s": [low, high], "confidence": 0.9},
+        "false_alarms": _false_alarms(of.tests),
         "memories": of.scatter.memories,
         "parameters": [_parameter(of, i) for i in range(len(of.model.monitored))],
-        "bank": None if of.bank is None else _bank(of, of.bank),
+        "bank": _bank(of),
         "onsets": of.onsets,
         "faults": [_fault(of, one) for one in of.caught],
-        "first_named": {
-            name: {key or "none": n for key, n in row.items()} for name, row in of.confusion().items()
-        },
+        "first_named": _confusion(of.tests),
         "made_with": made_with(of.model, of.settings),
         "nominal": dict(of.model.nominal),
         "records": [source._asdict() for source in of.sources],
@@ -41,7 +40,6 @@ def as_json(of: Calibration) -> str:
 
 def _parameter(of: Calibration, i: int) -> Json:
     p, own, s = of.model.parameters[i], of.settings.thresholds[i], of.scatter
-    up, down = of.smallest(p.name)
     return {
         "name": p.name,
         "unit": p.unit,
@@ -53,17 +51,35 @@ def _parameter(of: Calibration, i: int) -> Json:
         "standard_deviation": float(s.sigma[i]),
         "mean": float(s.mean_d[i]),
         "one_false_alarm_in_s": float(of.settings.interval_s / of.rates.parameters[i]),
-        "smallest_found": {"increase": up, "decrease": down},
+        "smallest_found": _smallest(of.tests, p.name),
     }
 
 
-def _bank(of: Calibration, bank: Bank) -> Json:
-    most, low, high = of.bank_between_s
+def _bank(of: Calibration) -> Json | None:
+    told = of.by_bank
+    if of.bank is None or told is None:
+        return None
     return {
-        "false_alarms": {"one_in_s": most, "interval_s": [low, high], "confidence": 0.9},
-        "hypotheses": [asdict(one) for one in bank.limits.own],
-        "faults": [_fault(of, one) for one in bank.caught],
+        "false_alarms": _false_alarms(told),
+        "hypotheses": [asdict(one) for one in of.bank.limits.own],
+        "faults": [_fault(of, one) for one in told.caught],
+        "smallest_found": {name: _smallest(told, name) for name in of.model.monitored},
+        "named": _confusion(told),
     }
+
+
+def _false_alarms(told: Told) -> Json:
+    most, low, high = told.between_s
+    return {"one_in_s": most, "interval_s": [low, high], "confidence": 0.9}
+
+
+def _smallest(told: Told, name: str) -> Json:
+    up, down = told.smallest(name)
+    return {"increase": up, "decrease": down}
+
+
+def _confusion(told: Told) -> Json:
+    return {name: {key or "none": n for key, n in row.items()} for name, row in told.confusion().items()}
 
 
 def _fault(of: Calibration, one: Caught) -> Json:

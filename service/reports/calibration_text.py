@@ -11,41 +11,48 @@ from rich.text import Text
 
 from service.calibration.found import Calibration
 from service.reports.calibration_words import (
-    BANK_TITLES,
-    FAULT_TITLES,
+    DETECTORS,
     HYPOTHESIS_TITLES,
     THRESHOLD_TITLES,
-    bank_promise,
-    bank_rows,
     confusion_rows,
     confusion_titles,
     fault_rows,
+    fault_titles,
     hypothesis_rows,
+    promises,
+    smallest_rows,
+    smallest_titles,
     threshold_rows,
 )
 
+_WHOLE = 2
+"""Columns that are not broken: of what a row is."""
+
 
 def print_text(of: Calibration, console: Console) -> None:
-    """The promise, thresholds, faults, names."""
-    console.print(Text(f"{of.axis.id}: {of.promise}"), soft_wrap=True)
-    title = f"Thresholds; smallest fault found within {of.within_s:.3g} s, in 9 of 10"
-    console.print(_table(title, THRESHOLD_TITLES, threshold_rows(of)))
-    if of.caught:
-        console.print(
-            _table(f"Faults that begin at {of.onsets} places of the record", FAULT_TITLES, fault_rows(of))
-        )
-        console.print(_table("Name of the first alarm, all sizes", confusion_titles(of), confusion_rows(of)))
-    console.print(Text(bank_promise(of)), soft_wrap=True)
+    """The promise; faults and names, by the detector that alarms; thresholds."""
+    console.print(Text(of.axis.id, style="bold"))
+    for words in promises(of):
+        console.print(Text(words), soft_wrap=True)
+    first = of.told[0]
+    if first.caught:
+        title = f"Smallest change found within {of.within_s:.3g} s, in 9 of 10"
+        console.print(_table(title, smallest_titles(of), smallest_rows(of)))
+        by = f"by the {DETECTORS[first.detector]}"
+        title = f"Faults that begin at {of.onsets} places of the record, {by}"
+        console.print(_table(title, fault_titles(of, first), fault_rows(of, first)))
+        console.print(_table(f"Names, all sizes, {by}", confusion_titles(first), confusion_rows(first)))
+    console.print(_table("Thresholds of the CUSUM tests", THRESHOLD_TITLES, threshold_rows(of)))
     if of.bank is not None:
         console.print(_table("Thresholds of the bank of hypotheses", HYPOTHESIS_TITLES, hypothesis_rows(of)))
-        if of.bank.caught:
-            console.print(_table("The same faults, by the bank", BANK_TITLES, bank_rows(of)))
     for words in of.warnings:
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
 
 
 def _table(title: str, heads: Iterable[str], rows: Iterable[tuple[str, ...]]) -> Table:
-    table = Table(*heads, title=title, title_justify="left")
+    table = Table(title=title, title_justify="left")
+    for number, head in enumerate(heads):
+        table.add_column(head, no_wrap=number < _WHOLE)
     for row in rows:
         table.add_row(*map(escape, row))
     return table

@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterator
 
 from service.calibration.found import Bank, Calibration
+from service.calibration.told import Told
 from service.config.thresholds_file import FORMAT, KIND
+from service.reports.calibration_words import promises
 from service.reports.toml_words import toml_key, toml_value
 from service.thresholds import made_with
 
@@ -26,8 +28,8 @@ def as_toml(of: Calibration) -> str:
 
 
 def _head(of: Calibration) -> Iterator[str]:
-    yield f"# Thresholds of the tests of axis {of.axis.id}, by `axiswatch calibrate` from its healthy records:"
-    yield f"# {of.promise}."
+    yield f"# Thresholds of axis {of.axis.id}, by `axiswatch calibrate` from its healthy records."
+    yield from (f"# {words}" for words in promises(of))
     yield f"format = {FORMAT}"
     yield f'kind = "{KIND}"'
     yield f"axis = {toml_value(of.axis.id)}"
@@ -46,7 +48,7 @@ _KEYS = ("alpha_1", "alpha_2", "allowance")
 
 
 def _rate(of: Calibration) -> Iterator[str]:
-    most, low, high = of.between_s
+    most, low, high = of.tests.between_s
     yield "[false_alarms]"
     yield f"budget_s = {toml_value(of.budget_s)}  # no more than one in so long"
     yield f"one_in_s = {toml_value(most)}  # most likely"
@@ -55,9 +57,9 @@ def _rate(of: Calibration) -> Iterator[str]:
 
 
 def _bank(of: Calibration) -> Iterator[Iterator[str]]:
-    if of.bank is not None:
+    if of.bank is not None and of.by_bank is not None:
         yield _hypotheses(of.bank)
-        yield _bank_rate(of)
+        yield _bank_rate(of.by_bank)
 
 
 def _hypotheses(of: Bank) -> Iterator[str]:
@@ -73,8 +75,8 @@ def _hypotheses(of: Bank) -> Iterator[str]:
             yield f"alike = {toml_value(list(one.alike))}"
 
 
-def _bank_rate(of: Calibration) -> Iterator[str]:
-    most, low, high = of.bank_between_s
+def _bank_rate(told: Told) -> Iterator[str]:
+    most, low, high = told.between_s
     yield "[bank_false_alarms]"
     yield f"one_in_s = {toml_value(most)}  # most likely"
     yield f"interval_s = {toml_value([low, high])}  # 90 %"

@@ -5,42 +5,43 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.catch import Caught
-from monitor_core.calibration.doubts import duration
 from service.calibration.found import Calibration
+from service.calibration.told import Told
 from service.reports.words import percent, plain
 
-THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate", "smallest found, up", "down")
-FAULT_TITLES = ("fault", "how", "found in time", "median delay", "in 9 of 10 by", "named first")
-BANK_TITLES = ("fault", "found in time", "median delay", "CUSUM tests", "in 9 of 10 by", "named")
+THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate")
 HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")
+DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "bank": "bank of hypotheses"}
+_SHORT: dict[DetectorName, str] = {"cusum": "CUSUM", "bank": "bank"}
+_VERB: dict[DetectorName, tuple[str, str]] = {"cusum": ("alarm", "look on"), "bank": ("alarms", "looks on")}
+_SELDOM = 0.05
+
+
+def promises(of: Calibration) -> Iterator[str]:
+    """False alarms of each detector, in one sentence; why there is no bank."""
+    for one in of.told:
+        yield f"The {DETECTORS[one.detector]}, {part(of, one)}: {one.promise}."
+    if of.bank is None:
+        yield "No bank of hypotheses: the axis can have none."
+
+
+def part(of: Calibration, one: Told) -> str:
+    """What a detector will do with these thresholds."""
+    return f"which {_VERB[one.detector][one.detector != of.alarms]}"
 
 
 def threshold_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
     """One for each parameter."""
     for i, name in enumerate(of.model.monitored):
         own = of.settings.thresholds[i]
-        up, down = of.smallest(name)
         yield (
             name,
             plain(own.alpha1, 3),
             plain(own.alpha2, 3),
             percent(own.allowance) if own.allowance else "0",
             percent(float(of.scatter.sigma[i])),
-            *(_smallest(v) for v in (up, down)),
-        )
-
-
-def bank_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
-    """What the bank of hypotheses finds of each fault, beside the CUSUM tests' median delay."""
-    for one, paper in zip(of.bank.caught if of.bank else (), of.caught, strict=False):
-        yield (
-            f"{one.fault.parameter} {percent(one.fault.size, signed=True)}",
-            percent(one.found_within(of.within_s)),
-            _seconds(one.delay(0.5)),
-            _seconds(paper.delay(0.5)),
-            _seconds(one.delay(0.9)),
-            _names(one),
         )
 
 
@@ -55,29 +56,46 @@ def hypothesis_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
         yield cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"
 
 
-def bank_promise(of: Calibration) -> str:
-    """False alarms of the bank, in one sentence; why there is none."""
-    if of.bank is None:
-        return "No bank of hypotheses: the axis can have none."
-    most, low, high = (duration(v) for v in of.bank_between_s)
-    return f"Bank of hypotheses: one false alarm in {most}, with 90 % certainty between one in {low} and one in {high}."
+def smallest_titles(of: Calibration) -> tuple[str, ...]:
+    """Up and down by each detector, in the order in which they are told."""
+    return ("", *(f"{_SHORT[one.detector]}: {way}" for one in of.told for way in ("up", "down")))
+
+
+def smallest_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
+    """One for each parameter: the smallest changes that each detector finds in time."""
+    for name in of.model.monitored:
+        yield name, *(_smallest(size) for one in of.told for size in one.smallest(name))
 
 
 def _smallest(size: float | None) -> str:
     return "none tried" if size is None else percent(size, signed=True)
 
 
-def fault_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
-    """One for each fault."""
-    for one in of.caught:
+def fault_titles(of: Calibration, told: Told) -> tuple[str, ...]:
+    """Over the columns of ``fault_rows``; the last is the delay of the other detector."""
+    named = "named" if told.detector == "bank" else "named first"
+    others = (f"{_SHORT[one.detector]}: median" for one in _others(of, told))
+    return ("fault", "how", "found in time", "median delay", "in 9 of 10 by", *others, named)
+
+
+def fault_rows(of: Calibration, told: Told) -> Iterator[tuple[str, ...]]:
+    """One for each fault, as a detector found it."""
+    beside = _others(of, told)
+    for k, one in enumerate(told.caught):
         yield (
             f"{one.fault.parameter} {percent(one.fault.size, signed=True)}",
             "exact" if one.exact else "simulated",
-            percent(one.found_within(of.within_s)),
+            percent(one.found_within(told.within_s)),
             _seconds(one.delay(0.5)),
             _seconds(one.delay(0.9)),
+            *(_seconds(other.caught[k].delay(0.5)) for other in beside),
             _names(one),
         )
+
+
+def _others(of: Calibration, told: Told) -> list[Told]:
+    """Which found the same faults."""
+    return [one for one in of.told if one.detector != told.detector and one.caught]
 
 
 def _seconds(delay: float) -> str:
@@ -85,18 +103,23 @@ def _seconds(delay: float) -> str:
 
 
 def _names(one: Caught) -> str:
+    """What its alarms were called, the most frequent first; what was seldom is counted together."""
     counts = sorted(((one.first.count(name), name) for name in set(one.first) if name), reverse=True)
     whole = sum(n for n, _ in counts)
-    return ", ".join(name if n == whole else f"{name} {percent(n / whole)}" for n, name in counts)
+    often = [(n, name) for n, name in counts if n == counts[0][0] or n >= _SELDOM * whole]
+    if rest := whole - sum(n for n, _ in often):
+        often.append((rest, "others"))
+    return ", ".join(name if n == whole else f"{name} {percent(n / whole)}" for n, name in often)
 
 
-def confusion_titles(of: Calibration) -> tuple[str, ...]:
+def confusion_titles(told: Told) -> tuple[str, ...]:
     """Over the columns."""
-    return ("fault in", *of.model.monitored, "none yet")
+    names = next(iter(told.confusion().values()), {})
+    return ("fault in", *(name or "none yet" for name in names))
 
 
-def confusion_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
-    """One for each parameter: how its faults, of all sizes, were called at the first alarm."""
-    for name, row in of.confusion().items():
+def confusion_rows(told: Told) -> Iterator[tuple[str, ...]]:
+    """One for each parameter: how its faults, of all sizes, were called."""
+    for name, row in told.confusion().items():
         total = sum(row.values())
         yield (name, *(percent(n / total) if total else "" for n in row.values()))

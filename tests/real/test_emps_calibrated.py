@@ -68,7 +68,7 @@ def learned_from(which: int, budget_s: float, records_dir: Path, tmp: pytest.Tem
     folder = identified(tmp.mktemp("emps"), own)
     config = watched(folder, WATCHED)
     found = calibrated(config, own, budget_s)
-    print(f"EMPS: {found.promise}; {found.settings.thresholds}")
+    print(f"EMPS: {found.tests.promise}; {found.settings.thresholds}")
     return Halves(found, samples(config, found, other.text), folder, own)
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
+from rich.console import Console
 
+from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.doubts import CalibrationError
 from service.axes import axis_model, axis_settings
 from service.calibration.found import Calibration, Provenance
@@ -20,7 +24,9 @@ from service.config import Config, load
 from service.detectors import detectors_of
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
+from service.reports.calibration_text import print_text
 from service.reports.calibration_toml import as_toml
+from service.reports.calibration_words import fault_rows
 from tests.service.calibration.test_thresholds_file import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
@@ -46,10 +52,12 @@ def found(robot: Path) -> Calibration:
 
 
 def test_the_promise(found: Calibration) -> None:
-    most, low, high = found.between_s
-    assert low < most < high
-    assert low > 0.8 * 600
-    assert "one false alarm in" in found.promise
+    assert [one.detector for one in found.told] == ["bank", "cusum"]
+    for one in found.told:
+        most, low, high = one.between_s
+        assert low < most < high
+        assert low > 0.8 * 600
+        assert "one false alarm in" in one.promise
 
 
 def test_the_same_again_is_the_same(robot: Path, found: Calibration) -> None:
@@ -62,14 +70,16 @@ def test_the_same_again_is_the_same(robot: Path, found: Calibration) -> None:
 
 def test_faults_are_found(found: Calibration) -> None:
     assert found.onsets == 8
-    for name in found.model.monitored:
-        up, down = found.smallest(name)
-        assert up in (0.02, 0.2)
-        assert down in (-0.02, -0.2)
+    for told in found.told:
+        for name in found.model.monitored:
+            up, down = told.smallest(name)
+            assert up in (0.02, 0.2)
+            assert down in (-0.02, -0.2)
+        rows = told.confusion()
+        assert all(sum(row.values()) == 4 * 8 for row in rows.values())
+        assert max(rows["kT"], key=lambda name: rows["kT"][name]) == "kT"
     assert {one.fault.parameter for one in found.caught if one.exact} == {"kT", "fm"}
-    rows = found.confusion()
-    assert all(sum(row.values()) == 4 * 8 for row in rows.values())
-    assert rows["kT"]["kT"] > 24
+    assert found.tests.confusion()["kT"]["kT"] > 24
 
 
 def test_the_file_is_used_by_the_daemon(robot: Path, found: Calibration, tmp_path: Path) -> None:
@@ -92,16 +102,13 @@ def test_the_bank_is_calibrated_with_the_same_records_and_then_alarms(
     own = found.bank.limits.own
     assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {one.cause for one in own}
     assert all(5 < one.h < 60 for one in own)
-    most, low, high = found.bank_between_s
-    assert low < most < high
-    assert low > 0.8 * 600
     (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
     (tmp_path / "thresholds.toml").write_text(as_toml(found), encoding="utf-8")
     (tmp_path / "robot.toml").write_text(named(robot_text()), encoding="utf-8")
     axis = load(tmp_path / "robot.toml", {}).axes[0]
     model = axis_model(axis.config)
     chosen = detectors_of(axis, model, axis_settings(axis, model))
-    assert chosen.alarms == "bank"
+    assert chosen.alarms == found.alarms == "bank"
     assert chosen.beside is not None
     bank = chosen.beside.bank
     assert [(of.cause, of.alike) for of in bank.hypotheses] == [(one.cause, one.alike) for one in own]
@@ -134,16 +141,58 @@ def test_json(found: Calibration) -> None:
     assert content["provenance"]["version"] == "1.2.3"
     assert len(content["bank"]["hypotheses"]) == len(found.bank.limits.own if found.bank else ())
     assert len(content["bank"]["faults"]) == 12
+    assert content["alarms"] == "bank"
+    for detector in (content, content["bank"]):
+        low, high = detector["false_alarms"]["interval_s"]
+        assert low < detector["false_alarms"]["one_in_s"] < high
+    assert content["bank"]["smallest_found"]["kT"]["increase"] in (0.02, 0.2)
+    assert sum(content["bank"]["named"]["kT"].values()) == 4 * 8
 
 
 def test_page(found: Calibration) -> None:
     page = as_html(found)
     assert page.count("<svg") == 3
-    assert "Bank of hypotheses" in page
     assert "<healthy.csv>" not in page
     assert not re.search(r"#01010\d|nan|inf\b", page)
-    for words in ("Thresholds", "What will be found", "Name of the first alarm", "exact", "simulated"):
+    for words in ("Thresholds", "What will be found", "Smallest change", "exact", "simulated"):
         assert words in page
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("bank", ["bank of hypotheses, which alarms", "CUSUM tests, which look on"]),
+        ("cusum", ["CUSUM tests, which alarm", "bank of hypotheses, which looks on"]),
+    ],
+)
+def test_what_will_alarm_is_told_first(found: Calibration, kind: DetectorName, told: list[str]) -> None:
+    of = replace(found, alarms=kind)
+    page, text = as_html(of), printed(of)
+    for words in (page, text):
+        assert words.index(f"The {told[0]}: one false alarm") < words.index(f"The {told[1]}: one false alarm")
+    assert page.index(f"<h2>By the {told[0]}") < page.index(f"<h2>By the {told[1]}")
+    assert f"false alarms of the {told[0].split(',')[0]}, most likely" in page
+    assert f"by the {told[0].split(',')[0]}" in text
+    assert f"by the {told[1].split(',')[0]}" not in text
+    assert f"The {told[0]}: " in as_toml(of)
+    for row in fault_rows(of, of.told[0]):
+        assert all(cell in text for cell in row if " " not in cell)
+
+
+def test_what_is_told_of_an_axis_without_a_bank(found: Calibration) -> None:
+    of = replace(found, bank=None, alarms="cusum")
+    for words in (as_html(of), printed(of)):
+        assert "No bank of hypotheses" in words
+        assert "bank: up" not in words
+    assert json.loads(as_json(of))["bank"] is None
+    assert "hypothesis" not in tomllib.loads(as_toml(of))
+
+
+def printed(of: Calibration) -> str:
+    console = Console(file=io.StringIO(), width=160, highlight=False)
+    print_text(of, console)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
 
 
 def refused(robot: Path, wishes: Wishes = WISHES, record: str = "healthy.csv", text: str = "") -> str:
