@@ -100,7 +100,8 @@ class Spectra:
 
     def _weight(self) -> Floats:
         """Of the frequencies (F, 1) in a mean."""
-        return self._bands() / self._bands().sum()
+        bands = self._bands()
+        return np.asarray(bands / bands.sum())
 
     def _parts(self) -> tuple[Floats, Floats, Floats]:
         """Of each frequency and hypothesis (F, H), at r = 1: D, x, which is what noise speaks for it, and B."""

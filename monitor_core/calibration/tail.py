@@ -19,6 +19,9 @@ LEAST_H = 1.0
 """Sigma times memory: of lower thresholds the formula is not right enough to be fitted to."""
 TAU_SD, LEVEL_SD = 0.2, 0.2
 """Logarithmic: how far memory and rate may be from those of white noise, as far as is known before."""
+_FAR = 2.0
+"""Of these standard deviations: if few excursions, or none, say more than that, the formula does not hold at thresholds
+as low as theirs, and they say nothing of higher ones."""
 _STEP, _TINY = 1e-3, 1e-300
 _LEAST_K = 0.1
 
@@ -103,7 +106,7 @@ def fitted(k: float, heights: Floats, memory: float, samples: float) -> Way:
         samples: in which they happened.
     """
     h = heights[: min(ENOUGH, int((heights > LEAST_H).sum()))]
-    # Where hardly any goes so far, that says something, too.
+    known = np.array([TAU_SD, LEVEL_SD])
     base = np.array([float(h[-1]) if len(h) == ENOUGH else LEAST_H])
     around = np.concatenate([h * (1 - _STEP), h * (1 + _STEP)])
 
@@ -116,10 +119,12 @@ def fitted(k: float, heights: Floats, memory: float, samples: float) -> Way:
         """Negative logarithm of how likely they are, and these numbers beforehand."""
         lower, upper = np.exp(np.split(log_count(around, apart), 2))
         of_heights = np.log(np.maximum(lower - upper, _TINY)).sum()
-        prior = ((apart / (TAU_SD, LEVEL_SD)) ** 2).sum() / 2
+        prior = ((apart / known) ** 2).sum() / 2
         return float(np.exp(log_count(base, apart)).sum() - of_heights + prior)
 
     best = least(loss, np.zeros(2), _STEP)
+    if len(h) < FEW and (abs(best) > _FAR * known).any():
+        return Way(np.array([math.log(memory), 0.0]), np.diag(known))
     covariance = np.linalg.inv(curvature(loss, best, _STEP))
     return Way(np.array([math.log(memory), 0.0]) + best, np.linalg.cholesky(covariance))
 

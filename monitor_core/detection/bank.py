@@ -84,7 +84,7 @@ class HypothesisBank:
         if many == 0 or not (self._h > 0).all() or not np.isfinite(self._allowance).all():
             raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
         self._last_resort = {of.cause for of in self.hypotheses if of.weight < 1}
-        self._build_up_us = round(5e5 * _time_constant(model, settings))
+        self._slowest_us = round(1e6 * _time_constant(model, settings))
         self.moved = (0,) * len(model.monitored)
         """By how many steps (following.py) nominal values are away from those of the model."""
         self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
@@ -255,7 +255,7 @@ class HypothesisBank:
 
     def _decide(self, now_us: int) -> Iterator[Event]:
         """Something has changed, or it is time to look at what, or what was named is known well by now."""
-        whole, memory = self._memory.whole, self.settings.memory
+        whole = self._memory.whole
         if whole[PHASE, 0] == REFINING:
             yield from self._settle(now_us)
             return
@@ -263,15 +263,23 @@ class HypothesisBank:
             whole[PHASE, 0], whole[CHECKS, 0], whole[SINCE, 0] = PENDING, 0, now_us
             self._turn_round()
             yield Changed(now_us, self.onset(), self._shares())
+        yield from self._look(now_us)
+
+    def _look(self, now_us: int) -> Iterator[Event]:
+        """What has changed is named if that is sure, or has been looked for long enough."""
+        whole, memory = self._memory.whole, self.settings.memory
         whole[CHECKS, 0] += 1
         whole[WAIT, 0], since = max(1, round(memory / LOOKS)), int(whole[SINCE, 0])
         found, last = self._shares(), whole[CHECKS, 0] >= LOOKS * MEMORIES
+        # Until the state of the axis is no longer that of before, no hypothesis holds, and the least wrong one is sure.
+        early = now_us - since < self._slowest_us
         if last and not self._lasts():
             self._start(0)
             yield Over(now_us, since, HEALTHY)
-        elif last or (found[0].probability >= self.sure and found[0].cause not in self._last_resort):
+            return
+        sure = found[0].probability >= self.sure
+        if last or (sure and not early and found[0].cause not in self._last_resort):
             whole[PHASE, 0], whole[WAIT, 0] = REFINING, round(MEMORIES * memory)
-            sure = found[0].probability >= self.sure
             yield Named(now_us, since, self.onset(), self.standing.whole_of(found), sure)
 
     def _turn_round(self) -> None:
@@ -309,7 +317,7 @@ class HypothesisBank:
         """
         k = int(self._memory.sums[G, : len(self._hypotheses)].argmax())
         when = self._memory.when[:, k]
-        earliest = int(when[FIRST_MARK + MARKS - 1]) - self._build_up_us
+        earliest = int(when[FIRST_MARK + MARKS - 1]) - self._slowest_us // 2
         return Onset(int(when[ONSET]), earliest, int(max(when[LATE], when[ONSET])))
 
     def _lane_of(self, best: Share) -> int:

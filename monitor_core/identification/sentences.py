@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from monitor_core.drive import DAMPING
 from monitor_core.identification.gross import GROSS
 from monitor_core.identification.layout import LEVEL, Layout, whole_intervals
 from monitor_core.identification.residuals import LEVEL as CONFIDENCE
@@ -17,6 +18,8 @@ from monitor_core.modeling.identifiability.wording import listed
 _USUAL = ("kT", "r")
 """What one would rather hold than others: a data sheet has it."""
 _SMALL = 0.01
+_SURE = 2.0
+"""Standard deviations."""
 
 
 def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
@@ -26,6 +29,7 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
     yield from _singular(found.accuracy)
     yield from (word for word in found.accuracy.words() if LEVEL not in word and "at all" not in word)
     yield from _at_bounds(layout, xi)
+    yield from _driving(found)
     if not 0 <= found.delay_s <= found.interval_s:
         how = "late" if found.delay_s > 0 else "early"
         yield (
@@ -56,6 +60,16 @@ def _at_bounds(layout: Layout, xi: Floats) -> Iterator[str]:
     for entry, value, low, high in zip(layout.entries, xi, lower, upper, strict=False):
         if not entry.name.startswith(LEVEL) and value in (low, high):
             yield f"{entry.name} ended at its bound {entry.lower if value == low else entry.upper:g}."
+
+
+def _driving(found: Estimate) -> Iterator[str]:
+    """Dampers that are surely negative: the best fit, but of no drive."""
+    for name, value, sd in zip(found.names, found.theta, found.sd, strict=True):
+        if name in {p.name for p in found.drive.parameters if p.unit == DAMPING} and value < -_SURE * sd:
+            yield (
+                f"{name} = {value:.2g} N m s/rad drives instead of damping: the drive lacks something else that the"
+                f" record shows, or {name} needs 0 as a lower bound."
+            )
 
 
 def _levels(found: Estimate, layout: Layout) -> Iterator[str]:

@@ -24,6 +24,7 @@ from monitor_core.kernel.likelihood import G, accumulate, begin, likelihoods
 from monitor_core.kernel.mean import begin_again, mean
 from monitor_core.kernel.outliers import sift
 from monitor_core.kernel.predictors import (
+    FARTHEST,
     GAP,
     INTERVAL,
     LAM,
@@ -39,6 +40,7 @@ from monitor_core.kernel.predictors import (
     cross,
     errors,
     leap,
+    rejoin,
 )
 from monitor_core.kernel.recursion import predict
 from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
@@ -139,7 +141,7 @@ def run_hypotheses(
     counts = whole[COUNTS:]
     interval = axis[INTERVAL, 0]
     nominal_K = P.K[n : 2 * n]
-    gains = corrects(P.K)
+    gains, most = corrects(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     # fmt: off
     for k in range(start, block.t.size):
         t[0], ut[0], y[0], does[0] = block.t[k], block.u[k], block.y[k], TRACK
@@ -164,7 +166,8 @@ def run_hypotheses(
                 for a in range(H):
                     doing[a] = 1
                 begin_again(lanes, T.mean, n, doing, x)
-            if not errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, eps) < math.inf:
+            off = errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, eps)
+            if not off <= most and not rejoin(most, eps, x):
                 counts[DIVERGED, 0] += 1
                 whole[LAST, 0] = NEVER
                 does[0] = SKIP

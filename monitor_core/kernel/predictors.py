@@ -1,5 +1,6 @@
 """The predictors of a bank of hypotheses, side by side: over an interval, their errors, their corrections."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ offset; 1: the output repeats itself; 1: holds only while the measured torque do
 allowance; h."""
 INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER = range(7)
 """Rows of ``axis``."""
+FARTHEST = 1e9
+"""Standard deviations: a predictor of an axis that another predicts diverges, if it is off by more."""
 
 
 class Predictors(NamedTuple):
@@ -137,6 +140,23 @@ def errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: 
         eps[a] = y - before if own[FROZEN, a] > 0.0 else e
         total += abs(eps[a])
     return total
+
+
+@aside
+def rejoin(most: float, eps: Floats, x: Floats) -> bool:
+    """Predictors that diverge, |e_i| > most, start anew from the state of the first; False if that is no number, too.
+
+    The gain of a hypothesis may not be one for what really happens, as samples that are passed over, and one predictor
+    that is lost is not to cost the others theirs.
+    """
+    if not abs(eps[0]) < math.inf:
+        return False
+    for a in range(eps.size):
+        if not abs(eps[a]) <= most:
+            eps[a] = eps[0]
+            for r in range(x.shape[0]):
+                x[r, a] = x[r, 0]
+    return True
 
 
 @kernel

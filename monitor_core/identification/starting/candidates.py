@@ -13,7 +13,6 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.response import Measured
 from monitor_core.identification.starting.search import SAME, Found
-from monitor_core.identification.starting.slots import DAMPING
 
 _RIVALS = 2
 """Candidates from which the records themselves are fitted."""
@@ -21,8 +20,6 @@ _DOUBTFUL = 10.0
 """A rival whose cost is so many times that of the best is not tried."""
 _FIT = 20
 """Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
-_SURE = 2.0
-"""Standard deviations."""
 FITTING = _RIVALS * _FIT
 """Steps of ``best_fit``."""
 
@@ -82,7 +79,7 @@ def best_fit(
         raise problems[0]
     reached(FITTING)
     best, winner = min(ends, key=lambda end: end[0].cost)
-    words = (*best.words, *_driving(best), _word(winner, len(candidates), len(rivals)))
+    words = (*best.words, _word(winner, len(candidates), len(rivals)))
     return replace(best, words=words)
 
 
@@ -93,16 +90,6 @@ def _fit_one(
         reached(first + min(count, _FIT))
 
     return fit(problem, records, _free(problem, one.values), progress=told)
-
-
-def _driving(found: Estimate) -> Iterator[str]:
-    """Dampers that are surely negative: the best fit, but of no drive."""
-    for name, value, sd in zip(found.names, found.theta, found.sd, strict=True):
-        if name in {p.name for p in found.drive.parameters if p.unit == DAMPING} and value < -_SURE * sd:
-            yield (
-                f"{name} = {value:.2g} N m s/rad drives instead of damping: the drive lacks something else that the"
-                f" record shows, or {name} needs 0 as a lower bound."
-            )
 
 
 def _word(winner: Candidate, candidates: int, rivals: int) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from monitor_core.drive import split_name
+from monitor_core.drive import DAMPING, STIFFNESS, split_name
 from monitor_core.identification.frequency import Complexes
 from monitor_core.identification.held import hold
 from monitor_core.identification.problem import Problem
@@ -17,8 +17,6 @@ from monitor_core.identification.starting.response import Target
 from monitor_core.identification.structure import Linear, Structure
 from monitor_core.kernel.tables import TORQUE, Floats, Ints
 from monitor_core.model import AxisModel
-
-_DAMPING, _STIFFNESS = "N m s/rad", "N m/rad"
 
 
 class Response:
@@ -90,7 +88,7 @@ def _dampers(problem: Problem, bases: tuple[str, ...]) -> Ints:
         (i, bases.index(spring))
         for i, damper in enumerate(bases)
         for spring in bases
-        if units[damper] == _DAMPING and units[spring] == _STIFFNESS and joined[damper] == joined[spring]
+        if units[damper] == DAMPING and units[spring] == STIFFNESS and joined[damper] == joined[spring]
     ]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 

@@ -65,12 +65,15 @@ def test_of_records_in_which_nothing_can_have_happened_the_formula_holds() -> No
 
 
 def test_where_nothing_happened_though_it_was_expected_it_happens_less() -> None:
-    """The shorter the memory, the less: and nothing in longer records says more."""
+    """The longer the record, the less; until it is the formula that does not hold, and says what it said before."""
     expected = float(np.exp(log_often(np.array([LEAST_H]), MEMORY, 0.0))[0])
-    ways = [fitted(K, np.zeros(0), MEMORY, SAMPLES * count / expected) for count in (3.0, 30.0)]
+    ways = [fitted(K, np.zeros(0), MEMORY, SAMPLES * count / expected) for count in (1.0, 4.0)]
     for way in ways:
         assert (way.best < [math.log(MEMORY), 0.0]).all()
     assert (ways[1].best < ways[0].best).all()
+    absurd = fitted(K, np.zeros(0), MEMORY, SAMPLES * 3000.0 / expected)
+    assert absurd.best == pytest.approx([math.log(MEMORY), 0.0])
+    assert absurd.root == pytest.approx(np.diag([TAU_SD, LEVEL_SD]))
 
 
 @entry

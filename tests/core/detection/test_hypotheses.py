@@ -14,6 +14,7 @@ from monitor_core.detection.bank import HypothesisBank
 from monitor_core.detection.candidates import TORQUE_SCALE, TORQUE_STUCK, change
 from monitor_core.detection.hypotheses import Distortion, Hypothesis
 from monitor_core.drive import split_name
+from monitor_core.kernel.predictors import FARTHEST
 from monitor_core.kernel.tables import Floats
 from monitor_core.model import AxisModel
 from monitor_core.reference import Record
@@ -199,6 +200,23 @@ def test_a_lone_outlier_is_no_evidence(seed: int) -> None:
     _, trace = bank.run_traced(*rec)
     assert np.isnan(trace.llr[100]).all()
     assert np.isfinite(trace.llr[101, :-2]).all()
+
+
+def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> None:
+    """A gain of its own that is none for this axis: it starts anew again and again, and does not alarm."""
+    case = BY_NAME["speed-skew"]
+    s, other = case.settings(), Hypothesis("other", factors={"Jm": 1.3})
+    wild = Hypothesis("wild", K=tuple(-30.0 * np.array(s.gain(len(case.model.drive.states)))))
+    rec = record(seed, case, 2000)
+    alone, beside = (HypothesisBank(case.model, s, of) for of in ([other], [other, wild]))
+    (_, expected), (_, found) = (bank.run_traced(*rec) for bank in (alone, beside))
+    most = FARTHEST * np.sqrt(s.lam0)
+    started_anew = (abs(found.eps[1:-1, 1]) > 1e-3 * most) & (abs(found.eps[2:, 1]) < 1e-6 * most)
+    assert started_anew.sum() > 3
+    assert np.nanmax(abs(found.eps[:, 1])) <= most
+    for of in ("eps", "llr", "g"):
+        np.testing.assert_array_equal(getattr(found, of)[:, 0], getattr(expected, of)[:, 0])
+    assert found.g[:, 1].max() < 20.0
 
 
 def test_a_drive_with_two_outputs_is_refused() -> None:

@@ -21,6 +21,7 @@ from monitor_core.detection.candidates import (
 from monitor_core.detection.events import Changed, Named, Over
 from monitor_core.detection.limit import least_delay
 from monitor_core.drive import DELAY
+from monitor_core.kalman import slowest_time_constant
 from monitor_core.kernel.tables import Floats
 from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.reference import FAULT_AT, INTERVAL_S, Record, experiment, faulty, reference_model
@@ -54,6 +55,19 @@ def test_faults_are_found_near_the_limit_and_named_right(
     assert found.early <= 1
     # Of 60 delays that scatter by two thirds of their median the median scatters by a ninth.
     assert np.median(found.alarm) < 2.0 * limit
+
+
+def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank, seed: int) -> None:
+    """However sure one seems: without it a kT half as large again is another cause in 3 of 40, at once."""
+    slowest = round(1e6 * slowest_time_constant(bank.model, bank.settings.gain(5), INTERVAL_S))
+    for k in range(seed, seed + 10):
+        bank.reset()
+        events = bank.run(*experiment(k, {"kT": 1.5}, samples=2000))
+        changed, named = (next(e for e in events if isinstance(e, kind)) for kind in (Changed, Named))
+        assert isinstance(named, Named)
+        assert named.time_us - changed.time_us >= slowest
+        assert named.shares[0].cause == "kT"
+        assert named.certain
 
 
 def test_no_detector_is_faster_than_the_limit(seed: int) -> None:
