@@ -41,6 +41,9 @@ SURE_ENOUGH = 0.999
 """Share of the likeliest cause from which on it is named."""
 MEMORIES = 3
 """Without such a share the likeliest causes are named after so many memory lengths."""
+PATIENCE = 2
+"""So many times as long if it is nothing but noise, a signal that is another one or a scale that never changes: what no
+size fits well looks like that, too, until there is more evidence."""
 LOOKS = 20
 """Looks at the shares in each of them."""
 _REMEMBERED = 256
@@ -270,15 +273,15 @@ class HypothesisBank:
         whole, memory = self._memory.whole, self.settings.memory
         whole[CHECKS, 0] += 1
         whole[WAIT, 0], since = max(1, round(memory / LOOKS)), int(whole[SINCE, 0])
-        found, last = self._shares(), whole[CHECKS, 0] >= LOOKS * MEMORIES
-        # Until the state of the axis is no longer that of before, no hypothesis holds, and the least wrong one is sure.
-        early = now_us - since < self._slowest_us
-        if last and not self._lasts():
+        found, looked = self._shares(), whole[CHECKS, 0] / (LOOKS * MEMORIES)
+        if looked >= 1 and not self._lasts():
             self._start(0)
             yield Over(now_us, since, HEALTHY)
             return
-        sure = found[0].probability >= self.sure
-        if last or (sure and not early and found[0].cause not in self._last_resort):
+        # Until the state of the axis is no longer that of before, no hypothesis holds, and the least wrong one is sure.
+        early = now_us - since < self._slowest_us
+        sure, resort = found[0].probability >= self.sure, found[0].cause in self._last_resort
+        if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
             whole[PHASE, 0], whole[WAIT, 0] = REFINING, round(MEMORIES * memory)
             yield Named(now_us, since, self.onset(), self.standing.whole_of(found), sure)
 

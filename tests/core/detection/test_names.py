@@ -70,6 +70,18 @@ def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank
         assert named.certain
 
 
+def test_what_no_size_fits_well_is_not_called_noise(bank: HypothesisBank, seed: int) -> None:
+    """Between two sizes, and far beyond what is clipped: it looks like a lost torque for some memories, in 9 of 100."""
+    names = []
+    for k in range(seed, seed + 120):
+        bank.reset()
+        events = bank.run(*experiment(k, {"kT": 2.0}, samples=2400))
+        names.append(next(e.shares[0].cause for e in events if isinstance(e, Named)))
+    wrong = [name for name in names if name != "kT"]
+    print(f"named wrong {wrong} of {len(names)}")
+    assert len(wrong) <= 4  # 2 of 600 are
+
+
 def test_no_detector_is_faster_than_the_limit(seed: int) -> None:
     """The figures of the literature for this experiment, 0.39, 0.29 s, by sums of other records."""
     assert limit_s({"kT": 1.2}, range(seed, seed + 200), DAY) == pytest.approx(0.40, abs=0.03)
@@ -143,7 +155,7 @@ def test_faults_of_sensors_are_named(fault: str, bank: HypothesisBank, seed: int
     names = []
     for k in range(seed, seed + 5):
         bank.reset()
-        rec = SENSOR_FAULTS[fault](experiment(k))
+        rec = SENSOR_FAULTS[fault](experiment(k, samples=2500))
         named = [e for e in bank.run(*rec) if isinstance(e, Named)]
         names.append(named[-1].shares[0].cause if named else "")
     print(f"{fault}: {names}")
