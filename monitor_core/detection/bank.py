@@ -41,11 +41,11 @@ SURE_ENOUGH = 0.999
 """Share of the likeliest cause from which on it is named."""
 MEMORIES = 3
 """Without such a share the likeliest causes are named after so many memory lengths."""
+LOOKS = 20
+"""Looks at the shares in each of them."""
 PATIENCE = 2
 """So many times as long if it is nothing but noise, a signal that is another one or a scale that never changes: what no
 size fits well looks like that, too, until there is more evidence."""
-LOOKS = 20
-"""Looks at the shares in each of them."""
 _REMEMBERED = 256
 """Steps whose predictors are kept, for nominal values that come again with the pose."""
 

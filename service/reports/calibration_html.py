@@ -86,7 +86,7 @@ _INJECTED = (
 )
 _NAMES: dict[DetectorName, str] = {
     "cusum": "Names: the parameter whose alarm came first; the alarm is named three memories later.",
-    "bank": "Names: those that the alarm got, up to three memories after it was raised.",
+    "bank": "Names: those that the alarm got, up to three memories after it was raised, or six if it is noise.",
 }
 _BANK = (
     "Predictors side by side, one for each cause and size of a change, faults of the sensors among them. g is the sum"
