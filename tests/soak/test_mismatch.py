@@ -4,10 +4,10 @@ Five masses with what real axes have beside them (tests/core/mismatch_plant.py),
 monitor has three, and was commissioned by ``identify`` and ``calibrate`` from a minute of excitation and ten minutes of
 healthy motion, five of them cold and five warm.
 
-Measured (seeds 11, 2842059353 and 4232056448): no false alarm in 200 h each; all of 180 faults named right in time, kT
-after at most 32, 33 and 31 s, fc 70, 71 and 65 s, of which the axis moved for less than 60, fm 40, 36 and 41 s.  On many of the plants
-``identify`` refused some step, or said that it cannot tell all masses; then the steps go on with what the one before
-found.
+Measured (seeds 11, 2842059353, 4232056448): no false alarm in 200 h each; all of 180 faults named right in time, kT
+after at most 32, 33 and 31 s, fc 70, 71 and 65 s, of which the axis moved for less than 60, fm 40, 36 and 41 s.  On
+many of the plants ``identify`` refused some step, or said that it cannot tell all masses; then the steps go on with
+what the one before found.
 
 In other 200 h (seed 1), where the motor's inertia was the last thing to be fitted instead of what is watched, there was
 one, of fc on plant 14 after 9.4 h.  It was no drift: fc is off by 6.6 +/- 5.5 % there in 40 h, cold and warm the same.
