@@ -142,7 +142,8 @@ def test_nothing_is_known_of_what_nothing_speaks_for(seed: int) -> None:
 
 
 def test_of_a_short_record_no_more_is_said_than_holds(seed: int) -> None:
-    eps = np.random.default_rng(seed).standard_normal(2 * LENGTH)
+    """One segment tells an offset from two ordinates, the first of half a band: log r to sqrt(2/3) at the very best."""
+    eps = np.random.default_rng(seed).standard_normal(LENGTH)
     spectra = of_variances(1.0)
     spectra.add(np.column_stack([eps, eps + 0.5]))
     assert np.sqrt(spectra.covariance()[0, 0]) == pytest.approx(0.5)
