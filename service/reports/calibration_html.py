@@ -57,7 +57,7 @@ def _content(of: Calibration) -> Iterator[str]:
     promised = listed(escaped(words) for words in promises(of))
     yield section("Which detector alarms", promised, legend(_KIND) if others else "")
     if first.caught:
-        yield section("What will be found", *_power(of), *_smallest(of))
+        yield section("What will be found", *_power(of), legend(_INJECTED), *_smallest(of))
     for one in of.told:
         if one.caught:
             yield section(f"By the {DETECTORS[one.detector]}, {part(of, one)}", *_found(of, one))
@@ -118,7 +118,6 @@ def _smallest(of: Calibration) -> Iterator[str]:
 
 def _found(of: Calibration, one: Told) -> Iterator[str]:
     yield _rows(fault_titles(of, one), fault_rows(of, one))
-    yield legend(_INJECTED)
     yield _rows(confusion_titles(one), confusion_rows(one))
     yield legend(f"Faults of all sizes that were tried, and what they were called. {_NAMES[one.detector]}")
 

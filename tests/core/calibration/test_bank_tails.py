@@ -111,7 +111,7 @@ def test_places_that_alarm_alone_are_as_few_as_they_are(swapped: bool, seed: int
     """All high excursions at five of fifty places, or with the innovations of five: the chance is that of five."""
     rng, places, each = np.random.default_rng(seed), 50, TOP
     heights = np.minimum(3 * rng.random((places, each)), 2.9)
-    heights[rng.permutation(places)[:5]] = 3.0 + rng.exponential(2.0, (5, each))
+    heights[rng.permutation(places)[:5]] = 1.0 + pareto(rng, 0.17, 5, each)  # its shape is amid the bounds
     of, none, column = weights(rng, places), np.zeros(201), heights.reshape(-1, 1)
     few, many = (
         bank_tails(watched(one, places, swapped), 1, of, none) for one in (column, rng.permutation(column))

@@ -152,6 +152,7 @@ def test_json(found: Calibration) -> None:
 def test_page(found: Calibration) -> None:
     page = as_html(found)
     assert page.count("<svg") == 3
+    assert page.count("Exact: ") == 1
     assert "<healthy.csv>" not in page
     assert not re.search(r"#01010\d|nan|inf\b", page)
     for words in ("Thresholds", "What will be found", "Smallest change", "exact", "simulated"):
