@@ -68,7 +68,7 @@ def smallest_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
 
 
 def _smallest(size: float | None) -> str:
-    return "none tried" if size is None else percent(size, signed=True)
+    return "none" if size is None else percent(size, signed=True)
 
 
 def fault_titles(of: Calibration, told: Told) -> tuple[str, ...]:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer
-from rich.console import Console
 
-from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.doubts import CalibrationError
 from service.axes import axis_model, axis_settings
 from service.calibration.found import Calibration, Provenance
@@ -24,9 +20,7 @@ from service.config import Config, load
 from service.detectors import detectors_of
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
-from service.reports.calibration_text import print_text
 from service.reports.calibration_toml import as_toml
-from service.reports.calibration_words import fault_rows
 from tests.service.calibration.test_thresholds_file import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
@@ -152,48 +146,10 @@ def test_json(found: Calibration) -> None:
 def test_page(found: Calibration) -> None:
     page = as_html(found)
     assert page.count("<svg") == 3
-    assert page.count("Exact: ") == 1
     assert "<healthy.csv>" not in page
     assert not re.search(r"#01010\d|nan|inf\b", page)
     for words in ("Thresholds", "What will be found", "Smallest change", "exact", "simulated"):
         assert words in page
-
-
-@pytest.mark.parametrize(
-    ("kind", "told"),
-    [
-        ("bank", ["bank of hypotheses, which alarms", "CUSUM tests, which look on"]),
-        ("cusum", ["CUSUM tests, which alarm", "bank of hypotheses, which looks on"]),
-    ],
-)
-def test_what_will_alarm_is_told_first(found: Calibration, kind: DetectorName, told: list[str]) -> None:
-    of = replace(found, alarms=kind)
-    page, text = as_html(of), printed(of)
-    for words in (page, text):
-        assert words.index(f"The {told[0]}: one false alarm") < words.index(f"The {told[1]}: one false alarm")
-    assert page.index(f"<h2>By the {told[0]}") < page.index(f"<h2>By the {told[1]}")
-    assert f"false alarms of the {told[0].split(',')[0]}, most likely" in page
-    assert f"by the {told[0].split(',')[0]}" in text
-    assert f"by the {told[1].split(',')[0]}" not in text
-    assert f"The {told[0]}: " in as_toml(of)
-    for row in fault_rows(of, of.told[0]):
-        assert all(cell in text for cell in row if " " not in cell)
-
-
-def test_what_is_told_of_an_axis_without_a_bank(found: Calibration) -> None:
-    of = replace(found, bank=None, alarms="cusum")
-    for words in (as_html(of), printed(of)):
-        assert "No bank of hypotheses" in words
-        assert "bank: up" not in words
-    assert json.loads(as_json(of))["bank"] is None
-    assert "hypothesis" not in tomllib.loads(as_toml(of))
-
-
-def printed(of: Calibration) -> str:
-    console = Console(file=io.StringIO(), width=160, highlight=False)
-    print_text(of, console)
-    assert isinstance(console.file, io.StringIO)
-    return console.file.getvalue()
 
 
 def refused(robot: Path, wishes: Wishes = WISHES, record: str = "healthy.csv", text: str = "") -> str:

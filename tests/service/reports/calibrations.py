@@ -1,0 +1,92 @@
+"""A calibration made by hand, in which every number is another: what reports say of it can be told beforehand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from monitor_core.calibration.budget import Rates
+from monitor_core.calibration.catch import Caught, Fault
+from monitor_core.calibration.hypotheses import BankLimits
+from monitor_core.calibration.scatter import Scatter
+from monitor_core.detection.detector import Limit
+from monitor_core.settings import Threshold
+from service.axes import axis_model, axis_settings
+from service.calibration.found import Bank, Calibration, Provenance
+from service.calibration.reading import Source
+from service.config import load
+from tests.conftest import ROOT
+
+ONSETS, WITHIN_S = 30, 4.0
+OWN = (
+    Limit("kT", 0.1, 11.0, 0.001),
+    Limit("kT", -0.1, 12.0, 0.002),
+    Limit("torque sign", math.nan, 13.0, 0.0, ("output sign",)),
+)
+
+
+@cache
+def by_hand() -> Calibration:
+    """Of the demo's first axis; nothing was tried of fm."""
+    axis = load(ROOT / "config" / "demo.toml", {}).axes[0]
+    model = axis_model(axis.config)
+    thresholds = tuple(Threshold(2.0 + i, 3.0 + i, 0.0) for i in range(3))
+    settings = replace(axis_settings(axis, model), thresholds=thresholds)
+    h, one = settings.interval_s, np.ones(3)
+    scatter = Scatter(
+        0.0 * one, 0.01 * one, np.array([0.011, 0.012, 0.013]), np.ones((2, 3)), np.zeros((2, 3)), 9.0, 200.0
+    )
+    rates = Rates(h / np.array([3e4, 4e4, 5e4]), h / 7200, h / 36000, h / 3600, 5.0)
+    limits = BankLimits(OWN, h / 10800, h / 72000, h / 5400, 6.0)
+    return Calibration(
+        axis, model, settings, 3600.0, WITHIN_S, scatter, rates, np.zeros(3), _by_tests(), ONSETS,
+        (Source("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
+        Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate healthy.csv"),
+        Bank(limits, _by_bank()), "bank",
+    )  # fmt: skip
+
+
+def _by_tests() -> list[Caught]:
+    """Of kT 20 % are found in time, by a hair, and 10 % are not; of 1/Ja 50 % upwards, nothing downwards."""
+    missed = [("kT", 27), ("", 3)]
+    return [
+        caught("kT", 0.1, np.linspace(1.0, 30.0, ONSETS), [("kT", 20), ("1/Ja", 10)]),
+        caught("kT", 0.2, [3.0] * 27 + [math.inf] * 3, missed),
+        caught("kT", 0.5, [2.0] * ONSETS, [("kT", ONSETS)]),
+        caught("kT", -0.1, [3.5] * 26 + [9.0] * 4, [("kT", ONSETS)]),
+        caught("kT", -0.2, [2.5] * ONSETS, [("kT", ONSETS)]),
+        caught("1/Ja", 0.2, [5.0] * ONSETS, [("1/Ja", ONSETS)]),
+        caught("1/Ja", 0.5, [1.5] * ONSETS, [("1/Ja", ONSETS)]),
+        caught("1/Ja", -0.5, [math.inf] * ONSETS, [("", ONSETS)]),
+    ]
+
+
+def _by_bank() -> list[Caught]:
+    """The same faults: of kT 10 % are found in time, too; of 1/Ja all."""
+    return [
+        caught("kT", 0.1, [0.5] * 15 + [0.75] * 15, [("kT", 28), ("delay", 1), ("noise", 1)]),
+        caught("kT", 0.2, [0.25] * ONSETS, [("kT", ONSETS)]),
+        caught("kT", 0.5, [0.125] * ONSETS, [("kT", ONSETS)]),
+        caught("kT", -0.1, [0.6] * ONSETS, [("kT", ONSETS)]),
+        caught("kT", -0.2, [0.3] * ONSETS, [("kT", ONSETS)]),
+        caught("1/Ja", 0.2, [0.4] * ONSETS, [("1/Ja", ONSETS)]),
+        caught("1/Ja", 0.5, [0.2] * ONSETS, [("1/Ja", ONSETS)]),
+        caught("1/Ja", -0.5, [0.7] * ONSETS, [("1/Ja", 15), ("fm", 15)]),
+    ]
+
+
+def caught(
+    name: str, size: float, delays: Sequence[float] | np.ndarray, names: list[tuple[str, int]]
+) -> Caught:
+    """With so many alarms of each name."""
+    first = tuple(name for name, many in names for _ in range(many))
+    assert len(delays) == len(first) == ONSETS
+    exact = name == "kT"
+    way = "up" if size > 0 else "down"
+    return Caught(
+        Fault(name, size), exact, np.array(delays), first, (way,) * ONSETS, 3.0 if exact else math.nan
+    )

@@ -1,0 +1,199 @@
+"""What the reports of a calibration say, of one made by hand: each detector its own, and first the one that alarms."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import tomllib
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from monitor_core.alarms.detector import DetectorName
+from service.calibration.found import Calibration
+from service.reports.calibration_html import as_html
+from service.reports.calibration_json import as_json
+from service.reports.calibration_text import print_text
+from service.reports.calibration_toml import as_toml
+from service.reports.calibration_words import (
+    confusion_rows,
+    confusion_titles,
+    fault_rows,
+    fault_titles,
+    hypothesis_rows,
+    smallest_rows,
+    smallest_titles,
+    threshold_rows,
+)
+from tests.service.reports.calibrations import WITHIN_S, by_hand
+
+BOTH: list[DetectorName] = ["bank", "cusum"]
+SENTENCES = {
+    "bank": "one false alarm in 3 hours, with 90 % certainty between one in 1.5 hours and one in 20 hours",
+    "cusum": "one false alarm in 2 hours, with 90 % certainty between one in an hour and one in 10 hours",
+}
+SMALLEST = {
+    "bank": {"kT": (0.1, -0.1), "1/Ja": (0.2, -0.5)},
+    "cusum": {"kT": (0.2, -0.2), "1/Ja": (0.5, None)},
+}
+
+
+def alarming(kind: DetectorName) -> Calibration:
+    return replace(by_hand(), alarms=kind)
+
+
+def printed(of: Calibration) -> str:
+    console = Console(file=io.StringIO(), width=160, highlight=False)
+    print_text(of, console)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_each_detector_with_its_promise_and_what_it_finds(kind: DetectorName) -> None:
+    of = alarming(kind)
+    assert [one.detector for one in of.told] == sorted(BOTH, key=lambda one: one != kind)
+    for one in of.told:
+        assert one.promise == SENTENCES[one.detector]
+        assert {name: one.smallest(name) for name in ("kT", "1/Ja")} == SMALLEST[one.detector]
+        assert one.smallest("fm") == (None, None)
+
+
+def test_smallest_changes_side_by_side() -> None:
+    of = alarming("bank")
+    assert smallest_titles(of) == ("", "bank: up", "bank: down", "CUSUM: up", "CUSUM: down")
+    rows = list(smallest_rows(of))
+    assert rows[0] == ("kT", "+10 %", "-10 %", "+20 %", "-20 %")
+    assert rows[1] == ("1/Ja", "+20 %", "-50 %", "+50 %", "none")
+    assert rows[2] == ("fm", *4 * ("none",))
+    other = alarming("cusum")
+    assert smallest_titles(other) == ("", "CUSUM: up", "CUSUM: down", "bank: up", "bank: down")
+    assert next(iter(smallest_rows(other))) == ("kT", "+20 %", "-20 %", "+10 %", "-10 %")
+
+
+def test_faults_by_each_detector_with_the_delay_of_the_other() -> None:
+    of = alarming("bank")
+    bank, tests = of.told
+    assert fault_titles(of, bank)[-2:] == ("CUSUM: median", "named")
+    assert fault_titles(of, tests)[-2:] == ("bank: median", "named first")
+    by_bank, by_tests = list(fault_rows(of, bank)), list(fault_rows(of, tests))
+    assert by_bank[0] == ("kT +10 %", "exact", "100 %", "0.5 s", "0.75 s", "15 s", "kT 93 %, others 6.7 %")
+    assert by_tests[0] == ("kT +10 %", "exact", "13 %", "15 s", "27 s", "0.5 s", "kT 67 %, 1/Ja 33 %")
+    assert by_tests[1] == ("kT +20 %", "exact", "90 %", "3 s", "3 s", "0.25 s", "kT")
+    assert by_tests[7] == ("1/Ja -50 %", "simulated", "0 %", "later", "later", "0.7 s", "")
+    assert by_bank[7] == ("1/Ja -50 %", "simulated", "100 %", "0.7 s", "0.7 s", "later", "fm 50 %, 1/Ja 50 %")
+    alone = replace(of, bank=None, alarms="cusum")
+    assert "bank: median" not in fault_titles(alone, alone.tests)
+    assert next(iter(fault_rows(alone, alone.tests))) == (*by_tests[0][:5], by_tests[0][6])
+
+
+def test_names_of_each_detector() -> None:
+    bank, tests = alarming("bank").told
+    assert confusion_titles(bank) == ("fault in", "kT", "1/Ja", "delay", "fm", "noise", "none yet")
+    assert list(confusion_rows(bank))[1] == ("1/Ja", "0 %", "83 %", "0 %", "17 %", "0 %", "0 %")
+    assert confusion_titles(tests) == ("fault in", "kT", "1/Ja", "none yet")
+    assert list(confusion_rows(tests)) == [
+        ("kT", "91 %", "6.7 %", "2 %"),  # 137, 10 and 3 of 150
+        ("1/Ja", "0 %", "67 %", "33 %"),
+    ]
+
+
+def test_thresholds_of_each_detector() -> None:
+    of = by_hand()
+    assert [row[-1] for row in threshold_rows(of)] == ["1.1 %", "1.2 %", "1.3 %"]
+    assert list(hypothesis_rows(of)) == [
+        ("kT", "2", "11.0 to 12.0", "0.002"),
+        ("torque sign", "1", "13.0", "0"),
+    ]
+    for words in (as_html(of), printed(of)):
+        assert "Thresholds of the CUSUM tests" in words
+        assert "Thresholds of the bank of hypotheses" in words
+        assert "11.0 to 12.0" in words
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("bank", ["bank of hypotheses, which alarms", "CUSUM tests, which look on"]),
+        ("cusum", ["CUSUM tests, which alarm", "bank of hypotheses, which looks on"]),
+    ],
+)
+def test_what_will_alarm_is_told_first(kind: DetectorName, told: list[str]) -> None:
+    of = alarming(kind)
+    page, text = as_html(of), printed(of)
+    first, second = (one.split(",")[0] for one in told)
+    for words in (page, text):
+        assert words.index(f"The {told[0]}: one false alarm") < words.index(f"The {told[1]}: one false alarm")
+    assert f"Thresholds found:</b> {SENTENCES[kind]}." in page
+    assert f"false alarms of the {first}, most likely" in page
+    assert page.index(f"<h2>By the {told[0]}") < page.index(f"<h2>By the {told[1]}")
+    assert f"Faults that begin at 30 places of the record, by the {first}" in text
+    assert f"by the {second}" not in text
+    assert f"# The {told[0]}: {SENTENCES[kind]}." in as_toml(of)
+    for row in fault_rows(of, of.told[0]):
+        assert all(cell in text for cell in row if " " not in cell)
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_tiles_are_of_the_detector_that_alarms(kind: DetectorName) -> None:
+    """The larger of the smallest changes up and down; none if one way none is found."""
+    page = as_html(alarming(kind))
+    tiles = dict(reversed(pair) for pair in re.findall(r"<b>([^<]*)</b><span>([^<]*)</span>", page))
+    of_each = [
+        tiles[f"smallest change of {name}, up and down, found within {WITHIN_S:g} s"]
+        for name in ("kT", "1/Ja", "fm")
+    ]
+    assert of_each == (["10 %", "50 %", "-"] if kind == "bank" else ["20 %", "-", "-"])
+
+
+def test_how_faults_were_made_is_said_of_each_and_explained_once() -> None:
+    page = as_html(by_hand())
+    assert re.findall(r"<figcaption>(.*?)</figcaption>", page)[:2] == ["kT (exact)", "1/Ja (simulated)"]
+    assert page.count("Exact: ") == 1
+    assert "Mind the gap." in page
+    assert "Note: Mind the gap." in printed(by_hand())
+
+
+def test_the_files_for_programs_have_both() -> None:
+    of = by_hand()
+    as_read: dict[str, Any] = json.loads(as_json(of))
+    rest: dict[str, Any] = tomllib.loads(as_toml(of))
+    assert as_read["alarms"] == "bank"
+    for one_in, interval, found in (
+        (7200, [3600, 36000], [as_read["false_alarms"], rest["false_alarms"]]),
+        (10800, [5400, 72000], [as_read["bank"]["false_alarms"], rest["bank_false_alarms"]]),
+    ):
+        for told in found:
+            assert told["one_in_s"] == pytest.approx(one_in)
+            assert told["interval_s"] == pytest.approx(interval)
+    assert as_read["first_named"] == {
+        "kT": {"kT": 137, "1/Ja": 10, "none": 3},
+        "1/Ja": {"kT": 0, "1/Ja": 60, "none": 30},
+    }
+    assert as_read["bank"]["named"]["1/Ja"] == {
+        "kT": 0,
+        "1/Ja": 75,
+        "delay": 0,
+        "fm": 15,
+        "noise": 0,
+        "none": 0,
+    }
+    assert as_read["parameters"][1]["smallest_found"] == {"increase": 0.5, "decrease": None}
+    assert as_read["bank"]["smallest_found"]["1/Ja"] == {"increase": 0.2, "decrease": -0.5}
+    assert as_read["faults"][7]["delay_median_s"] is None
+    assert as_read["bank"]["faults"][7]["delay_median_s"] == 0.7
+    assert [one["h"] for one in rest["hypothesis"]] == [11.0, 12.0, 13.0]
+    assert "size" not in rest["hypothesis"][2]
+
+
+def test_an_axis_without_a_bank() -> None:
+    of = replace(by_hand(), bank=None, alarms="cusum")
+    for words in (as_html(of), printed(of)):
+        assert "No bank of hypotheses" in words
+        assert "bank: up" not in words
+        assert "Thresholds of the bank" not in words
+    assert json.loads(as_json(of))["bank"] is None
+    assert "hypothesis" not in tomllib.loads(as_toml(of))
