@@ -125,6 +125,8 @@ def _found(of: Calibration, one: Told) -> Iterator[str]:
 def _power(of: Calibration) -> Iterator[str]:
     for number, name in enumerate(of.model.monitored):
         how = {one.exact for one in of.caught if one.fault.parameter == name}
+        if not how:
+            continue
         words = "exact" if how == {True} else "simulated"
         picture = power_picture(of, name, number)
         yield f"<figure><figcaption>{escaped(name)} ({words})</figcaption>{picture}</figure>"
