@@ -12,7 +12,7 @@ from monitor_core.detection.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.following import moved_model, steps
 from monitor_core.detection.hypotheses import HEALTHY, Hypothesis
 from monitor_core.detection.lanes import lanes_of, memory_of
-from monitor_core.detection.naming import Share, shares
+from monitor_core.detection.naming import Causes, Share
 from monitor_core.detection.standing import Standing
 from monitor_core.kalman import slowest_time_constant
 from monitor_core.kernel.hypotheses import (
@@ -130,6 +130,7 @@ class HypothesisBank:
     def _build(self) -> None:
         """What the lanes hold, around what stands."""
         self._hypotheses = self.standing.lanes()
+        self._causes = Causes(self._hypotheses[1:])
         back_h = float(np.median(self._h)) if self.standing else math.inf
         self._limits = np.concatenate([[np.inf], self._h, [back_h]])
         self._known.clear()
@@ -310,7 +311,7 @@ class HypothesisBank:
         self._start(lane if self._lasts() else 0)
 
     def _shares(self) -> tuple[Share, ...]:
-        return shares(self._hypotheses[1:], self._memory.sums[G, 1 : len(self._hypotheses)])
+        return self._causes.shares(self._memory.sums[G, 1 : len(self._hypotheses)])
 
     def onset(self) -> Onset:
         """Of the likeliest hypothesis: when its g was last zero, and from when on and until when that may have been.

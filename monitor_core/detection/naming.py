@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.detection.hypotheses import Hypothesis
-from monitor_core.kernel.tables import Floats
+from monitor_core.kernel.tables import Floats, Ints
 
 _BEYOND = 1.5
 """Sizes are extrapolated so many times at most."""
@@ -27,41 +27,55 @@ class Share:
     alike: tuple[str, ...] = ()
 
 
-def shares(hypotheses: Sequence[Hypothesis], evidence: Floats) -> tuple[Share, ...]:
-    """The causes, the likeliest first; ``evidence`` (H,) are log-likelihood ratios since the onset.
+class Causes:
+    """What hypotheses (H,) are about: asked again and again, sorted once."""
 
-    The probability of a cause is the sum of the posterior ones of its sizes, each as likely beforehand as its weight
-    says; all sizes together as likely as those of another cause.
-    """
-    causes = list(dict.fromkeys(h.cause for h in hypotheses))
-    of = np.array([causes.index(h.cause) for h in hypotheses])
-    prior = np.array([h.weight for h in hypotheses]) / np.bincount(of)[of]
-    posterior = np.exp(evidence - evidence.max()) * prior
-    summed = np.bincount(of, posterior, len(causes)) / posterior.sum()
-    found = [
-        Share(cause, float(summed[c]), *_size(hypotheses, evidence, of == c), _alike(hypotheses, of == c))
-        for c, cause in enumerate(causes)
-    ]
-    return tuple(sorted(found, key=lambda share: -share.probability))
+    def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:
+        names = list(dict.fromkeys(h.cause for h in hypotheses))
+        self._of = np.array([names.index(h.cause) for h in hypotheses])
+        self._prior = np.array([h.weight for h in hypotheses]) / np.bincount(self._of)[self._of]
+        self._causes = [_Cause.of(name, hypotheses) for name in names]
+
+    def shares(self, evidence: Floats) -> tuple[Share, ...]:
+        """The causes, the likeliest first; ``evidence`` (H,) are log-likelihood ratios since the onset.
+
+        The probability of a cause is the sum of the posterior ones of its sizes, each as likely beforehand as its
+        weight says; all sizes together as likely as those of another cause.
+        """
+        posterior = np.exp(evidence - evidence.max()) * self._prior
+        summed = np.bincount(self._of, posterior, len(self._causes)) / posterior.sum()
+        with_none = np.append(evidence, 0.0)
+        found = [
+            Share(cause.name, probability, *cause.fitted(with_none[cause.at]), cause.alike)
+            for cause, probability in zip(self._causes, summed.tolist(), strict=True)
+        ]
+        return tuple(sorted(found, key=lambda share: -share.probability))
 
 
-def _alike(hypotheses: Sequence[Hypothesis], mine: Floats) -> tuple[str, ...]:
-    names = [name for h, it in zip(hypotheses, mine, strict=True) if it for name in h.alike]
-    return tuple(dict.fromkeys(names))
+@dataclass(frozen=True, slots=True)
+class _Cause:
+    """Its sizes (k,), ascending; where the evidence of each is, -1 for that of no change."""
 
+    name: str
+    size: Floats
+    at: Ints
+    alike: tuple[str, ...]
 
-def _size(hypotheses: Sequence[Hypothesis], evidence: Floats, mine: Floats) -> tuple[float, float]:
-    """Where the parabola through the best hypothesis of a cause and its neighbours has its top, and its width there.
+    @classmethod
+    def of(cls, name: str, hypotheses: Sequence[Hypothesis]) -> "_Cause":
+        """That nothing has changed, size 0 and evidence 0, is one of them where sizes have both signs."""
+        own = {h.size: k for k, h in enumerate(hypotheses) if h.cause == name}
+        if min(own) < 0 < max(own):
+            own[0.0] = -1
+        sizes = sorted(own)
+        alike = dict.fromkeys(other for h in hypotheses if h.cause == name for other in h.alike)
+        return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike))
 
-    That nothing has changed, size 0 and evidence 0, is one of them where sizes have both signs.
-    """
-    own = {h.size: float(g) for h, g, it in zip(hypotheses, evidence, mine, strict=True) if it}
-    if min(own) < 0 < max(own):
-        own[0.0] = 0.0
-    if len(own) < 3:
-        return max(own, key=lambda size: own[size]), math.nan
-    sizes = sorted(own)
-    return vertex(np.array(sizes), np.array([own[size] for size in sizes]))
+    def fitted(self, evidence: Floats) -> tuple[float, float]:
+        """Size and its sd: where the parabola through the best (k,) and its neighbours has its top, its width there."""
+        if len(self.size) < 3:
+            return float(self.size[evidence.argmax()]), math.nan
+        return vertex(self.size, evidence)
 
 
 def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:
