@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,9 +10,17 @@ import numpy as np
 from monitor_core.identification.descent import End
 from monitor_core.identification.fit import HUBER, Progress, settled, solve
 from monitor_core.identification.predictor import Predictor
+from monitor_core.identification.record import Bools, Record
+from monitor_core.kernel.tables import Floats
 
 GROSS = 5.0
 """Standard deviations: of normal errors one in 1.7 million is beyond."""
+
+_CARRIED = 20
+"""Samples that an outlier may disturb: gross errors this close behind one are looked at again without it."""
+
+_LOOKS = 20
+"""At the last of them all that is gross counts: a stretch in which nothing fits is not taken apart any further."""
 
 
 class Fitted(NamedTuple):
@@ -33,13 +42,40 @@ def without_gross(
     same = Fitted(predictor, end, limit)
     if not (limit < np.inf and predictor.gain(end.xi).K.any()):
         return same
-    gross = [np.abs(e.eps) > GROSS / HUBER * limit for e in predictor.errors(end.xi)]
-    if not np.any(np.concatenate(gross)):
+    gross = outliers(predictor, end.xi, GROSS / HUBER * limit)
+    if not any(which.any() for which in gross):
         return same
-    records = [s.record.without(which) for s, which in zip(predictor.series, gross, strict=True)]
+    records = _without(predictor, gross)
     try:
         again, found, limit = solve(settled(predictor, end.xi), records, most, progress)
     except ValueError:  # a value that ended at its bound may start beyond it by its last digit
         return same
     found = found._replace(evaluations=end.evaluations + found.evaluations)
     return Fitted(again, found, limit, tuple(int(np.count_nonzero(which)) for which in gross))
+
+
+def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
+    """Which outputs (N,) of each record are beyond the limit by themselves, not by what K carried on from others.
+
+    Of gross errors that follow each other closely the first counts, then the errors are looked at without it.
+    """
+    found = [np.zeros(len(s.record), dtype=np.bool_) for s in predictor.series]
+    looking = predictor
+    for look in range(_LOOKS):
+        gross = [np.abs(e.eps) > limit for e in looking.errors(xi)]
+        if not any(which.any() for which in gross):
+            break
+        last = look == _LOOKS - 1
+        found = [have | (new if last else _first(new)) for have, new in zip(found, gross, strict=True)]
+        looking = Predictor(predictor.problem, _without(predictor, found), predictor.disturbance)
+    return found
+
+
+def _first(gross: Bools) -> Bools:
+    """Those with none shortly before."""
+    before = np.cumsum(np.concatenate([np.zeros(_CARRIED + 1, dtype=np.int64), gross]))
+    return gross & (before[_CARRIED:-1] == before[: -_CARRIED - 1])
+
+
+def _without(predictor: Predictor, which: Sequence[Bools]) -> list[Record]:
+    return [s.record.without(these) for s, these in zip(predictor.series, which, strict=True)]

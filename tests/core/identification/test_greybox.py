@@ -165,7 +165,7 @@ def test_outliers_do_not_enter_the_state(seed: int) -> None:
         problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.6, output=0.3))
         best, found = fit(problem, [clean]), fit(replace(problem, loss="huber"), [rec])
         away.append((found.theta - best.theta) / best.sd)
-        assert gross.sum() <= found.outliers[0] <= 1.5 * gross.sum() + 10
+        assert found.outliers == (gross.sum(),)
         assert any(word.startswith(f"{found.outliers[0]} outputs are outliers") for word in found.words)
         assert found.lam0 == pytest.approx(best.lam0, rel=0.1)
     assert np.sqrt(np.mean(np.square(away))) < 0.6
@@ -225,7 +225,9 @@ def test_the_noise_levels_are_found(seed: int) -> None:
     assert np.abs(pulls(found)).max() < 4.5
     assert found.whiteness.p_value > 1e-4
     simulated = fit(reference_problem(), [rec])
-    assert (found.sd < simulated.sd).all()
+    # In truth none is larger; both are estimates.
+    assert (found.sd < 1.1 * simulated.sd).all()
+    assert np.exp(np.mean(np.log(found.sd / simulated.sd))) < 0.85
     assert simulated.coloured > 0
     assert np.abs(pulls(simulated)).max() < 4.5
 

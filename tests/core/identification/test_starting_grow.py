@@ -164,7 +164,11 @@ def test_who_asks_for_one_more(growth: Growth) -> None:
 
 
 def test_whiteness_in_words(growth: Growth) -> None:
-    assert "errors are white" in growth.words[1]
+    best = growth.models[1]
+    for p_value, said in ((0.011, "errors are white"), (0.009, "errors are not white (p = 0.009)")):
+        estimate = replace(best.estimate, whiteness=best.estimate.whiteness._replace(p_value=p_value))
+        assert said in verdict([growth.models[0], replace(best, estimate=estimate)], "").words[1]
+    assert best.estimate.whiteness.p_value > 1e-5
     assert "errors are not white" in verdict(growth.models[:1], "").words[1]
 
 
