@@ -74,7 +74,7 @@ def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
 def _first(gross: Bools) -> Bools:
     """Those with none shortly before."""
     before = np.cumsum(np.concatenate([np.zeros(_CARRIED + 1, dtype=np.int64), gross]))
-    return gross & (before[_CARRIED:-1] == before[: -_CARRIED - 1])
+    return np.asarray(gross & (before[_CARRIED:-1] == before[: -_CARRIED - 1]))
 
 
 def _without(predictor: Predictor, which: Sequence[Bools]) -> list[Record]:
