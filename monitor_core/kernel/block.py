@@ -28,7 +28,7 @@ from monitor_core.kernel.evidence import Noted, gather, until_kept
 from monitor_core.kernel.interval import corrected_ago, for_interval, walk
 from monitor_core.kernel.laurent import evaluate
 from monitor_core.kernel.mean import begin_again, mean, own_interval, sampled
-from monitor_core.kernel.outliers import running_variance, sift
+from monitor_core.kernel.outliers import doubt_the_start, running_variance, sift
 from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.recursion import (
     carry,
@@ -271,6 +271,7 @@ def run(
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
                 sift(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, does, moves, learns,
                      tracks, believed)
+                doubt_the_start(lanes, con.settle_us, con.interval, t, st.settled, st.in_a_row, st.counts, does)
                 update_theta(lanes, con.lower, con.upper, theta, st.observed, believed, Ppsi, S, tracks, hit,
                              moved)
                 update_P(lanes, lam, P, Ppsi, S, learns, fit)

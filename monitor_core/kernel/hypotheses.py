@@ -22,7 +22,7 @@ from monitor_core.kernel.compile import aside, entry, kernel
 from monitor_core.kernel.conditions import close
 from monitor_core.kernel.likelihood import G, accumulate, begin, likelihoods
 from monitor_core.kernel.mean import begin_again, mean
-from monitor_core.kernel.outliers import sift
+from monitor_core.kernel.outliers import doubt_the_start, sift
 from monitor_core.kernel.predictors import (
     FARTHEST,
     GAP,
@@ -179,6 +179,7 @@ def run_hypotheses(
                 e0[0] = eps[0]
                 sift(one, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], whole[IN_A_ROW], does, moves, learns,
                      tracks, believed)
+                doubt_the_start(one, axis[SETTLES], axis[INTERVAL], t, whole[SETTLED], whole[IN_A_ROW], counts, does)
                 if moves[0] and gains:
                     correct(lanes, K_now, eps, x)
                 if tracks[0]:

@@ -3,14 +3,16 @@
 A fault may put the innovations beyond every limit for seconds, and those very samples are needed to find it.  So an
 axis has some credit: each outlier costs one, and a credit comes back with many samples.  When it is used up, what
 comes is learned from, though no more of it is believed than that limit (bounded influence).  The state is corrected by
-the third outlier in a row only: that it is wrong, and not the sensor, is then likely.
+the third outlier in a row only: that it is wrong, and not the sensor, is then likely.  Where all since the start are
+outliers it was the first sample that was wrong, with which the state began.
 """
 
 import math
 from typing import Any
 
-from monitor_core.kernel.admission import DOUBTED, SEED, SETTLE
+from monitor_core.kernel.admission import DOUBTED, RESTART, SEED, SETTLE
 from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.state import STARTED
 from monitor_core.kernel.tables import Floats, Ints
 
 CREDIT = 3.0
@@ -60,6 +62,25 @@ def sift(
             credit[a] -= 1.0
             learns[a] = tracks[a] = 0
             does[a] = does[a] if does[a] == SETTLE else DOUBTED
+
+
+@kernel
+def doubt_the_start(
+    lanes: Any,
+    settle_us: Floats,
+    interval: Floats,
+    t: Ints,
+    settled: Ints,
+    in_a_row: Ints,
+    counts: Ints,
+    does: Ints,
+) -> None:
+    """Start anew with the third sample after a start, if all three are outliers; only once, and settled as before."""
+    for a in range(len(lanes)):
+        since = t[a] - settled[a] + settle_us[a]
+        if does[a] == SETTLE and in_a_row[a] == SURELY and since <= (SURELY + 0.5) * interval[a] * 1e6:
+            counts[STARTED, a] += 1
+            does[a] = RESTART
 
 
 @kernel

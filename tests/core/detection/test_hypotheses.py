@@ -202,6 +202,16 @@ def test_a_lone_outlier_is_no_evidence(seed: int) -> None:
     assert np.isfinite(trace.llr[101, :-2]).all()
 
 
+def test_an_outlier_may_be_the_first_sample(seed: int) -> None:
+    """As if the bank had started with the fourth sample, which is the third that disagrees with the first."""
+    case = CASES[0]
+    rec, late = record(seed, case, SAMPLES), lively(case, np.inf)
+    rec.y[0] += 100.0
+    _, found = lively(case, np.inf).run_traced(*rec)
+    _, expected = late.run_traced(rec.t_us[3:], rec.u[3:], rec.y[3:])
+    np.testing.assert_array_equal(found.eps[4:], expected.eps[1:])
+
+
 def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> None:
     """A gain of its own that is none for this axis: it starts anew again and again, and does not alarm."""
     case = BY_NAME["speed-skew"]

@@ -63,7 +63,7 @@ class Paper:
         self.looks = self.starved_samples = 0
         self.starved = False
         self.running, self.credit, self.in_a_row = s.lam0, 3.0, 0
-        self.outliers = 0
+        self.outliers = self.starts = 0
         self.second = _Second(s.lam0)
         self.log = Log()
 
@@ -92,6 +92,7 @@ class Paper:
     def _restart(self, t: int, u: float, y: float) -> None:
         self.x = self.model.drive.matrix("rest", self.model.nominal)[:, 0] * y
         self.z[:] = 0.0
+        self.starts += 1
         self.t, self.settled = t, t + round(self.s.settle_s * 1e6)
         self._hold(u, y)
         self.torque_before = u
@@ -140,6 +141,11 @@ class Paper:
             self.unseen[:], self.starved = True, True
         known = self._expected(psi)
         out, pass_over, believed = self._sift(eps, known)
+        if self._began_wrong(t, out):
+            settled = self.settled
+            self._restart(t, u, y)
+            self.settled = settled
+            return math.nan, psi
         used = used and not pass_over
         corrects = not out or self.in_a_row >= 3
         if not corrects:  # then the second has the whole error
@@ -293,6 +299,12 @@ class Paper:
         self.credit -= pass_over
         self.outliers += pass_over and self.t is not None and self.t >= self.settled
         return out, pass_over, float(np.clip(eps, -limit, limit))
+
+    def _began_wrong(self, t: int, out: bool) -> bool:
+        """The three samples after a start are all outliers: the first one was."""
+        start = self.settled - self.s.settle_s * 1e6
+        early = t < self.settled and t - start <= 3.5e6 * self.s.interval_s
+        return out and self.in_a_row >= 3 and early
 
     def _follow_variance(self, eps: float, known: float) -> None:
         """lambda_0, over ten memories; a square counts as nine times the mean at most (Huber's proposal 2)."""
