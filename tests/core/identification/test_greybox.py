@@ -147,7 +147,7 @@ def test_outliers(seed: int) -> None:
     )
     squares, huber = (fit(reference_problem(loss=loss), [rec]) for loss in ("squares", "huber"))
     assert np.abs(pulls(huber)).max() < 4.5
-    assert (huber.sd < 0.3 * squares.sd).all()
+    assert np.exp(np.mean(np.log(huber.sd / squares.sd))) < 0.25  # a tenth, were it not for chance
     # Three per cent of outliers, clipped, add five per cent.
     assert huber.lam0 == pytest.approx(1.05, abs=0.16)
 
