@@ -12,7 +12,7 @@ from typing import Any
 
 from monitor_core.kernel.admission import DOUBTED, RESTART, SEED, SETTLE
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.state import STARTED
+from monitor_core.kernel.state import SETTLING
 from monitor_core.kernel.tables import Floats, Ints
 
 CREDIT = 3.0
@@ -75,11 +75,14 @@ def doubt_the_start(
     counts: Ints,
     does: Ints,
 ) -> None:
-    """Start anew with the third sample after a start, if all three are outliers; only once, and settled as before."""
+    """Start anew with the third sample after a start, if all three are outliers; only once, and settled as before.
+
+    So, too, where an axis starts amid a motion that is not rigid: it starts three samples later, that is all.
+    """
     for a in range(len(lanes)):
         since = t[a] - settled[a] + settle_us[a]
         if does[a] == SETTLE and in_a_row[a] == SURELY and since <= (SURELY + 0.5) * interval[a] * 1e6:
-            counts[STARTED, a] += 1
+            counts[SETTLING, a] += 1
             does[a] = RESTART
 
 

@@ -86,17 +86,9 @@ def test_an_outlier_may_be_the_first_sample(settings: Settings, seed: int) -> No
     (before, expected), (after, found) = (spread(settings, s) for s in (clean, clean._replace(y=y)))
     assert (abs(np.median(found / expected, axis=1) - 1) < 0.02).all()
     assert (found < 3 * expected).all()  # each as large as 45 times, if the state went on from there
-    started, settling = (COUNTERS.index(what) for what in ("started", "settling"))
-    np.testing.assert_array_equal(after.state.counts[started] - before.state.counts[started], 1)
-    np.testing.assert_array_equal(after.state.counts[settling] - before.state.counts[settling], -1)
-
-
-def test_where_nothing_fits_it_begins_anew_only_once(settings: Settings, seed: int) -> None:
-    """That the axis is not what its model says is to be told, not started away."""
-    t, u, y = healthy(seed)
-    wild = 1000 * NOISE["speed"] * np.random.default_rng(seed).choice([-1.0, 1.0], y.shape)
-    bank, _ = spread(settings, Samples(t, u, y + wild))
-    np.testing.assert_array_equal(bank.state.counts[COUNTERS.index("started")], 2)
+    for what in ("started", "settling"):  # samples are counted as ever
+        k = COUNTERS.index(what)
+        np.testing.assert_array_equal(after.state.counts[k], before.state.counts[k])
 
 
 def test_noise_alone_holds_no_outliers(settings: Settings, seed: int) -> None:
@@ -135,13 +127,14 @@ def test_as_transcribed(name: str, grows: bool, seed: int) -> None:
     rec, rng = record(seed, case, 600), np.random.default_rng(seed)
     y, _ = strike(rec.y, (20 * NOISE[case.output], 1e3), rng)
     y[300:310] += 50 * NOISE[case.output]  # more in a row than are passed over
-    y[0] += 1000 * NOISE[case.output]
+    y[0] += 1000 * NOISE[case.output]  # it begins anew
+    y[10:14] += 1000 * NOISE[case.output]  # later than that it does not, though it has not settled
     rec = Record(rec.t_us, rec.u, y)
     monitor, paper = AxisMonitor.alone(case.model, s), Paper(case.model, s)
     _, trace = monitor.run_traced(*rec)
     log = paper.run(*rec)
     assert monitor.facts().counters["outlier"] == paper.outliers >= 3
-    assert monitor.facts().counters["started"] == paper.starts == 2
+    assert (monitor.facts().counters["started"], paper.starts) == (1, 2)
     np.testing.assert_array_equal(np.isnan(trace.eps), np.isnan(log.eps))
     np.testing.assert_allclose(trace.theta, log.theta, rtol=1e-8)
     np.testing.assert_allclose(trace.g, log.g, rtol=1e-6, atol=1e-9 * case.model.scale.max())
