@@ -10,7 +10,8 @@ there on the slope stays.
 Excursions at the same place of the motion are not as many as they look, for the next motion has other places; nor are
 those that the same few samples of the record made, its largest innovations, which are in the copies again and again:
 so the chance of a tail is that of other places and other innovations, drawn with weights (Bayesian bootstrap, Rubin
-1981) about what is found, the same for all hypotheses, as their excursions go together.
+1981) about what is found, the same for all hypotheses, as their excursions go together.  The product of both weights
+counts what each excursion has of its own three times (Owen 2007): that is known from its influence, and taken away.
 """
 
 from dataclasses import dataclass
@@ -70,6 +71,7 @@ def bank_tails(of: Heights, many: int, weights: tuple[Floats, Floats], farther: 
     number = np.array([len(one[1]) for one in highest])
     alike = np.where(number == TOP, 0, ALIKE)[:, np.newaxis]
     count, first, lower = (np.empty((many, len(farther))) for _ in range(3))
+    own = np.array([_own_variances(above, ALIKE * (len(above) < TOP)) for _, above, _ in highest])
     for i, (_, above, (place, origin)) in enumerate(highest):
         w = weights[0][:, place] * weights[1][:, origin]
         higher = np.cumsum(w, axis=1) - w / 2  # as they fall
@@ -79,26 +81,49 @@ def bank_tails(of: Heights, many: int, weights: tuple[Floats, Floats], farther: 
     a = (lower + alike * count / 4) / (np.maximum(count, 1e-12) * (count + alike))
     shape = 2 - mean / np.maximum(mean - 2 * a, 1e-12 * mean)
     # With fewer the base is where small excursions begin, and no tail.
-    shape = np.clip(_centred(_shrunk(shape, number == TOP)), _LEAST_SHAPE, _MOST_SHAPE)
+    shape = np.clip(_shrunk(_scattered(shape, own[:, 2]), number == TOP), _LEAST_SHAPE, _MOST_SHAPE)
     shape *= np.maximum(1 + _UNSURE * farther, 0.0)
-    mean, log_rate = np.exp(_centred(np.log(mean))), np.log(np.maximum(count, 1.0) / max(of.samples, 1))
-    return BankTails(base, _centred(log_rate).T, mean.T, shape.T, float(np.log(TOP)))
+    log_rate = _scattered(np.log(np.maximum(count, 1.0) / max(of.samples, 1)), own[:, 0])
+    mean = np.exp(_scattered(np.log(mean), own[:, 1]))
+    return BankTails(base, log_rate.T, mean.T, shape.T, float(np.log(TOP)))
 
 
-def _centred(drawn: Floats) -> Floats:
-    """Draws (H, B) scatter about what is: where few innovations make a tail, most draws lack some of them."""
-    return np.hstack([drawn[:, :1], drawn[:, 1:] + (drawn[:, :1] - drawn[:, 1:].mean(axis=1, keepdims=True))])
+def _own_variances(falling: Floats, alike: int) -> tuple[float, float, float]:
+    """Of the logarithms of number and mean, and of the shape, where excursions (n,) happen each by itself.
+
+    The sums of the squares of their influences (Hampel 1974).
+    """
+    n = len(falling)
+    if not n:
+        return 0.0, 0.0, 0.0
+    mean, m = (falling.sum() + alike) / (n + alike), falling.mean()
+    of_mean = (falling - mean) / (n + alike) / mean
+    smaller = (falling.sum() - np.cumsum(falling) + falling * np.arange(1, n + 1)) / n  # E min(x, X)
+    left = max(m - smaller.mean(), 1e-12 * m)
+    of_shape = 2 / (n * left**2) * (smaller.mean() / 2 * (falling - m) - m * (smaller - smaller.mean()))
+    return 1 / n, float(of_mean @ of_mean), float(of_shape @ of_shape)
+
+
+def _scattered(drawn: Floats, own: Floats) -> Floats:
+    """Draws (H, B) about what is, as far as chance: with ``own`` (H,), of the excursions by themselves, once in it.
+
+    About what is, as where few innovations make a tail, most draws lack some of them.
+    """
+    differs = drawn[:, 1:] - drawn[:, 1:].mean(axis=1, keepdims=True)
+    found = differs.var(axis=1)
+    less = np.minimum(np.maximum(found - 2 * own, own) / np.maximum(found, np.finfo(float).tiny), 1.0)
+    return np.hstack([drawn[:, :1], drawn[:, :1] + np.sqrt(less)[:, np.newaxis] * differs])
 
 
 def _shrunk(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
     """Each towards the mean of all (H, B); those that cannot tell have the mean."""
     out = np.zeros_like(shape)
     if tell.any():
-        own, chance = shape[tell, :1], shape[tell, 1:].var(axis=1)
-        mean = shape[tell].mean(axis=0)
+        own, mean = shape[tell, :1], shape[tell].mean(axis=0)
+        differs = shape[tell] - own - (mean - mean[0])  # from draw to draw
+        chance = differs[:, 1:].var(axis=1)
         between = max(float(own.var() - chance.mean()), 0.0)
         kept = (between / (between + np.maximum(chance, 1e-12)))[:, np.newaxis]
-        differs = shape[tell] - own - (mean - mean[0])  # from draw to draw
         out[tell] = mean + kept * (own - mean[0]) + np.sqrt(kept) * differs
         out[~tell] = mean
     return out

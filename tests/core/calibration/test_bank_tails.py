@@ -75,6 +75,26 @@ def test_those_that_differ_are_left_so(seed: int) -> None:
     assert shape[MANY // 2 :].mean() > 0.2
 
 
+def test_a_few_that_differ_from_many_are_left_so(seed: int) -> None:
+    """Most of how far they are off the others is kept: the others' shapes are all alike, but for chance."""
+    rng, H, few = np.random.default_rng(seed), 3 * MANY, 9
+    heights = np.concatenate([pareto(rng, 0.0, 5 * TOP, H - few), pareto(rng, 0.2, 5 * TOP, few)], axis=1)
+    shape = bank_tails(watched(heights), H, weights(rng), farther(rng)).shape[0]
+    assert shape[-few:].mean() > 0.35 * 0.2 + 0.65 * shape[:-few].mean()
+
+
+def test_excursions_by_themselves_scatter_as_is_said(seed: int) -> None:
+    """Nothing goes with the motion, nothing with the innovations, which are drawn with weights both."""
+    rng, H = np.random.default_rng(seed), 4 * MANY
+    tails = bank_tails(watched(pareto(rng, 0.1, 4 * TOP, H)), H, weights(rng), np.zeros(201))
+    log_mean = np.log(tails.mean)
+    drawn = pareto(rng, 0.1, TOP, H) - LEAST_HEIGHT
+    assert log_mean[1:].std(axis=0).mean() == pytest.approx(np.log(drawn.mean(axis=0)).std(), rel=0.3)
+    assert tails.log_rate[1:].std(axis=0).mean() == pytest.approx(1 / np.sqrt(TOP), rel=0.15)
+    own = tails.shape[1:] - tails.shape[1:].mean(axis=1, keepdims=True)
+    assert own.std(axis=0).mean() < 0.04  # of any one alone, known from its thousand excursions: 0.036
+
+
 def test_how_the_shape_goes_on_is_not_known_better_than_by_a_fifth(seed: int) -> None:
     """It makes far rates less certain where there is a shape, and of an exponential tail it says next to nothing."""
     rng, h, even = np.random.default_rng(seed), np.full(MANY, 60.0), np.ones((1, MANY))
