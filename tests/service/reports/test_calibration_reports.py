@@ -45,11 +45,21 @@ def alarming(kind: DetectorName) -> Calibration:
     return replace(by_hand(), alarms=kind)
 
 
-def printed(of: Calibration) -> str:
-    console = Console(file=io.StringIO(), width=160, highlight=False)
+def printed(of: Calibration, width: int = 160) -> str:
+    console = Console(file=io.StringIO(), width=width, highlight=False)
     print_text(of, console)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_no_word_is_cut_in_a_narrow_terminal(kind: DetectorName) -> None:
+    assert sorted(words(printed(alarming(kind), 80))) == sorted(words(printed(alarming(kind))))
+
+
+def words(text: str) -> list[str]:
+    """Whole, with the lines of the tables left out."""
+    return [word for word in text.split() if word.strip("─")]
 
 
 @pytest.mark.parametrize("kind", BOTH)
