@@ -10,8 +10,8 @@ from monitor_core.kernel.heights import ORIGIN, PEAK, PLACE, START
 from monitor_core.kernel.heights import heights as heights_of
 from monitor_core.kernel.tables import Floats
 
-TOP = 1000
-"""Excursions that go highest."""
+TOP = 500
+"""Excursions that go highest: of more of them the lower ones tell a shape that the higher ones no longer have."""
 LEAST_HEIGHT = 2.0
 """Lower ones do not tell the tail."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from monitor_core.calibration.heights import TOP, Heights
 from monitor_core.kernel.tables import Floats
 
-_OFTEN, _FEW = TOP // 2, TOP // 40
+_OFTEN, _FEW = TOP, TOP // 20
 """Excursions of each: far enough apart, and enough of them, that the two shares are hardly ever the wrong way round."""
 _STEEPEST = 1.0
 _UNSURE = 0.2
