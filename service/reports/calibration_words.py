@@ -50,9 +50,9 @@ def hypothesis_rows(of: Calibration) -> Iterator[tuple[str, ...]]:
     own = of.bank.limits.own if of.bank else ()
     for cause in dict.fromkeys(one.cause for one in own):
         mine = [one for one in own if one.cause == cause]
-        low, high = min(one.h for one in mine), max(one.h for one in mine)
+        low, high = (f"{of_all(one.h for one in mine):.1f}" for of_all in (min, max))
         allowed = max(one.allowance for one in mine)
-        between = f"{low:.1f}" if len(mine) == 1 else f"{low:.1f} to {high:.1f}"
+        between = low if low == high else f"{low} to {high}"
         yield cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"
 
 

@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from monitor_core.alarms.detector import DetectorName
+from monitor_core.detection.detector import Limit
 from service.calibration.found import Calibration
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
@@ -28,7 +29,7 @@ from service.reports.calibration_words import (
     smallest_titles,
     threshold_rows,
 )
-from tests.service.reports.calibrations import WITHIN_S, by_hand
+from tests.service.reports.calibrations import OWN, WITHIN_S, by_hand
 
 BOTH: list[DetectorName] = ["bank", "cusum"]
 SENTENCES = {
@@ -122,6 +123,14 @@ def test_thresholds_of_each_detector() -> None:
         assert "Thresholds of the CUSUM tests" in words
         assert "Thresholds of the bank of hypotheses" in words
         assert "11.0 to 12.0" in words
+
+
+def test_thresholds_that_look_alike_are_said_once() -> None:
+    of = by_hand()
+    assert of.bank is not None
+    own = (*OWN, Limit("fm", 0.1, 5.71, 0.0), Limit("fm", -0.1, 5.74, 0.0))
+    alike = replace(of, bank=replace(of.bank, limits=replace(of.bank.limits, own=own)))
+    assert list(hypothesis_rows(alike))[-1] == ("fm", "2", "5.7", "0")
 
 
 @pytest.mark.parametrize(
