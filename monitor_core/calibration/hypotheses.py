@@ -31,8 +31,6 @@ _LARGEST = 1.1
 _DRAWS = 1000
 _MOST = 4.0
 """Logarithm of a factor, by which the hypotheses' shares of the budget may be off."""
-_FARTHEST = 700.0
-"""Logarithm of the largest factor that is told: records that go far beyond their copies have thresholds farther yet."""
 _NEAR = 0.01
 _HALVINGS = 14
 """Of a height's bounds, to find it."""
@@ -40,16 +38,12 @@ _HALVINGS = 14
 
 @dataclass(frozen=True)
 class BankLimits:
-    """Limits of all hypotheses; false alarms per sample of the whole bank, most likely, and a 90 % interval.
-
-    ``beyond``: by which factor, at most, a rate is below what was simulated.
-    """
+    """Limits of all hypotheses; false alarms per sample of the whole bank, most likely, and a 90 % interval."""
 
     own: tuple[Limit, ...]
     whole: float
     lower: float
     upper: float
-    beyond: float
 
 
 def bank_limits(
@@ -104,9 +98,7 @@ def limits(of: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
         for i, one in enumerate(of.hypotheses)
     )
     lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(whole(h), [LOWER, 0.5, UPPER])))
-    as_they_are = tails.log_rates(h, np.ones((1, many)))[0]
-    beyond = float(np.exp(min((tails.log_rate[0] - as_they_are).max(), _FARTHEST)))
-    return BankLimits(own, most_likely, lower, upper, beyond)
+    return BankLimits(own, most_likely, lower, upper)
 
 
 def _weights(places: int, rng: np.random.Generator) -> Floats:

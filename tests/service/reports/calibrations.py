@@ -41,7 +41,7 @@ def by_hand() -> Calibration:
         0.0 * one, 0.01 * one, np.array([0.011, 0.012, 0.013]), np.ones((2, 3)), np.zeros((2, 3)), 9.0, 200.0
     )
     rates = Rates(h / np.array([3e4, 4e4, 5e4]), h / 7200, h / 36000, h / 3600, 5.0)
-    limits = BankLimits(OWN, h / 10800, h / 72000, h / 5400, 6.0)
+    limits = BankLimits(OWN, h / 10800, h / 72000, h / 5400)
     return Calibration(
         axis, model, settings, 3600.0, WITHIN_S, scatter, rates, np.zeros(3), _by_tests(), ONSETS,
         (Source("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
