@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.bank import Bank
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings
 
 

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.kernel.tables import GAINS, Floats
+from monitor_core.arrays import Floats
+from monitor_core.kernel.tables import GAINS
 
 
 class Threshold(NamedTuple):

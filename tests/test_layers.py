@@ -24,8 +24,8 @@ IMPURE_CALLS = {"open", "print", "input", "exec", "eval", "__import__", "breakpo
 # --- service: one home for each library of the outside world ------------------------------------------
 
 HOMES = {
-    "can": "service/ingest/",
-    "cantools": "service/ingest/",
+    "can": "service/can/",
+    "cantools": "service/can/",
     "pyarrow": "service/ingest/",
     "sqlite3": "service/store/",
     "fastapi": "service/web/",

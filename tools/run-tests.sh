@@ -37,7 +37,7 @@ find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat 
 ahead() {
   .venv/bin/python -c "import tests.conftest
 from service.commands.warm_offline import compile_offline
-from service.monitoring.warming import FEWEST_LANES, HYPOTHESES, compile_kernel
+from service.pipeline.warming import FEWEST_LANES, HYPOTHESES, compile_kernel
 $1"
 }
 if [ $# = 0 ]; then

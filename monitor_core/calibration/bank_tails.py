@@ -20,8 +20,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.heights import TOP, Heights
-from monitor_core.kernel.tables import Floats
 
 ALIKE = 10
 """So many excursions as an exact model would have are added where there are fewer than TOP."""

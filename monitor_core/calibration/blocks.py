@@ -9,7 +9,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 ALIKE, LEAST_ALIKE = 0.03, 4
 """Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""

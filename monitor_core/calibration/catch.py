@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monitor_core.alarms.episodes import Crossing
-from monitor_core.assembly import Assembly
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import Load, changed, load_of, torque
 from monitor_core.calibration.plants import Plants, innovations
-from monitor_core.kernel.tables import Floats, Ints
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.detection.alarm import Crossing
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
 LANES = 64

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.catch import Caught, Fault, injected, places
 from monitor_core.calibration.healthy import Samples
-from monitor_core.detection.bank import HypothesisBank
-from monitor_core.detection.detector import Limit, Limits, bank_of
-from monitor_core.detection.events import Changed, Named
+from monitor_core.detection.multimodel.events import Changed, Named
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.hypotheses import Memory
-from monitor_core.kernel.tables import Floats, Ints
-from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
 PARTS = 20

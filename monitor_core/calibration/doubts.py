@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned
-from monitor_core.directions import untold
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.monitoring.observability import untold
 from monitor_core.settings import Settings
 
 FEWEST = 20

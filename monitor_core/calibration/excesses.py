@@ -9,7 +9,7 @@ Frey 2000, who draw the tails of residuals likewise).
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 _SHARE = 0.02
 """Of the shocks, on each side, that are large."""

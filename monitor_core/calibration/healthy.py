@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.held import held
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.samples import forward_fill
 from monitor_core.settings import Settings
 
 Times = NDArray[np.int64]
@@ -86,7 +86,7 @@ def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], No
         part = one.part(k, k + step)
         before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])
         _, trace = monitor.run_traced(part.t_us, part.u, part.y, part.shift, part.gate)
-        moved = held(part.shift, before) if part.shift is not None else before
+        moved = forward_fill(part.shift, before) if part.shift is not None else before
         here = slice(k, k + step)
         d[here] = (trace.theta - model.theta0 - moved) / model.scale
         s[here] = np.sqrt(lam0 * trace.P) / model.scale

@@ -6,9 +6,9 @@ They are found in pieces of the course of g, over as many copies of records as t
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.kernel.heights import ORIGIN, PEAK, PLACE, START
 from monitor_core.kernel.heights import heights as heights_of
-from monitor_core.kernel.tables import Floats
 
 TOP = 500
 """Excursions that go highest: of more of them the lower ones tell a shape that the higher ones no longer have."""

@@ -8,7 +8,7 @@ the tau_0 that goes with how many of n numbers are expected to be something (Pii
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 EXPECTED = 0.25
 """Numbers that are something, beforehand: one, of four axes.  What is far out is believed all the same."""

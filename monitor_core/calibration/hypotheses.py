@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.bank_tails import bank_tails
 from monitor_core.calibration.budget import LOWER, UPPER
 from monitor_core.calibration.healthy import Samples
@@ -21,9 +22,8 @@ from monitor_core.calibration.heights import LEAST_HEIGHT
 from monitor_core.calibration.run_length import root
 from monitor_core.calibration.together import log_share
 from monitor_core.calibration.watched import COPIES, Watched, watched
-from monitor_core.detection.detector import Limit
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 
 _LARGEST = 1.1

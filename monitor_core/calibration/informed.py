@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration import horseshoe
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.calibration.surrogate import Excursions
-from monitor_core.kernel.tables import Floats
 
 MOST_OWN = 0.5
 """Of the chance of a record, what copies of it are off by themselves."""

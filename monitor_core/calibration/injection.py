@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Samples
-from monitor_core.drive import DELAY, split_name
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, Floats
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 from monitor_core.settings import Settings
 
 _SAME = 1e-9

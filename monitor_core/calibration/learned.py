@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.healthy import Deviations, Samples
 from monitor_core.calibration.informed import informed
@@ -12,8 +13,7 @@ from monitor_core.calibration.scatter import Scatter, scatter
 from monitor_core.calibration.spread import allowance
 from monitor_core.calibration.surrogate import SAMPLES, simulated
 from monitor_core.calibration.tail import Tail, tails
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 
 @dataclass

@@ -5,14 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.assembly import Assembly
+from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy import Samples, untested
-from monitor_core.discretize import zero_order_hold
-from monitor_core.drive import DELAY
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.plant import measured
-from monitor_core.kernel.tables import COULOMB, Floats, Ints
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.kernel.tables import COULOMB
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
 _ENDLESS = 1 - 1e-6

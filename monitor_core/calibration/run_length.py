@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 LEAST_K = 0.02
 """A test with less drift than that, or the wrong way, alarms all the time."""

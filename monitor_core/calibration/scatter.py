@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Deviations
-from monitor_core.kernel.tables import Floats
 
 BINS = 50
 """In a memory: of so many samples one is looked at."""

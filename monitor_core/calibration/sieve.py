@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter, lfiltic
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.excesses import Shocks
-from monitor_core.kernel.tables import Floats
 
 _ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 _SAMPLES_EACH = 20

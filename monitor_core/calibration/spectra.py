@@ -20,7 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 _DOUBLINGS, _HALVINGS = 30, 60
 _LEAST = 1e-9

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import gammaincinv  # not scipy.stats: to import that takes seconds
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned
-from monitor_core.kernel.tables import Floats
 
 SHORTEST, MOST = 20, 10
 """Memories in a part, and parts of a record."""

@@ -11,15 +11,15 @@ from typing import Protocol
 
 import numpy as np
 
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats
 from monitor_core.calibration.blocks import Blocks
 from monitor_core.calibration.healthy import Samples, untested
 from monitor_core.calibration.own_error import Parts
 from monitor_core.calibration.plants import Plants, innovations
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
 SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000

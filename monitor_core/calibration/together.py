@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.heights import TOP, Heights
-from monitor_core.kernel.tables import Floats
 
 _OFTEN, _FEW = TOP, TOP // 20
 """Excursions of each: far enough apart, and enough of them, that the two shares are hardly ever the wrong way round."""

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.heights import Heights
 from monitor_core.calibration.sieve import Sieve
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate import LANES, block_length, copies_of, source_of
-from monitor_core.detection.bank import HypothesisBank, default_hypotheses
-from monitor_core.detection.hypotheses import Hypothesis
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.detection.multimodel.hypothesis import Hypothesis
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 
 COPIES = 8_000_000

@@ -1,10 +1,1 @@
-"""A second detector, near the limit: a bank of fixed predictors, one for each cause and size of a change.
-
-Each hypothesis predicts the output as if its change had always been there.  The log-likelihood ratio of its errors and
-those of the predictor that holds now, summed up as a CUSUM, says that something has changed; the ratios among the
-hypotheses, what.  Faults of sensors are hypotheses like any others.
-
-Read in this order: hypotheses (what may have changed), candidates (which of it is looked for), lanes (the kernel's
-arrays), bank (samples in, events out; the recursion is kernel/hypotheses.py), naming (which cause, what size), standing
-(what was named and is not over), threshold (h from a healthy record), limit (how fast any detector could be).
-"""
+"""Detection and isolation: CUSUM tests of the estimates, parallel models, onset and size of a change."""

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Complex, Multisine
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.plant import Controller, Motion, Plant
 from monitor_core.excitation.schedule import Schedule
-from monitor_core.kernel.tables import Floats
 
 _BANDWIDTH = 2.0
 """rad/s, of the controller that stands for a good one: it only keeps the drive from drifting away."""

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Complex, Multisine
-from monitor_core.kernel.tables import Floats
 
 _EXPONENTS = (2, 4, 8, 16, 32, 64, 128)
 _STEPS = 100

@@ -9,7 +9,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.drive import split_name
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import split_name
+from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.closed_loop import ClosedLoop
 from monitor_core.excitation.crest import crest_factor, flattened
 from monitor_core.excitation.limits import Fitted, Limits, fitted
@@ -19,8 +21,6 @@ from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.plant import Controller, Motion, Plant
 from monitor_core.excitation.prediction import Estimation, linear_part, told_apart
 from monitor_core.excitation.schedule import Schedule
-from monitor_core.kernel.tables import Floats
-from monitor_core.modeling.accuracy import Accuracy
 
 Command = Literal["torque", "speed", "angle"]
 

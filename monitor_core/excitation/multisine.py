@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 Lines = Literal["all", "odd"]

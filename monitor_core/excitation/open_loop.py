@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Multisine
 from monitor_core.excitation.plant import Motion, Plant
 from monitor_core.excitation.schedule import Schedule
-from monitor_core.kernel.tables import Floats
 
 _STEPS = 7
 _CLOSE = 1e-3

@@ -11,11 +11,12 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from monitor_core.discretize import zero_order_hold
-from monitor_core.drive import Drive
+from monitor_core.arrays import Floats
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import Drive
 from monitor_core.excitation.multisine import Complex
 from monitor_core.excitation.stepping import step_through
-from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, SINE, TORQUE, Floats
+from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, SINE, TORQUE
 
 _SUBSTEP_S = 1e-3
 """Coulomb friction and gravity are held no longer than this while the drive is simulated."""

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from monitor_core.discretize import zero_order_hold
-from monitor_core.drive import Drive, split_name
+from monitor_core.arrays import Floats
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import Drive, split_name
+from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.multisine import Complex
 from monitor_core.excitation.open_loop import ExcitationError
-from monitor_core.kernel.tables import Floats
-from monitor_core.modeling.accuracy import Accuracy
+from monitor_core.excitation.sensitivity import sensitivities_to, sensitivity_responses
 from monitor_core.modeling.identifiability.wording import listed
-from monitor_core.modeling.sensitivity import sensitivities_to, sensitivity_responses
 
 _UNSEEN = 1e-9
 """A sensitivity so much smaller than the largest is none."""

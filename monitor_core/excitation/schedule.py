@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Multisine
-from monitor_core.kernel.tables import Floats
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import COSINE, COULOMB, SINE, TORQUE, Floats
+from monitor_core.kernel.tables import COSINE, COULOMB, SINE, TORQUE
 
 
 @entry

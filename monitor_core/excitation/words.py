@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from monitor_core.arrays import Floats
+from monitor_core.excitation.accuracy import FAIR, percent
 from monitor_core.excitation.design import Experiment, Task
 from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.prediction import linear_part
-from monitor_core.kernel.tables import Floats
-from monitor_core.modeling.accuracy import FAIR, percent
 
 _MOST_LINES = 80
 _WORTH_IT = 1.5

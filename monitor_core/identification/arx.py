@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, by_gradient, on_circle
 from monitor_core.identification.gram import Lags
 from monitor_core.identification.normal import ONES, Criterion, Factor, factor, least_order, solve
 from monitor_core.identification.record import Record
 from monitor_core.identification.regular import Regular, on_grid
-from monitor_core.kernel.tables import Floats, Ints
 
 _LARGEST = 200
 """Order up to which a criterion looks, unless told."""

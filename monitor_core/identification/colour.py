@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 MOST_ORDERS = 60
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
+from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.identification.colour import scores_covariance
-from monitor_core.kernel.tables import Floats
-from monitor_core.modeling.accuracy import Accuracy
 
 _SEEN = 1e-12
 

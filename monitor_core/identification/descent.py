@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 _HIDDEN = 1e-13
 """An eigenvalue of the scaled J'J so much below the largest is rounding: no step goes there."""

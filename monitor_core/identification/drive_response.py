@@ -14,7 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from monitor_core.drive import DELAY, Drive
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DELAY, Drive
 from monitor_core.identification.frequency import (
     Complexes,
     FrequencyResponse,
@@ -25,8 +27,7 @@ from monitor_core.identification.frequency import (
 from monitor_core.identification.held import hold_late
 from monitor_core.identification.record import Bools
 from monitor_core.identification.structure import Linear, Structure
-from monitor_core.kernel.tables import TORQUE, Floats
-from monitor_core.model import AxisModel
+from monitor_core.kernel.tables import TORQUE
 
 
 def held_response(

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.drive import DELAY, DISTURBANCE_TIME
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME
 from monitor_core.identification.descent import STEP, UNDAMPED, End, Normal, minimise
 from monitor_core.identification.layout import LEVEL
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats
 
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""

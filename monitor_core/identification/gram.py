@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.record import Bools
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import Floats, Ints
 
 
 class Lags(NamedTuple):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import DELAY, DISTURBANCE_TIME, split_name
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, split_name
 from monitor_core.identification.covariance import Information, information
 from monitor_core.identification.descent import End
 from monitor_core.identification.fit import choose_disturbance, fit_starts, settled, solve
@@ -20,7 +21,7 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.residuals import independence, whiteness
 from monitor_core.identification.result import Estimate
 from monitor_core.identification.sentences import sentences
-from monitor_core.kernel.tables import OF_MOTION, Floats
+from monitor_core.kernel.tables import OF_MOTION
 
 __all__ = ["DELAY", "Comparison", "Disturbance", "Estimate", "Problem", "compare", "fit"]
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.descent import End
 from monitor_core.identification.fit import HUBER, Progress, settled, solve
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.record import Bools, Record
-from monitor_core.kernel.tables import Floats
 
 GROSS = 5.0
 """Standard deviations: of normal errors one in 1.7 million is beyond."""

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, by_gradient, on_circle
 from monitor_core.identification.pem import residuals
-from monitor_core.kernel.tables import Floats
 
 
 class Start(NamedTuple):

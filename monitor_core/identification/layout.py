@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.discretize import zero_order_hold
-from monitor_core.drive import DELAY, DISTURBANCE_TIME, Drive, split_name
+from monitor_core.arrays import Floats
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, split_name
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.kernel.tables import TORQUE
 
 _FARTHEST = 1e3
 """A positive parameter stays within this factor of its start, unless it has bounds."""

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.held import Held, hold, hold_late
 from monitor_core.identification.structure import Linear
 from monitor_core.kernel.mean import LOST
-from monitor_core.kernel.tables import Floats
 
 
 def averaged(held: Held, s: int, over_s: Floats) -> Held:

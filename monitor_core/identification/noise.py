@@ -20,11 +20,11 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
+from monitor_core.drive.kalman import held_disturbance, prediction_variance
 from monitor_core.identification.held import hold
 from monitor_core.identification.mean import averaged
 from monitor_core.identification.structure import Linear
-from monitor_core.kalman import held_disturbance, prediction_variance
-from monitor_core.kernel.tables import Floats
 
 
 class Levels(NamedTuple):

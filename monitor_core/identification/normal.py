@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.gram import Lags, gram, regressors, rows
 from monitor_core.identification.regular import Regular
-from monitor_core.kernel.tables import Floats, Ints
 
 _WORST = 1e-10
 """Reciprocal condition of the Gram matrix below which its square root has too few digits."""

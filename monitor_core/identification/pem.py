@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.record import Bools
 from monitor_core.kernel.compile import entry, kernel
-from monitor_core.kernel.tables import Floats
 
 
 @entry

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from monitor_core.drive import Drive, split_name
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Drive, split_name
 
 Predictor = Literal["output-error", "innovations"]
 Loss = Literal["squares", "huber"]

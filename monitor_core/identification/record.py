@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.drive import Output
-from monitor_core.kernel.tables import Floats, Ints
+from monitor_core.arrays import Floats, Ints
+from monitor_core.drive.structure import Output
 
 Bools = NDArray[np.bool_]
 UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}

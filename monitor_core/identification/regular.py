@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.record import Bools, Record
-from monitor_core.kernel.tables import Floats, Ints
 
 _TOLERANCE = 0.05
 """Of an interval: what a sample may be away from its place.  A tenth of one biases an inertia by 3 %."""

@@ -24,8 +24,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin, kaiserord, oaconvolve
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.record import Bools, Record
-from monitor_core.kernel.tables import Floats
 
 PASS = 0.8
 """Of the new Nyquist frequency: flat up to here."""

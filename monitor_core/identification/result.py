@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from monitor_core.drive import Drive
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Drive
+from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.residuals import Correlation
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.modeling.accuracy import Accuracy
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,11 +22,12 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.signal import oaconvolve
 
-from monitor_core.drive import Drive, Output
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Drive, Output
 from monitor_core.identification.parts import segments
 from monitor_core.identification.record import Record
 from monitor_core.identification.resampling import mean_torque
-from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.kernel.tables import TORQUE
 
 _WINDOWS = 4
 """Equations for each length of the window; closer ones hold nothing new."""

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from monitor_core.drive import DAMPING
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DAMPING
+from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.identification.gross import GROSS
 from monitor_core.identification.layout import LEVEL, Layout, whole_intervals
 from monitor_core.identification.residuals import LEVEL as CONFIDENCE
 from monitor_core.identification.result import Estimate
-from monitor_core.kernel.tables import Floats
-from monitor_core.modeling.accuracy import Accuracy
 from monitor_core.modeling.identifiability.wording import listed
 
 _USUAL = ("kT", "r")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats, Ints
 
 MOST_LEVELS = 32
 """A slowly varying signal counts as constant within the 32nd part of its range."""

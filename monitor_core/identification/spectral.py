@@ -14,10 +14,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.signal.windows import hann
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, circular
 from monitor_core.identification.record import Record
 from monitor_core.identification.regular import Regular, on_grid
-from monitor_core.kernel.tables import Floats
 
 
 def spectral_response(

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats, Ints
 
 
 class MeanSpeed(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg as sla
 from scipy.optimize import minimize
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 _START = (np.log(0.05), 2.0, np.log(0.05), 2.0)
 """log c and logit a of torque and output; signals have the size 1."""

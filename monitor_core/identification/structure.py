@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import Drive, Matrix, split_name
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Drive, Matrix, split_name
 
 _PARTS: tuple[Matrix, ...] = ("A", "B", "C", "rest", "ratio")
 

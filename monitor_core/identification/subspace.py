@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy.linalg as sla
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.gram import Lags
 from monitor_core.identification.innovations import Innovations, reflected
 from monitor_core.identification.normal import ONES, Criterion, factor
@@ -23,7 +24,6 @@ from monitor_core.identification.pem import residuals
 from monitor_core.identification.record import Record
 from monitor_core.identification.regular import Regular, of_size_one, on_grid
 from monitor_core.identification.splines import smooth_predictor
-from monitor_core.kernel.tables import Floats
 
 Rule = Criterion | Literal["singular-values"]
 _LONGEST = 80

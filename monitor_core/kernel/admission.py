@@ -3,9 +3,10 @@
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, Floats, Ints
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.kernel.tanh import tanh
 
 SKIP, RESTART, SETTLE, GATED, DOUBTED, IDLE, SEED, TRACK = 0, 1, 2, 3, 4, 5, 6, 7

@@ -6,6 +6,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import (
     DOUBTED,
     GATED,
@@ -54,7 +55,7 @@ from monitor_core.kernel.state import (
     kernel_state_views,
 )
 from monitor_core.kernel.supervision import admit_to_tests, excite, look
-from monitor_core.kernel.tables import Floats, Ints, Tables
+from monitor_core.kernel.tables import Tables
 from monitor_core.kernel.vector import EIGHT
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.tables import Floats, Indices, Ints
 
 
 @kernel

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import GATED, SEED, SKIP
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.tables import Floats, Ints
 
 
 @kernel

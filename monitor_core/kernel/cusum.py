@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.evidence import NAMING
 from monitor_core.kernel.state import NEVER
-from monitor_core.kernel.tables import Floats, Ints
 
 UP, DOWN, CALM = 0, 1, 2
 """Kinds of event: g of an increase or of a decrease crossed h; the deviation has been below nu long enough."""

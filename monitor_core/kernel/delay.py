@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.tables import TORQUE, Floats, Ints
+from monitor_core.kernel.tables import TORQUE
 
 
 @kernel

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.tables import Floats, Ints
 
 COURSE, NAMING = 0, 1
 """What evidence is for: the slow course of the parameters, or the name of what has crossed its threshold."""

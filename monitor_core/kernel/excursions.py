@@ -1,7 +1,7 @@
 """How far the sums of the tests go before they are back at zero."""
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import Floats, Ints
 
 
 @entry

@@ -8,8 +8,8 @@ the polynomial is taken at h / 2^s and squared s times:  [Ad Bd] -> [Ad Ad, Ad B
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.kernel.compile import aside, entry
-from monitor_core.kernel.tables import Floats
 
 TERMS = 19
 """r^k / k! with r = 1: the first term left out of the derivative is below 1e-16."""

@@ -11,9 +11,10 @@ import math
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import aside, entry
 from monitor_core.kernel.side_by_side import carry, force, move, padded, padded_slopes, room, width
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, Floats, Ints
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 
 FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
 """Where the angle or speed comes from that an input depends on: the measured output (the predicted one where that is

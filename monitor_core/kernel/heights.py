@@ -1,7 +1,7 @@
 """How high g of each hypothesis of a bank goes before it is back at zero, and when."""
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import Floats, Ints
 
 START, PEAK, PLACE, ORIGIN = range(4)
 """Rows of times: an excursion's first sample, that of its largest g, which part of the record that lies in, and which

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import DOUBTED, RESTART, SETTLE, SKIP, TRACK, admit, hold, rest
 from monitor_core.kernel.admission import GATED as CLOSED
 from monitor_core.kernel.columns import floats, ints, table
@@ -45,7 +46,7 @@ from monitor_core.kernel.predictors import (
 from monitor_core.kernel.recursion import predict
 from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
 from monitor_core.kernel.state import OUTLIER as OUTLIER_COUNT
-from monitor_core.kernel.tables import Floats, Ints, Tables
+from monitor_core.kernel.tables import Tables
 
 _SAME_S = 1e-6
 """An interval that differs from the nominal one by less is taken for it."""

@@ -3,9 +3,10 @@
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.outliers import SURELY
-from monitor_core.kernel.tables import GAINS, Floats, Ints
+from monitor_core.kernel.tables import GAINS
 
 _EQUAL_S = 1e-9
 """Intervals that differ by less than a microsecond, in which they are counted, are equal."""

@@ -2,8 +2,8 @@
 
 from typing import Any, Literal
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.tables import Floats, Ints
 from monitor_core.kernel.vector import EIGHT, load8, store
 
 

@@ -3,10 +3,10 @@
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.predictors import FROZEN, LEVEL, LIMIT, PRECISION, STILL
 from monitor_core.kernel.state import NEVER
-from monitor_core.kernel.tables import Floats, Ints
 
 SURE = math.log(2 / 0.1)
 """A change lies where the CUSUM's path is within this of its least value, in 90 of 100 at least: that the path of the

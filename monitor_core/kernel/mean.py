@@ -6,9 +6,9 @@ begins.  The correction by K leaves s alone, as s begins again after it.
 
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import SETTLE
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.tables import Floats, Ints
 
 LOST = 1.75
 """Intervals: from so many on samples are missing in between, and the drive's own interval is the nominal one."""

@@ -10,10 +10,10 @@ outliers it was the first sample that was wrong, with which the state began.
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import DOUBTED, RESTART, SEED, SETTLE
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import SETTLING
-from monitor_core.kernel.tables import Floats, Ints
 
 CREDIT = 3.0
 """Outliers in a row that are passed over."""

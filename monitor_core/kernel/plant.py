@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, Floats, Ints
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 
 
 @entry

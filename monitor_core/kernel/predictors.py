@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.columns import floats, ints, table, times
 from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.interval import for_interval
 from monitor_core.kernel.mean import begin_again, own_interval
 from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.series import SECTIONS
-from monitor_core.kernel.tables import TORQUE, Floats, Ints, Tables
+from monitor_core.kernel.tables import TORQUE, Tables
 from monitor_core.kernel.vector import EIGHT, load8, spread8, store
 
 DELAY, TORQUE_SCALE, TORQUE_OFFSET, SCALE, OFFSET, FROZEN, STILL, PRECISION, LEVEL, LIMIT = range(10)

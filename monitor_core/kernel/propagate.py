@@ -15,10 +15,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.series import advance_one
 from monitor_core.kernel.series_of_eight import advance_eight
-from monitor_core.kernel.tables import Floats, Indices, Ints
 from monitor_core.kernel.vector import EIGHT, larger, load8, magnitude, spread8, store
 
 _TAIL = 1e-13

@@ -7,10 +7,10 @@ it is, which is done by selection and not by multiplication, so that a lane at r
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import SEED
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.kernel.tables import Floats, Ints
 
 
 @kernel

@@ -17,13 +17,14 @@ and its innovations are scaled to the variance of the first one's, which sets wh
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import DOUBTED, SETTLE, SKIP
 from monitor_core.kernel.compile import aside
 from monitor_core.kernel.interval import for_interval
 from monitor_core.kernel.outliers import running_variance, sift
 from monitor_core.kernel.recursion import correct, gain, predict, update_P, update_theta
 from monitor_core.kernel.state import MISSING2, OUTLIER2
-from monitor_core.kernel.tables import GAINS, Floats, Ints
+from monitor_core.kernel.tables import GAINS
 
 VECTORS, MARKS = 8, 6
 """Rows of floats, beside three for each parameter, and of integers that the two functions have between them."""

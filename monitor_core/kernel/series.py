@@ -14,8 +14,8 @@ effect.
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Indices
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.tables import Floats, Indices
 from monitor_core.kernel.vector import FOUR, fused, load4, spread4, store
 
 MOST_TERMS = 19

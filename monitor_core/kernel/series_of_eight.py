@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.series import INVERSE
-from monitor_core.kernel.tables import Floats, Indices, Ints
 from monitor_core.kernel.vector import EIGHT, FOUR, fused, load8, spread8, store, where_at_least
 
 _ZERO, _ONE, _TWO, _EIGHT = (np.uint64(k) for k in (0, 1, 2, EIGHT))

@@ -6,8 +6,8 @@ rows of zeros that make up the number.  No slices either: numba counts reference
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.kernel.compile import aside
-from monitor_core.kernel.tables import Floats
 
 
 @aside

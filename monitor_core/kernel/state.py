@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import aside
-from monitor_core.kernel.tables import GAINS, Constants, Floats, Ints, Tables
+from monitor_core.kernel.tables import GAINS, Constants, Tables
 
 NEVER = np.iinfo(np.int64).min
 """Time stamp of something that has not happened."""

@@ -18,10 +18,10 @@ with the first excited samples.
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import IDLE, SEED
 from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.state import OBSERVED, UNSEEN, WEAK
-from monitor_core.kernel.tables import Floats, Ints
 
 QUICK = 10.0
 """The running mean of the excitation has a tenth of the memory."""

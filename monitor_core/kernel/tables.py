@@ -8,13 +8,7 @@ are evaluated at every sample (laurent.py).
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Ints = NDArray[np.int64]
-Indices = NDArray[np.uint64]
-"""Unsigned: the compiler need not look for negative indices in the innermost loops."""
-Floats = NDArray[np.float64]
+from monitor_core.arrays import Floats, Indices, Ints
 
 TORQUE, COULOMB, ONE, COSINE, SINE = 0, 1, 2, 3, 4
 """Kinds of input: the motor torque; tanh of the speed at a flange (Coulomb friction); the constant 1; cos and sin of

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.kernel.tables import Ints
+from monitor_core.arrays import Ints
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Definition, Entries, StateSpace
 

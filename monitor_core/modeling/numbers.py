@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from monitor_core.drive.structure import Definition, Drive, Matrix, Output, Parameter, Term
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.model import Definition, Drive, Matrix, Output, Parameter, Term
 from monitor_core.modeling.flat import FlatParameter, ModelError
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Entries, StateSpace

@@ -10,7 +10,8 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.arrays import Floats
+from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.numbers import nominal_of
 from monitor_core.modeling.statespace import Entries, StateSpace

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from monitor_core.model import Quantity
+from monitor_core.drive.structure import Quantity
 from monitor_core.modeling.flat import FlatComponent, FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from monitor_core.alarms.detector import DetectorName
+from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.catch import Caught
 from monitor_core.calibration.hypotheses import BankLimits
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 from service.calibration.reading import Source
 from service.calibration.told import Told

@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.calibration.healthy import Samples
-from monitor_core.model import AxisModel
-from monitor_core.operating import Operating
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.operating_conditions import Operating
+from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
-from service.ingest.errors import RecordError
 from service.ingest.identification_records import wanted
 from service.ingest.records import read_record
 from service.ingest.table_record import SampleBlock
-from service.ingest.turns import turns_of
+from service.ingest.unwrap import turns_of
 
 
 class Source(NamedTuple):

@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.budget import Rates, rates, thresholds
 from monitor_core.calibration.catch import Caught, Fault, catch
 from monitor_core.calibration.catch_by_bank import catch_by_bank
@@ -26,15 +25,16 @@ from monitor_core.calibration.injection import changed
 from monitor_core.calibration.learned import Learned, learned
 from monitor_core.calibration.surrogate import SAMPLES
 from monitor_core.calibration.watched import COPIES
-from monitor_core.detection.detector import unfit
-from monitor_core.model import AxisModel
+from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection.multimodel.multimodel_detector import unfit
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings, Threshold
-from service.axes import axis_model, axis_settings
 from service.calibration.beside import Beside
 from service.calibration.found import Bank, Calibration, Provenance
 from service.calibration.reading import read
 from service.config import Config, NamedAxis
-from service.detectors import alarming
+from service.config.axis_settings import axis_model, axis_settings
+from service.config.detector_choice import alarming
 
 WITHIN = 10.0
 """Memories within which faults are to be found, unless told otherwise."""

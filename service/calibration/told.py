@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.catch import Caught
 from monitor_core.calibration.doubts import duration
+from monitor_core.detection.detector_protocol import DetectorName
 
 FOUND = 0.9
 """A fault counts as found if it is in so many of the onsets."""

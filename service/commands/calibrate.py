@@ -19,7 +19,7 @@ from service.commands.optional_value import OptionalValueCommand
 from service.commands.progress import steps_bar
 from service.commands.which_drive import axis_named
 from service.commands.writing import STDOUT, write
-from service.durations import seconds_in
+from service.config.durations import seconds_in
 
 if TYPE_CHECKING:
     from service.calibration.found import Calibration, Provenance

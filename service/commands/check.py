@@ -7,14 +7,14 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.axes import doubtful_nominals, found_otherwise, short_memories
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
-from service.detectors import in_words as detectors_in_words
-from service.detectors import remarks_on_detectors
-from service.encoders import remarks_on_encoders
-from service.modeling import SUFFIX
+from service.config.axis_settings import doubtful_nominals, found_otherwise, short_memories
+from service.config.detector_choice import in_words as detectors_in_words
+from service.config.detector_choice import remarks_on_detectors
+from service.config.drive_sources import SUFFIX
+from service.config.encoder_remarks import remarks_on_encoders
 
 
 def check(config: ConfigPath) -> None:

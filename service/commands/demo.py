@@ -15,7 +15,7 @@ from service.commands.exits import explained
 from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors, in_words
 from service.commands.run import Port
 from service.config import Config
-from service.shipping import shipped
+from service.config.resources import shipped
 from service.simulation.demonstration import usual_fault, watching, with_drive
 from service.simulation.robot import Fault
 from service.simulation.sending import RobotThread
@@ -121,8 +121,8 @@ def with_drive_of(config: Config, drive: str | None, model: str | None, monitor:
 
 
 def _run(config: Config, fault: Fault) -> None:
-    from service import logs
-    from service.app import run_daemon
+    from service.commands import logs
+    from service.commands.daemon import run_daemon
 
     logs.configure()
     stop = threading.Event()

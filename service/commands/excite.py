@@ -122,7 +122,7 @@ def _planned(
     seed: int | None,
 ) -> Experiment:
     from monitor_core.excitation.limits import Limits
-    from service.excitation import Asked, planned, task_for
+    from service.commands.experiment import Asked, planned, task_for
 
     try:
         within = Limits(*(math.inf if limit is None else limit for limit in limits))

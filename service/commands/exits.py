@@ -36,11 +36,11 @@ def _code(error: Exception) -> int | None:
     # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
     from monitor_core.calibration.doubts import CalibrationError
     from monitor_core.modeling.flat import ModelError
-    from service.app import DaemonFailedError
-    from service.axes import AxisError
+    from service.can.dbc import DbcError
+    from service.can.user_errors import BusError, IngestError
+    from service.commands.daemon import DaemonFailedError
+    from service.config.axis_settings import AxisError
     from service.identification.errors import IdentificationError
-    from service.ingest.dbc import DbcError
-    from service.ingest.errors import BusError, IngestError
     from service.simulation.robot import FaultError
     from service.store.database import StoreError
     from service.web.server import CannotListenError

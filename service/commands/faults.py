@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from monitor_core.drive import DELAY
+from monitor_core.drive.structure import DELAY
 
 FaultOption = Annotated[
     list[str] | None,

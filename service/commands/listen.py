@@ -10,14 +10,14 @@ import typer
 from rich.console import Console
 from rich.live import Live
 
+from service.can.bus_reader import CanReader
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
 from service.commands.listen_table import Latest, lines, table
 from service.commands.stopping import stop_on_signals
 from service.config import Config
-from service.ingest.can_source import CanReader
-from service.ingest.pipeline import Ingest
-from service.ingest.stamps import Stamps, remarks
+from service.ingest.bus_samples import Ingest
+from service.ingest.timestamp_jitter import Stamps, remarks
 
 _TAKE_S = 0.1
 

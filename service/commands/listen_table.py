@@ -8,8 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from service.config import Config, needed
-from service.ingest.pipeline import Value
-from service.ingest.stamps import Stamps, in_words
+from service.ingest.bus_samples import Value
+from service.ingest.timestamp_jitter import Stamps, in_words
 
 _UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
 _OLD_S = 1.0

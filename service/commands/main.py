@@ -8,8 +8,8 @@ import typer
 from typer.core import TyperGroup
 
 from service.commands.exits import EXIT_CODES
-from service.kernel_cache import choose
-from service.words import did_you_mean
+from service.pipeline.kernel_cache import choose
+from service.texts.suggestions import did_you_mean
 
 COMMANDS = (
     "demo",

@@ -13,10 +13,10 @@ from service.commands.exits import MISTAKE, explained
 from service.commands.optional_value import OptionalValueCommand
 from service.commands.which_drive import FoundDrive, Quantity, found_drive
 from service.commands.which_experiment import experiment_of
-from service.modeling import LIBRARY, SUFFIX
+from service.config.drive_sources import LIBRARY, SUFFIX
 
 if TYPE_CHECKING:
-    from monitor_core.modeling.local import Experiment
+    from monitor_core.excitation.local_identifiability import Experiment
 
 
 class Command(OptionalValueCommand):

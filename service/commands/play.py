@@ -46,8 +46,8 @@ def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop 
 
 def _play(config: Config, record: Path, speed: float, loop: bool, stop: threading.Event) -> tuple[int, float]:
     """Frames sent, and by how much one was late."""
-    from service.ingest.can_bus import open_bus
-    from service.ingest.play import play_frames, play_record
+    from service.can.bus import open_bus
+    from service.simulation.playback import play_frames, play_record
 
     sent, late_s = 0, 0.0
     play_record(record, config)  # what is wrong with it is said before a bus is opened

@@ -18,7 +18,7 @@ from service.config import Config
 
 if TYPE_CHECKING:
     from service.commands.replay_drawing import Drawing
-    from service.monitoring.banks import Monitors
+    from service.pipeline.axis_monitors import Monitors
 
 Records = Annotated[
     list[Path],
@@ -67,7 +67,7 @@ def replay(config: ConfigPath, records: Records, json: Json = None, report: Page
 
 def _replay(config: Config, paths: list[Path], where: Path | None) -> tuple[Report, Drawing | None]:
     from service.ingest.records import read_record
-    from service.monitoring.banks import Monitors
+    from service.pipeline.axis_monitors import Monitors
 
     monitors = Monitors(config.axes)
     report, drawing = Report(config, monitors), _drawing(where, monitors)

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import typer
 
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.commands.exits import MISTAKE
 from service.commands.replay_report import Report, remarks_of
 from service.commands.writing import page_in, write
 from service.config import NamedAxis
-from service.monitoring.banks import Look
+from service.pipeline.axis_monitors import Look
 from service.reports.course import Course
 from service.reports.replayed import Replayed, ReplayedAxis
 

@@ -10,16 +10,17 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.alarms.episodes import Episode, Name, Reach
-from monitor_core.facts import AxisFacts, DetectorFacts, ParameterFacts
-from service.alarm_words import episode_words
+from monitor_core.detection.alarm import Episode, Name, Reach
+from monitor_core.monitoring.facts import AxisFacts, DetectorFacts, ParameterFacts
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
-from service.ingest.stamps import Stamps, remarks
-from service.monitoring.alarms import Quantity, quantities
-from service.monitoring.banks import Change, Monitors
-from service.monitoring.trends import ParameterTrend
-from service.trend_words import reach_words, trend_words
+from service.ingest.timestamp_jitter import Stamps, remarks
+from service.pipeline.alarm_journaling import Quantity, quantities
+from service.pipeline.axis_change import Change
+from service.pipeline.axis_monitors import Monitors
+from service.pipeline.trend_tracking import ParameterTrend
+from service.texts.alarm_texts import episode_words
+from service.texts.trend_texts import reach_words, trend_words
 from service.web.times import iso, maybe_iso
 
 Json = dict[str, Any]

@@ -29,8 +29,8 @@ def run(config: ConfigPath, record: Record = None, port: Port = None) -> None:
     served at the configured address. A bus that goes down later is waited for.
     """
     read = configuration(config)
-    from service import logs
-    from service.app import run_daemon
+    from service.commands import logs
+    from service.commands.daemon import run_daemon
 
     if port is not None:
         read = read.model_copy(update={"web": read.web.model_copy(update={"port": port})})

@@ -11,7 +11,7 @@ def warm() -> None:
     """
     start = perf_counter()
     from service.commands.warm_offline import compile_offline
-    from service.monitoring.warming import compile_all
+    from service.pipeline.warming import compile_all
 
     compile_all()
     monitoring = perf_counter() - start

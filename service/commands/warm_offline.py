@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from monitor_core.drive import Output
+from monitor_core.drive.structure import Output
 from monitor_core.excitation.design import Experiment, Task, plan
 from monitor_core.excitation.limits import Limits
 from monitor_core.excitation.plant import Plant
@@ -16,7 +16,7 @@ from monitor_core.identification.arx import fit_arx
 from monitor_core.identification.blackbox import fit_blackbox
 from monitor_core.identification.greybox import Disturbance, Problem, fit
 from monitor_core.identification.record import Record
-from monitor_core.library import two_mass
+from monitor_core.modeling.standard_drives import two_mass
 
 _INTERVAL_S = 0.005
 _VALUES = {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from service.modeling import (
+from service.config.drive_sources import (
     LIBRARY,
     SUFFIX,
     model_of_axis,
@@ -18,7 +18,7 @@ from service.modeling import (
 )
 
 if TYPE_CHECKING:
-    from monitor_core.drive import Output
+    from monitor_core.drive.structure import Output
     from monitor_core.modeling.statespace import StateSpace
     from service.config import NamedAxis
 

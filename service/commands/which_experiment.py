@@ -11,7 +11,7 @@ import typer
 from service.commands.which_drive import axis_of
 
 if TYPE_CHECKING:
-    from monitor_core.modeling.local import Experiment
+    from monitor_core.excitation.local_identifiability import Experiment
     from service.config import AxisConfig
 
 LONGEST = 20_000
@@ -41,10 +41,10 @@ def experiment_of(
 
 
 def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> Experiment:
-    from monitor_core.modeling.local import Experiment
+    from monitor_core.excitation.local_identifiability import Experiment
+    from service.can.user_errors import RecordError
     from service.commands.configuration import configuration
     from service.config import predictor_of
-    from service.ingest.errors import RecordError
     from service.ingest.records import read_record
 
     steps = read_record(path, configuration(config, without_bus=True)).steps()

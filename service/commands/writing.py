@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from service.commands.exits import MISTAKE
-from service.files import replace_text
+from service.store.atomic_files import replace_text
 
 STDOUT = Path("-")
 

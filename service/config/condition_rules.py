@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from monitor_core.drive import split_name
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.operating_conditions import Conditions, Follow, Operating
+from monitor_core.drive.structure import split_name
 from monitor_core.modeling.flat import ModelError
-from monitor_core.operating import Conditions, Follow, Operating
 from service.config.conditions import Varying, term_of, varying_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, RobotConfig
 from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 from service.config.tables import Absent, present
 from service.config.wording import Finding
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 
 def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:

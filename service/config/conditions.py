@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from monitor_core.operating import FUNCTIONS, Conditions, Follow, Gate, Term
+from monitor_core.drive.operating_conditions import FUNCTIONS, Conditions, Follow, Gate, Term
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
 from service.config.schema_signals import GateConfig
 from service.config.sources import Source
 from service.config.tables import present
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 
 class Varying(NamedTuple):

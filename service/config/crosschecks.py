@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config
 from service.config.tables import present
 from service.config.wording import Finding
-from service.ingest.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 
 
 class _Wanted(NamedTuple):

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from service.config.positions import Keys
 from service.config.schema import Config
 from service.config.wording import Finding, table_in
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 PREFIX = "AXISWATCH_"
 SECTIONS = ("service", "web")

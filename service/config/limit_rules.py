@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
 from service.config.limits import monitored_as
 from service.config.model_rules import usable_drive
 from service.config.schema import AxisConfig
 from service.config.skew import bounds_of, scales_of, watched_values
 from service.config.tables import ABSENT, Absent
 from service.config.wording import Finding
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 
 def limited(axis: AxisConfig) -> Iterator[Finding]:

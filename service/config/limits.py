@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from monitor_core.history.watch import Limit
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.trend.limit_alarms import Limit
 from service.config.schema import AxisConfig
 
 

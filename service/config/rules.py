@@ -7,6 +7,7 @@ rule asks for a value that is itself wrong, ``Absent`` ends it: that value has b
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
+from service.can.interfaces import interface_names
 from service.config.condition_rules import CONDITION_RULES, places_of_signals, signals_of_axes
 from service.config.crosschecks import DBC_RULES
 from service.config.detector_rules import DETECTOR_RULES
@@ -22,8 +23,7 @@ from service.config.skew_rules import SKEW_RULES
 from service.config.tables import Absent, Table, present
 from service.config.thresholds_rules import THRESHOLDS_RULES
 from service.config.wording import Finding
-from service.ingest.interfaces import interface_names
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 T = TypeVar("T")
 Rule = Callable[[T], Iterator[Finding]]

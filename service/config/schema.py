@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
-from monitor_core.model import Output
+from monitor_core.drive.structure import Output
 from service.config.kinds import FilePath, Name, Positive, Real, Text, intervals
 from service.config.schema_model import ModelConfig
 from service.config.schema_signals import (

@@ -4,9 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from service.config.durations import seconds_in
 from service.config.kinds import Positive, Real
 from service.config.tables import Table
-from service.durations import seconds_in
 
 
 def _none_or_three(value: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from monitor_core.drive import DELAY
+from monitor_core.drive.structure import DELAY
 from service.config.drives import drive_of
 from service.config.model_rules import usable_drive
 from service.config.positions import Keys

@@ -9,7 +9,7 @@ from pydantic_core import ErrorDetails
 from service.config.positions import Keys
 from service.config.schema import Config
 from service.config.tables import Table
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 
 class Finding(NamedTuple):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from monitor_core.drive import Drive, split_name
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Drive, split_name
 from service.config import NamedAxis, given_values
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice

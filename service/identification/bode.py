@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import welch
 
-from monitor_core.drive import Drive
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Drive
 from monitor_core.identification.arx import fit_arx
 from monitor_core.identification.drive_response import drive_response
 from monitor_core.identification.frequency import FrequencyResponse
-from monitor_core.identification.local import local_response
+from monitor_core.identification.local_polynomial import local_response
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.resampling import decimate, resample
 from monitor_core.identification.result import Estimate
 from monitor_core.identification.spectral import spectral_response
-from monitor_core.kernel.tables import Floats
 
 _POINTS = 300
 _PERIODS = 4.0

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import DELAY, split_name
+from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.result import Estimate
 from monitor_core.identification.starting import Growth
 from service.identification.bode import Bode

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import Drive, split_name
+from monitor_core.drive.structure import Drive, split_name
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import StateSpace
 from service.identification.errors import IdentificationError
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 RELATIVE = ("kT", "r")
 """Torque constant and gear ratio: known from data sheets, so they are held unless the user frees them."""

@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from service.config import AxisConfig
-from service.modeling import SUFFIX
+from service.config.drive_sources import SUFFIX
 
 
 def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from monitor_core.drive import Drive
+from monitor_core.drive.structure import Drive
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
 from monitor_core.identification.suspicion import Finding, Known, known_of, suspicions
 from monitor_core.modeling.statespace import StateSpace
 from service.config import Config, NamedAxis, predictor_of
 from service.config import Predictor as Configured
+from service.config.drive_sources import model_of_axis
 from service.identification.beginning import Nominal, Start, nominal_of, start_of
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice, choose
 from service.identification.intervals import intervals
 from service.identification.varying import Asked, Follows, asked, followed, with_varying
 from service.ingest.identification_records import Loaded, load
-from service.modeling import model_of_axis
 
 _SLOW = 0.1
 """Where the level of the slow disturbance starts, as part of the torque's standard deviation."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.fit import fit_starts
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,15 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import split_name
-from monitor_core.kernel.tables import Floats
-from monitor_core.operating import Term
+from monitor_core.arrays import Floats
+from monitor_core.drive.operating_conditions import Term
+from monitor_core.drive.structure import split_name
 from service.config import AxisConfig
 from service.config.conditions import term_of
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice
 from service.ingest.identification_records import Loaded
-from service.words import did_you_mean
+from service.texts.suggestions import did_you_mean
 
 _CONSTANT = 1e-6
 """Relative: a signal that varies less is constant."""

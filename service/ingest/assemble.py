@@ -6,9 +6,9 @@ import math
 from collections import deque
 from typing import Literal, NamedTuple
 
-from monitor_core.plausible import LIMITS
-from service.ingest.errors import IngestError
-from service.ingest.frames import Sample
+from monitor_core.samples import PHYSICAL_LIMITS
+from service.can.frames import Sample
+from service.can.user_errors import IngestError
 
 REASONS = ("not_finite", "absurd", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing")
 """Why values did not become a sample; ``Assembler.dropped`` counts them, and as "missing" whole samples.
@@ -185,7 +185,7 @@ class Assembler:
             return None
         self._last_us = time_us
         second = torque.second if math.isnan(motion.second) else motion.second
-        if abs(second) > LIMITS["speed"]:  # the sample goes on without it
+        if abs(second) > PHYSICAL_LIMITS["speed"]:  # the sample goes on without it
             self.drop("absurd")
             second = math.nan
         return Sample(time_us, torque.value, motion.value, second=second)
@@ -205,4 +205,4 @@ def _nonsense(kind: Kind, value: float) -> str | None:
     """Why a value cannot be one, whatever the axis."""
     if not math.isfinite(value):
         return "not_finite"
-    return "absurd" if abs(value) > LIMITS["torque" if kind == "torque" else "angle"] else None
+    return "absurd" if abs(value) > PHYSICAL_LIMITS["torque" if kind == "torque" else "angle"] else None

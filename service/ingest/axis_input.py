@@ -6,18 +6,18 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from service.can.dbc import DbcError, find_counter
+from service.can.decode import Decoder, FrameKey
+from service.can.frames import Sample
+from service.can.user_errors import IngestError
 from service.config.conditions import needed
 from service.config.schema import NamedAxis
 from service.config.schema_signals import AngleConfig, SignalConfig
 from service.ingest.assemble import Assembler
+from service.ingest.auxiliary_signals import HeldSignal
 from service.ingest.clock import SampleClock
 from service.ingest.cyclic import CyclicClock
-from service.ingest.dbc import DbcError, find_counter
-from service.ingest.decode import Decoder, FrameKey
-from service.ingest.errors import IngestError
-from service.ingest.frames import Sample
-from service.ingest.held import HeldSignal
-from service.ingest.stamps import StampMeter, Stamps
+from service.ingest.timestamp_jitter import StampMeter, Stamps
 
 
 class Quantity(NamedTuple):

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.plausible import LIMITS
+from monitor_core.samples import PHYSICAL_LIMITS
+from service.can.decode import Decoder, FrameKey
 from service.config.schema import Config, NamedAxis
 from service.config.sources import Source
 from service.ingest.csv_table import CsvTable
-from service.ingest.decode import Decoder, FrameKey
 from service.ingest.log_record import LogRecord
 from service.ingest.rows import Floats, Rows
 from service.ingest.table_record import AxisColumns, SampleBlock, Times
@@ -68,7 +68,7 @@ def log_samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
     blocks = [step.samples[axis.id] for step in log.steps() if axis.id in step.samples]
     t_us, torque, motion = _samples(blocks)
     dropped = dict(log.axis_dropped[axis.id])
-    sound = (abs(torque) <= LIMITS["torque"]) & (abs(motion) <= LIMITS[axis.config.output])
+    sound = (abs(torque) <= PHYSICAL_LIMITS["torque"]) & (abs(motion) <= PHYSICAL_LIMITS[axis.config.output])
     t_us, torque, motion = t_us[sound], torque[sound], motion[sound]
     dropped["absurd"] += int(np.count_nonzero(~sound))
     return AxisSamples(t_us, torque, motion, _received(path, config, axis, t_us), dropped)
@@ -100,7 +100,7 @@ def _refused(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> dict[str, Boo
 def _absurd(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> Bools:
     """Which rows hold an absurd number; what is missing is none."""
     torque, motion = columns.quantities(rows)
-    absurd = (abs(torque) > LIMITS["torque"]) | (abs(motion) > LIMITS[axis.config.output])
+    absurd = (abs(torque) > PHYSICAL_LIMITS["torque"]) | (abs(motion) > PHYSICAL_LIMITS[axis.config.output])
     for values in rows.columns.values():
         absurd |= abs(values) > _NO_NUMBER
     return np.asarray(absurd, np.bool_)

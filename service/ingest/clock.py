@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from service.ingest.line import Drift, Line
+from service.ingest.clock_fit import Drift, Line
 
 Rejected = Literal["repeated", "out_of_order", "untimed"]
 

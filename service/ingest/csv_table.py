@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from service.ingest.errors import RecordError
+from service.can.user_errors import RecordError
 from service.ingest.rows import Rows
 
 _BLOCK_BYTES = 1 << 20

@@ -7,7 +7,7 @@ from collections import deque
 from typing import Generic, NamedTuple, TypeVar
 
 from service.ingest.clock import Rejected
-from service.ingest.line import Drift, Line
+from service.ingest.clock_fit import Drift, Line
 
 WINDOW = 128
 """Cycles, of which the early frames tell where the line is: at 1000 ppm it moves an eighth of a cycle meanwhile."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from service.can.frames import Frame
+from service.can.log_files import CanLog
 from service.config.schema import Config
-from service.ingest.can_log import CanLog
-from service.ingest.frames import Frame
-from service.ingest.pipeline import Ingest
-from service.ingest.stamps import Stamps
+from service.ingest.bus_samples import Ingest
 from service.ingest.table_record import SampleBlock, Step, block_of
+from service.ingest.timestamp_jitter import Stamps
 
 
 class LogRecord:

@@ -9,18 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.plausible import LIMITS
+from monitor_core.samples import PHYSICAL_LIMITS
+from service.can.frames import Sample
+from service.can.user_errors import RecordError
 from service.config.conditions import needed
 from service.config.schema import AxisConfig, Config
 from service.config.schema_signals import SignalConfig
 from service.config.sources import Source
 from service.ingest.assemble import REASONS
-from service.ingest.errors import RecordError
-from service.ingest.frames import Sample
-from service.ingest.held import HeldColumns
+from service.ingest.auxiliary_signals import HeldColumns
 from service.ingest.rows import Floats, Rows
-from service.ingest.stamps import Stamps
 from service.ingest.tables import check_columns, open_table
+from service.ingest.timestamp_jitter import Stamps
 
 Times = NDArray[np.int64]
 _LATEST_US = 2.0**62
@@ -175,7 +175,7 @@ class AxisColumns:
         finite = np.isfinite(torque) & np.isfinite(motion) & timed
         looked_at = np.ones(len(finite), np.bool_) if sound is None else sound
         self.dropped["not_finite"] += int(np.count_nonzero(~finite & looked_at))
-        fine = finite & (abs(torque) <= LIMITS["torque"]) & (abs(motion) <= LIMITS["angle"])
+        fine = finite & (abs(torque) <= PHYSICAL_LIMITS["torque"]) & (abs(motion) <= PHYSICAL_LIMITS["angle"])
         self.dropped["absurd"] += int(np.count_nonzero(finite & ~fine & looked_at))
         index = np.flatnonzero(fine & looked_at)
         t_us = time_us[index].astype(np.int64)
@@ -197,7 +197,7 @@ class AxisColumns:
         if self._config.second is None or self._second is None:
             return None
         speed = _si(self._config.second, rows.columns[self._second][index])
-        absurd = abs(speed) > LIMITS["speed"]
+        absurd = abs(speed) > PHYSICAL_LIMITS["speed"]
         self.dropped["absurd"] += int(np.count_nonzero(absurd))
         return np.where(absurd, np.nan, speed)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 from service.reports.bank_course import BankCourse, Group
 from service.reports.bins import zigzag
 from service.reports.course import Course

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 Counts = NDArray[np.int64]
 _T = TypeVar("_T", bound=np.generic)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.doubts import duration
+from monitor_core.detection.detector_protocol import DetectorName
 from service.calibration.found import Calibration
 from service.calibration.told import Told
 from service.reports.calibration_plots import power_picture

@@ -10,7 +10,7 @@ from typing import Any
 from monitor_core.calibration.catch import Caught
 from service.calibration.found import Calibration
 from service.calibration.told import Told
-from service.thresholds import made_with
+from service.config.threshold_match import made_with
 
 Json = dict[str, Any]
 

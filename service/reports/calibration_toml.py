@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 from service.calibration.found import Bank, Calibration
 from service.calibration.told import Told
+from service.config.threshold_match import made_with
 from service.config.thresholds_file import FORMAT, KIND
 from service.reports.calibration_words import promises
 from service.reports.toml_words import toml_key, toml_value
-from service.thresholds import made_with
 
 
 def as_toml(of: Calibration) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from monitor_core.alarms.detector import DetectorName
 from monitor_core.calibration.catch import Caught
+from monitor_core.detection.detector_protocol import DetectorName
 from service.calibration.found import Calibration
 from service.calibration.told import Told
 from service.reports.words import percent, plain

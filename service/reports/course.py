@@ -10,14 +10,14 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.alarms.episodes import Crossing
-from monitor_core.bank import standard_deviation
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import Crossing
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.kernel.tables import Floats
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_batch import standard_deviation
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.reports.bank_course import BankCourse
 from service.reports.bins import Counts, joined, known
 from service.reports.timeline import Timeline, Times

@@ -8,9 +8,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from monitor_core.excitation.accuracy import percent
 from monitor_core.excitation.design import Experiment
 from monitor_core.excitation.words import warnings
-from monitor_core.modeling.accuracy import percent
 
 UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}

@@ -6,10 +6,10 @@ import json
 import math
 from typing import Any
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.residuals import Correlation
 from monitor_core.identification.starting import Growth
-from monitor_core.kernel.tables import Floats
 from service.identification.found import Found, Row, Slope
 from service.identification.traces import Trace
 from service.ingest.identification_records import Loaded

@@ -12,14 +12,7 @@ from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.statespace import StateSpace
 from service.identification.found import Found, Row, Slope
 from service.ingest.identification_records import Source
-from service.reports.identification_words import (
-    MASSES_TITLES,
-    deviation,
-    fits,
-    masses_rows,
-    number,
-    relative,
-)
+from service.reports.identification_words import MASSES_TITLES, deviation, fits, masses_rows, number, relative
 from service.reports.model_svg import as_svg
 from service.reports.page import heads, legend, listed, number_cell, table
 from service.reports.words import escaped, percent, plain

@@ -6,24 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.record import UNITS
 from monitor_core.identification.residuals import Correlation
-from monitor_core.kernel.tables import Floats
 from service.identification.bode import Bode
 from service.identification.found import Found
 from service.identification.traces import Trace
-from service.reports.plot_style import (
-    BEFORE,
-    FOUND,
-    INK,
-    MEASURED,
-    OTHER,
-    SIMULATED,
-    as_svg,
-    figure,
-    thinned,
-)
+from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from monitor_core.drive import DELAY, split_name
+from monitor_core.drive.structure import DELAY, split_name
 from service.config.nominal_file import FORMAT, structure_of
 from service.identification.found import Found, Row, Slope
 from service.identification.traces import Trace

@@ -10,7 +10,7 @@ from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.statespace import StateSpace
 
 if TYPE_CHECKING:
-    from monitor_core.modeling.local import Experiment, Local
+    from monitor_core.excitation.local_identifiability import Experiment, Local
     from monitor_core.modeling.resonances import Resonances
 
 _MOST_STATES = 100
@@ -67,7 +67,7 @@ def facts_of(
 def _local(
     space: StateSpace, values: Mapping[str, float] | None, experiment: Experiment | None, speed_scale: float
 ) -> tuple[Local | None, str]:
-    from monitor_core.modeling.local import local, usual_experiment
+    from monitor_core.excitation.local_identifiability import local, usual_experiment
 
     torques = sum(u.kind == TORQUE for u in space.inputs)
     if _not_examined(space) or len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:

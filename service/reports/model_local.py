@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from monitor_core.modeling.local import Local
+from monitor_core.excitation.local_identifiability import Local
 from service.reports.model_words import OUTPUT_UNITS
 
 _MODEST = 10

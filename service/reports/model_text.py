@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.modeling.local import Local
+from monitor_core.excitation.local_identifiability import Local
 from monitor_core.modeling.resonances import Resonances, modes
 from monitor_core.modeling.statespace import StateSpace
 from service.reports.model_facts import Facts

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 from service.reports.page_style import COLOURS as COLOURS_OF_PAGES
 
 if TYPE_CHECKING:

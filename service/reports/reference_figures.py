@@ -8,24 +8,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from monitor_core.bank import Bank, standard_deviation
-from monitor_core.kalman import slowest_time_constant
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.excitation.reference_experiment import (
+    FAULT_AT,
+    INTERVAL_S,
+    MONITORED,
+    SAMPLES,
+    experiments,
+    reference_model,
+)
 from monitor_core.kernel.block import Trace
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.reference import FAULT_AT, INTERVAL_S, MONITORED, SAMPLES, experiments, reference_model
+from monitor_core.monitoring.axis_batch import Bank, standard_deviation
 from monitor_core.settings import Settings
 from service.reports.course import SIGMAS
-from service.reports.plot_style import (
-    ALARM,
-    FOUND,
-    INK,
-    OTHER,
-    QUIET,
-    SIMULATED,
-    as_document,
-    figure,
-)
+from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_document, figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from monitor_core.history.forecast import COVERED
-from service.monitoring.trends import ParameterTrend
+from monitor_core.trend.forecast import COVERED
+from service.pipeline.trend_tracking import ParameterTrend
 from service.reports.course import SIGMAS
 from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
 from service.reports.replay_plots import axis_pictures
@@ -14,7 +14,7 @@ from service.reports.replay_words import dated, duration
 from service.reports.replayed import Replayed, ReplayedAxis
 from service.reports.trend_plots import trend_picture
 from service.reports.words import escaped
-from service.trend_words import reach_words, trend_words
+from service.texts.trend_texts import reach_words, trend_words
 
 _LEGEND = (
     f"Estimate with a band of ± {SIGMAS:g} reported standard deviations, √(λ₀ P<sub>ii</sub> / (1 + λ)), with"

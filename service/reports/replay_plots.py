@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.facts import ParameterFacts
+from monitor_core.arrays import Floats
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK
-from monitor_core.kernel.tables import Floats
+from monitor_core.monitoring.facts import ParameterFacts
 from service.reports import bank_plots
 from service.reports import course as rows
 from service.reports.bank_course import Group

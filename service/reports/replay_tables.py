@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.facts import ParameterFacts, Status
-from service.alarm_words import episode_words
+from monitor_core.detection.alarm import Episode
+from monitor_core.monitoring.facts import ParameterFacts, Status
 from service.reports.page import NUMBER, heads, legend, number_cell, sentences, table
 from service.reports.replay_words import REASONS, dated, time_unit
 from service.reports.replayed import Replayed, ReplayedAxis
 from service.reports.words import escaped, percent, plain
+from service.texts.alarm_texts import episode_words
 
 _ARROWS = {"up": "↑ up", "down": "↓ down"}
 

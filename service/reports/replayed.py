@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.facts import AxisFacts
-from service.monitoring.alarms import Quantity
-from service.monitoring.trends import ParameterTrend
+from monitor_core.detection.alarm import Episode
+from monitor_core.monitoring.facts import AxisFacts
+from service.pipeline.alarm_journaling import Quantity
+from service.pipeline.trend_tracking import ParameterTrend
 from service.reports.course import Course
 
 

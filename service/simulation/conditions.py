@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.drive import split_name
-from monitor_core.operating import Conditions, Follow, Gate, Operating
-from service.axes import axis_model
+from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
+from monitor_core.drive.structure import split_name
 from service.config import NamedAxis, conditions_of, needed
+from service.config.axis_settings import axis_model
 
 PERIOD_S = 60.0
 """In which a signal that is followed swings through its range once."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.flat import ModelError, Origin
 from service.config import (
     AxisConfig,
@@ -16,7 +16,7 @@ from service.config import (
     watched_drive,
     watched_values,
 )
-from service.modeling import SUFFIX, Modelled, model_called
+from service.config.drive_sources import SUFFIX, Modelled, model_called
 from service.simulation.axis import lines_of_motion
 from service.simulation.motion import motion_of
 from service.simulation.watching import frictions, watchable

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.kernel.tables import COSINE, COULOMB, SINE, TORQUE, Floats
-from monitor_core.model import AxisModel
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.kernel.tables import COSINE, COULOMB, SINE, TORQUE
 
 SPEED_RMS = 3.0
 """rad/s at the sensor, from the test signal alone: on the reference drive that takes 1.2 N m."""

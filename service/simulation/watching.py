@@ -9,8 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.kernel.tables import TORQUE, Floats
-from monitor_core.model import AxisModel, Drive
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Drive
+from monitor_core.kernel.tables import TORQUE
 from service.simulation.motion import stiffness
 
 SAMPLES = 200

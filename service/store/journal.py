@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from monitor_core.alarms.episodes import Cause, Episode, Name, Reach
+from monitor_core.detection.alarm import Cause, Episode, Name, Reach
 from service.store.database import Database
 
 MIGRATIONS = (

@@ -5,11 +5,11 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Query
 from pydantic import AwareDatetime
 
-from service.monitoring.snapshot import AxisSnapshot
+from service.pipeline.snapshot import AxisSnapshot
 from service.web import models, views
+from service.web.app_state import World
 from service.web.errors import NotKnownError
 from service.web.times import microseconds
-from service.web.world import World
 
 _NOT_FOUND: dict[int | str, dict[str, Any]] = {
     404: {"model": models.Problem, "description": "There is no such one"}

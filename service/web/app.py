@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 from fastapi import FastAPI
 
-from service.monitoring.snapshot import Snapshot
+from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal
 from service.web import api, errors, pages, probes
+from service.web.app_state import VERSION, World
 from service.web.times import now_us
-from service.web.world import VERSION, World
 
 DESCRIPTION = """\
 Condition monitoring of robot axes: estimated physical parameters, their deviation from the commissioned

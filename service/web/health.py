@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from service.monitoring.snapshot import AxisSnapshot, BusSnapshot, Snapshot
-from service.web.world import age_s, sample_age_s
+from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Snapshot
+from service.web.app_state import age_s, sample_age_s
 
 OLDEST_SNAPSHOT_S = 10.0
 """The worker swaps in a snapshot about every second, with or without samples; an older one means it hangs."""

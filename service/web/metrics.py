@@ -16,11 +16,11 @@ from prometheus_client.exposition import choose_encoder
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
-from monitor_core.alarms.episodes import DIRECTIONS, Direction, Stage
-from monitor_core.facts import DetectorFacts, Observation, ParameterFacts
-from service.monitoring.snapshot import AxisSnapshot, Snapshot
+from monitor_core.detection.alarm import DIRECTIONS, Direction, Stage
+from monitor_core.monitoring.facts import DetectorFacts, Observation, ParameterFacts
+from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.web import trend_metrics
-from service.web.world import VERSION, age_s, sample_age_s
+from service.web.app_state import VERSION, age_s, sample_age_s
 
 _Series = tuple[tuple[str, ...], float]
 _UNIT = "in the parameter's SI unit"

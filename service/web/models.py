@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from monitor_core.alarms.detector import DetectorName
-from monitor_core.alarms.episodes import Doubt, Kind, Stage
-from monitor_core.facts import Observation, Status
+from monitor_core.detection.alarm import Doubt, Kind, Stage
+from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.monitoring.facts import Observation, Status
 
 
 def _finite(value: float | None) -> float | None:

@@ -5,8 +5,8 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Response
 
 from service.web import metrics, models
+from service.web.app_state import World, age_s
 from service.web.health import is_alive, reasons_not_ready
-from service.web.world import World, age_s
 
 
 def router(world: World) -> APIRouter:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 
-from monitor_core.alarms.episodes import Reach
-from service.monitoring.snapshot import AxisSnapshot
+from monitor_core.detection.alarm import Reach
+from service.pipeline.snapshot import AxisSnapshot
 
 
 def families(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:

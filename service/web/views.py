@@ -3,19 +3,19 @@
 import math
 from collections.abc import Sequence
 
-from monitor_core.alarms.episodes import Name, Reach
-from monitor_core.facts import DetectorFacts, ParameterFacts
-from monitor_core.history.entries import thinned
-from monitor_core.history.trend import Trend
-from service.alarm_words import episode_words
-from service.monitoring.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
-from service.monitoring.trends import ParameterTrend
+from monitor_core.detection.alarm import Name, Reach
+from monitor_core.monitoring.facts import DetectorFacts, ParameterFacts
+from monitor_core.trend.entries import thinned
+from monitor_core.trend.trend import Trend
+from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
+from service.pipeline.trend_tracking import ParameterTrend
 from service.store import journal
-from service.trend_words import reach_words, trend_words
+from service.texts.alarm_texts import episode_words
+from service.texts.trend_texts import reach_words, trend_words
 from service.web import models
+from service.web.app_state import VERSION, sample_age_s
 from service.web.health import reasons_not_ready
 from service.web.times import iso, maybe_iso
-from service.web.world import VERSION, sample_age_s
 
 OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 

@@ -9,13 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from monitor_core import bank as bank_module
-from monitor_core.bank import Bank
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.fleet import Block, Fleet
-from monitor_core.kalman import filter_gain
-from monitor_core.model import AxisModel, Output
-from monitor_core.reference import (
+from monitor_core.excitation.reference_experiment import (
     BAND_HZ,
     INTERVAL_S,
     NOISE,
@@ -24,8 +22,11 @@ from monitor_core.reference import (
     experiments,
     reference_model,
 )
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.fleet import Block, Fleet
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 from tests.core.chains import chain, values
 from tests.core.figures import ANGLE_TORQUE_NOISE, settings_of
 

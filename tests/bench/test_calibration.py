@@ -9,13 +9,13 @@ from time import perf_counter, process_time
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
 from monitor_core.calibration.surrogate import LANES, SAMPLES
-from service.axes import axis_model, axis_settings
+from monitor_core.monitoring.axis_batch import Bank
 from service.calibration.found import Provenance
 from service.calibration.reading import read
 from service.calibration.running import LOOKED_AT, WITHIN, Wishes, calibrate
 from service.config import load
+from service.config.axis_settings import axis_model, axis_settings
 from tests.bench.measure import Say
 from tests.service.identification.conftest import write_record, write_robot
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.bank import FEWEST_LANES
-from service.monitoring.warming import HYPOTHESES
+from monitor_core.monitoring.axis_batch import FEWEST_LANES
+from service.pipeline.warming import HYPOTHESES
 from tests.bench.measure import Say
 from tests.end_to_end.processes import ROOT
 

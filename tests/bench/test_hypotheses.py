@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor_core.detection.bank import HypothesisBank
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.reference import INTERVAL_S, MONITORED, experiment, reference_model
+from monitor_core.arrays import Floats
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.excitation.reference_experiment import INTERVAL_S, MONITORED, experiment, reference_model
 from tests.bench.measure import Say, in_turns
 from tests.core.figures import settings_of
 from tests.core.hypothesis_figures import (

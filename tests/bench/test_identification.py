@@ -25,10 +25,10 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.signal import lfilter, ss2tf
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import Predictor
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import three_mass
+from monitor_core.modeling.standard_drives import three_mass
 from tests.bench import peers
 from tests.bench.environments import environment
 from tests.bench.measure import Say, in_turns

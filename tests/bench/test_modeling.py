@@ -10,8 +10,8 @@ from time import perf_counter
 
 import pytest
 
-from monitor_core.assembly import Assembly
-from monitor_core.model import AxisModel
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read
 from monitor_core.modeling.numbers import drive_of, nominal_of

@@ -21,16 +21,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
-from monitor_core.discretize import zero_order_hold
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
-from monitor_core.kalman import filter_gain
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.reference import BAND_HZ, TORQUE_RMS, faulty
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, faulty
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 from tests.bench import recursive_peers
 from tests.bench.environments import environment
 from tests.bench.measure import Say, in_turns

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation import multisine
-from monitor_core.kalman import filter_gain
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Drive, Output
-from monitor_core.reference import NOISE, Record
+from monitor_core.excitation.reference_experiment import NOISE, Record
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.settings import Settings
-from monitor_core.simulation import SimulatedAxis
 from tests.core.chains import chain, values
 
 FRICTION = {**REFERENCE_VALUES, "fc": 0.4, "tau0": 0.1}

@@ -2,8 +2,8 @@
 
 from typing import Literal
 
+from monitor_core.drive.structure import Drive, Output, Parameter, Quantity, Term
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.model import Drive, Output, Parameter, Quantity, Term
 
 Sensor = Literal["motor", "gear"]
 INPUTS = (TORQUE, COULOMB, ONE, COULOMB, COSINE, SINE)

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.block import Trace
-from monitor_core.reference import Record
 from tests.core.oracle.paper import Log, Paper
 
 TOLERANCE = 1e-9

@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.bank import Bank
-from monitor_core.kalman import filter_gain, slowest_time_constant
-from monitor_core.kernel.block import Trace
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel, Output
-from monitor_core.reference import (
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain, slowest_time_constant
+from monitor_core.drive.structure import Output
+from monitor_core.excitation.reference_experiment import (
     FAULT_AT,
     INTERVAL_S,
     NOISE,
@@ -20,6 +19,8 @@ from monitor_core.reference import (
     experiments,
     reference_model,
 )
+from monitor_core.kernel.block import Trace
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings
 
 AT_ONCE = 100

@@ -6,15 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain, slowest_time_constant
+from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.kalman import filter_gain, slowest_time_constant
-from monitor_core.kernel.tables import TORQUE, Floats
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.model import AxisModel, Output
-from monitor_core.reference import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS, reference_model
+from monitor_core.excitation.reference_experiment import (
+    BAND_HZ,
+    INTERVAL_S,
+    NOISE,
+    TORQUE_RMS,
+    reference_model,
+)
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 
 STEP = 1e-30
 SETTLED = 12

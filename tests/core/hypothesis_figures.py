@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.plants import Plants
-from monitor_core.detection.bank import HypothesisBank
-from monitor_core.detection.events import Changed, Named
-from monitor_core.detection.limit import least_delay
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Output
-from monitor_core.reference import (
+from monitor_core.detection.multimodel.detection_limit import least_delay
+from monitor_core.detection.multimodel.events import Changed, Named
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Output
+from monitor_core.excitation.reference_experiment import (
     FAULT_AT,
     INTERVAL_S,
     NOISE,
@@ -26,6 +26,7 @@ from monitor_core.reference import (
     faulty,
     reference_model,
 )
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE, settings_of, steady_p_of
 

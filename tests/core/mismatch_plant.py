@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.discretize import zero_order_hold
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import TORQUE, Floats
-from monitor_core.library import five_mass
-from monitor_core.model import AxisModel
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.modeling.standard_drives import five_mass
 
 INTERVAL_S = 0.005
 SUBSTEPS = 10

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.operating import Conditions, Operating
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import Episode
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.operating_conditions import Conditions, Operating
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.mismatch_plant import INTERVAL_S, Block, MismatchPlant
 

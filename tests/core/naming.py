@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.bank import Bank
-from monitor_core.kernel.tables import Floats
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import reference_model
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import Episode
+from monitor_core.excitation.reference_experiment import reference_model
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.figures import settings_of
 
 MODEL = reference_model()

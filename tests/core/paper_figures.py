@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.bank import Bank
 from monitor_core.calibration.budget import rates, thresholds
 from monitor_core.calibration.healthy import Samples, deviations
 from monitor_core.calibration.learned import learned
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import FAULT_AT, INTERVAL_S
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.excitation.reference_experiment import FAULT_AT, INTERVAL_S
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE
 from tests.core.hypothesis_figures import WATCHED, WITHIN_S, Delays, One, records, summed_up

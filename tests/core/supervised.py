@@ -1,7 +1,7 @@
 """The reference drive, supervised as the daemon does by default."""
 
-from monitor_core.kalman import filter_gain, gains_after
-from monitor_core.reference import NOISE, reference_model
+from monitor_core.drive.kalman import filter_gain, gains_after
+from monitor_core.excitation.reference_experiment import NOISE, reference_model
 from monitor_core.settings import Settings
 
 H = 0.005

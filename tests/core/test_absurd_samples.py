@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.facts import Observation
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import Record, experiment
+from monitor_core.excitation.reference_experiment import Record, experiment
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.facts import Observation
 from monitor_core.settings import Settings
 from tests.core.figures import steady_p
 from tests.core.laws import part

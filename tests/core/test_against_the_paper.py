@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core import bank as bank_module
-from monitor_core.alarms.episodes import DIRECTIONS, Crossing
-from monitor_core.bank import Bank
+from monitor_core.detection.alarm import DIRECTIONS, Crossing
+from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import Record
+from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Threshold
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
 from tests.core.differences import TOLERANCE, apart, by_rounding, worst

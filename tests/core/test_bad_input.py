@@ -6,14 +6,15 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.alarms.saved import episodes_to_array
-from monitor_core.bank import Bank
+from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm_arrays import episodes_to_array
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Term
+from monitor_core.excitation.reference_experiment import MONITORED, experiment, reference_model
 from monitor_core.kernel.tables import COULOMB, TORQUE
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Term
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import MONITORED, experiment, reference_model
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings, Threshold
 
 DRIVE = three_mass("speed")

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.bank import Bank
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.cases import CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, cases, law, lively, part, seeds, state
 from tests.core.oracle.system import held_over, inputs

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from monitor_core.kalman import filter_gain
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import INTERVAL_S, Record, experiment, reference_model
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
+from monitor_core.excitation.reference_experiment import INTERVAL_S, Record, experiment, reference_model
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 
 TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
 MODEL = reference_model()

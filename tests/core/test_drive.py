@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.drive import Definition, Drive, Output, Parameter, Quantity, Term, split_name
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Definition, Drive, Output, Parameter, Quantity, Term, split_name
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.simulation import SimulatedAxis, simulate_linear
+from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 
 JOINED = "Jm + r^2*Jg"
 IN_SERIES = "1/k1 + 1/k2"

@@ -12,7 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
-from monitor_core.discretize import zero_order_hold
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation.crest import crest_factor
 from monitor_core.excitation.design import Command, Experiment, Task, plan
 from monitor_core.excitation.limits import Limits, fitted
@@ -22,13 +25,10 @@ from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.plant import Controller, Motion, Plant
 from monitor_core.excitation.prediction import Estimation, told_apart
 from monitor_core.excitation.schedule import Schedule
+from monitor_core.excitation.sensitivity import sensitivities, sensitivity_responses
 from monitor_core.excitation.words import warnings
-from monitor_core.kalman import filter_gain
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass, two_mass
-from monitor_core.model import AxisModel
-from monitor_core.modeling.sensitivity import sensitivities, sensitivity_responses
-from monitor_core.simulation import SimulatedAxis
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass
 from tests.core.chains import chain, values
 
 H = 0.005

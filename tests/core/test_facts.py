@@ -5,7 +5,7 @@ from math import sqrt
 
 import pytest
 
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Threshold
 from tests.core.cases import BY_NAME, record
 

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor_core import bank as bank_module
-from monitor_core.fleet import Block, Fleet
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AnyEvent, AxisMonitor
-from monitor_core.reference import Record
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.excitation.reference_experiment import Record
+from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring.axis_monitor import AnyEvent, AxisMonitor
+from monitor_core.monitoring.fleet import Block, Fleet
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, as_columns, record
 

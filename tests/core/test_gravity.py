@@ -7,14 +7,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from monitor_core.assembly import Assembly
-from monitor_core.bank import Bank
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Matrix, Output
+from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.tables import COSINE, SINE
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Matrix, Output
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import Record
-from monitor_core.simulation import SimulatedAxis, simulate_linear
+from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.cases import BY_NAME, Case, H, record
 from tests.core.chains import Sensor, chain, values
 

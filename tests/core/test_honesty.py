@@ -6,9 +6,9 @@ Memories of 1.8 slowest time constants of the predictor, as in the paper's exper
 import numpy as np
 import pytest
 
-from monitor_core.kernel.tables import Floats
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import INTERVAL_S, experiment, reference_model
+from monitor_core.arrays import Floats
+from monitor_core.excitation.reference_experiment import INTERVAL_S, experiment, reference_model
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.cases import BY_NAME
 from tests.core.honesty import Honesty, honesty, sensitivities, settings_for, window_variance
 

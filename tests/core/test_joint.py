@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
-from monitor_core.kalman import slowest_time_constant
-from monitor_core.kernel.tables import Floats
-from monitor_core.reference import INTERVAL_S, experiments, reference_model
+from monitor_core.arrays import Floats
+from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.excitation.reference_experiment import INTERVAL_S, experiments, reference_model
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of, steady_p
 

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_lyapunov
 
-from monitor_core.discretize import zero_order_hold
-from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.drive.structure import Output
+from monitor_core.excitation.reference_experiment import NOISE, experiment, reference_model
 from monitor_core.kernel.tables import GAINS
-from monitor_core.model import AxisModel, Output
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import NOISE, experiment, reference_model
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 
 H = 0.005
 

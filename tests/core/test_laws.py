@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from monitor_core import bank as bank_module
-from monitor_core.bank import Bank
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import Record
+from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, cases, cuts, law, lively, part, seeds, state

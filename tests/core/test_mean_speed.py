@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
-from monitor_core.discretize import zero_order_hold
-from monitor_core.drive import Drive
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.drive.structure import Drive
 from monitor_core.excitation import multisine
-from monitor_core.kalman import filter_gain, gains_after, slowest_time_constant
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import BAND_HZ, MONITORED, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, MONITORED, TORQUE_RMS
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 
 H, SAMPLES, SEEDS = 0.005, 4000, 64
 AVERAGED = three_mass("speed").with_mean_speed()

@@ -7,10 +7,10 @@ tests/soak/test_mismatch.py has them found for twenty plants and ten hours each.
 import numpy as np
 import pytest
 
-from monitor_core.kalman import filter_gain, gains_after
-from monitor_core.library import three_mass
-from monitor_core.model import AxisModel
-from monitor_core.operating import Conditions, Follow, Term
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain, gains_after
+from monitor_core.drive.operating_conditions import Conditions, Follow, Term
+from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.settings import Settings, Threshold
 from tests.core.mismatch_plant import COLD, INTERVAL_S, NOMINAL, STEP, TORQUE_RMS, WARMER, MismatchPlant, R
 from tests.core.mismatch_watch import FAULTS, Watch, after_fault, right

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor_core.bank import Bank
-from monitor_core.drive import split_name
-from monitor_core.kalman import gains_after
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import NOISE, Record
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import gains_after
+from monitor_core.drive.structure import split_name
+from monitor_core.excitation.reference_experiment import NOISE, Record
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, H, as_columns, record
 from tests.core.laws import SAMPLES, lively, part, state

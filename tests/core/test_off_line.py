@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
+from monitor_core.excitation.reference_experiment import INTERVAL_S, NOISE, experiment
 from monitor_core.identification.greybox import Problem, fit
 from monitor_core.identification.record import Record as Measured
-from monitor_core.kalman import filter_gain
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import INTERVAL_S, NOISE, experiment
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
 LINEAR = ("kT", "tau0")

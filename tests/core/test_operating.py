@@ -10,9 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.operating import FUNCTIONS, MARGIN, Conditions, Follow, Gate, Operating, Term
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.operating_conditions import (
+    FUNCTIONS,
+    MARGIN,
+    Conditions,
+    Follow,
+    Gate,
+    Operating,
+    Term,
+)
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 
 MODEL = AxisModel(three_mass("angle"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
 TURNING = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))

@@ -6,16 +6,24 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats
+from monitor_core.drive.kalman import filter_gain, gains_after
 from monitor_core.excitation import multisine
-from monitor_core.kalman import filter_gain, gains_after
+from monitor_core.excitation.reference_experiment import (
+    BAND_HZ,
+    FAULT_AT,
+    NOISE,
+    TORQUE_RMS,
+    Record,
+    experiments,
+    reference_model,
+)
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import BAND_HZ, FAULT_AT, NOISE, TORQUE_RMS, Record, experiments, reference_model
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 from tests.core.cases import CASES, H, record
 from tests.core.figures import settings_of
 from tests.core.oracle.paper import Paper

@@ -4,12 +4,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from monitor_core.discretize import zero_order_hold
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Output
-from monitor_core.reference import FAULT_AT, INTERVAL_S, experiment, experiments, faulty, reference_model
-from monitor_core.simulation import SimulatedAxis, simulate_linear, simulate_speed
+from monitor_core.excitation.reference_experiment import (
+    FAULT_AT,
+    INTERVAL_S,
+    experiment,
+    experiments,
+    faulty,
+    reference_model,
+)
+from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear, simulate_speed
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 
 H = 0.005
 FRICTION = {**REFERENCE_VALUES, "fc": 0.5, "tau0": 0.1}

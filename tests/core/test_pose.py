@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from monitor_core.bank import Bank
-from monitor_core.discretize import zero_order_hold
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.operating import Conditions, Follow, Operating, Term
-from monitor_core.reference import (
+from monitor_core.arrays import Floats
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.operating_conditions import Conditions, Follow, Operating, Term
+from monitor_core.excitation.reference_experiment import (
     FAULT_AT,
     INTERVAL_S,
     NOISE,
@@ -24,6 +22,8 @@ from monitor_core.reference import (
     faulty,
     reference_model,
 )
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.cases import CASES, Case, as_columns, record
 
 OFFSET = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "tau0"), {"tau0": 0.2})

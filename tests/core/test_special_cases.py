@@ -6,15 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.alarms.episodes import Episode
+from monitor_core.detection.alarm import Episode
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
-from monitor_core.facts import Status
-from monitor_core.kalman import filter_gain
+from monitor_core.excitation.reference_experiment import (
+    BAND_HZ,
+    TORQUE_RMS,
+    Record,
+    experiment,
+    reference_model,
+)
 from monitor_core.kernel.state import NEVER
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import BAND_HZ, TORQUE_RMS, Record, experiment, reference_model
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.facts import Status
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 from tests.core.cases import BY_NAME, CASES, Case, record
 
 SPEED = reference_model()

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
-from monitor_core.kalman import filter_gain, slowest_time_constant
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Output
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import INTERVAL_S, NOISE, experiment
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain, slowest_time_constant
+from monitor_core.drive.stability import stable_limits
+from monitor_core.drive.structure import Output
+from monitor_core.excitation.reference_experiment import INTERVAL_S, NOISE, experiment
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.stability import stable_limits
 
 MONITORED = (("kT", "1/Ja", "fm"), ("Jg", "Ja", "dg"), ("r", "kg", "da"), ("1/Jm", "ka", "fm"))
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core import bank as bank_module
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from monitor_core.facts import Observation, Status
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Record, faulty
 from monitor_core.kernel.block import Trace
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import BAND_HZ, NOISE, TORQUE_RMS, Record, faulty
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.facts import Observation, Status
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 from tests.core.cases import BY_NAME, Case, as_columns
 from tests.core.differences import worst
 from tests.core.figures import steady_p

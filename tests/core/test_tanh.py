@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import Floats
 from monitor_core.kernel.tanh import tanh
 
 SIZES = (1e-300, 1e-12, 1e-3, 0.1, 0.3, 1.0, 3.0, 10.0, 1e6)

@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from service.can.bus import open_bus, send
+from service.can.decode import FrameKey
 from service.config import load
-from service.ingest.can_bus import open_bus, send
-from service.ingest.decode import FrameKey
 from tests.end_to_end.processes import Daemon, daemon, demo_config, running, wait_for
 
 FLOATS = """VERSION ""

@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.config import load
-from service.monitoring.banks import Monitors
+from service.pipeline.axis_monitors import Monitors
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import Daemon, daemon, demo_config, run_program, running, wait_for
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from service.can.recorder import FrameRecorder
 from service.config import Config, load
-from service.ingest.recorder import FrameRecorder
 from service.simulation.robot import Fault
 from tests.end_to_end.processes import (
     ROOT,
@@ -28,7 +28,7 @@ from tests.end_to_end.processes import (
     wait_for,
 )
 from tests.service.identification.conftest import write_record, write_robot
-from tests.service.monitoring.robots import blocks
+from tests.service.pipeline.robots import blocks
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 CONSOLE = re.findall(r"^\$ (.+)$", "\n".join(re.findall(r"```console\n(.*?)```", README, re.S)), re.M)

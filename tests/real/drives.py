@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from monitor_core.drive import Drive
+from monitor_core.drive.structure import Drive
 from monitor_core.modeling.drawing import (
     AngleSensor,
     CoulombFriction,

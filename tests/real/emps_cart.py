@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.assembly import Assembly
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import load_of, torque
-from monitor_core.monitor import AxisMonitor
+from monitor_core.detection.alarm import Episode
+from monitor_core.drive.assembly import Assembly
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.calibration.found import Calibration, Provenance
 from service.calibration.reading import read
 from service.calibration.running import Wishes, calibrate

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from monitor_core.kalman import filter_gain
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.seeding import steady_state_p
 from monitor_core.settings import Settings
 from tests.real.irb import Record, model_and_settings, noises, read

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
-from service.axes import axis_model, axis_settings
 from service.config import Config, load
+from service.config.axis_settings import axis_model, axis_settings
 from service.ingest.records import read_record
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "irb.toml"

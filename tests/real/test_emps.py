@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import scipy.io
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.greybox import Estimate, Problem, compare, fit
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats
-from monitor_core.simulation import SimulatedAxis
+from monitor_core.modeling.simulated_axis import SimulatedAxis
 from tests.real.drives import loaded, one_mass
 
 pytestmark = pytest.mark.records

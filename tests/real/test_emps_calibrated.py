@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import pytest
 
-from monitor_core.alarms.episodes import Episode
 from monitor_core.calibration.doubts import CalibrationError
 from monitor_core.calibration.healthy import Samples
+from monitor_core.detection.alarm import Episode
 from service.calibration.found import Calibration
 from tests.real.emps_cart import (
     BUDGET_S,

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.bank import standard_deviation
-from monitor_core.kernel.tables import Floats
-from monitor_core.monitor import AxisMonitor
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import Episode
+from monitor_core.monitoring.axis_batch import standard_deviation
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.real.fit_irb import (
     FITTED,
     all_fitted,

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from monitor_core.calibration.doubts import CalibrationError
-from monitor_core.detection.detector import BankDetector, Limits
-from monitor_core.monitor import AxisMonitor
+from monitor_core.detection.multimodel.multimodel_detector import BankDetector, Limits
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.calibration.found import Calibration, Provenance
 from service.calibration.running import Wishes, calibrate
 from tests.real.irb import Record, configuration, read, with_torque_constant, with_viscous_friction

@@ -7,9 +7,9 @@ import pytest
 
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.hypotheses import bank_limits
-from monitor_core.detection.bank import HypothesisBank
-from monitor_core.detection.detector import Limits, bank_of
-from monitor_core.detection.events import Changed, Event, Named
+from monitor_core.detection.multimodel.events import Changed, Event, Named
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of
 from tests.real.irb import Record, model_and_settings, read, with_torque_constant, with_viscous_friction
 
 pytestmark = pytest.mark.records

@@ -15,7 +15,7 @@ from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.parts import between
 from monitor_core.identification.problem import Motion, Predictor
 from monitor_core.identification.record import Record
-from monitor_core.library import three_mass
+from monitor_core.modeling.standard_drives import three_mass
 from tests.real import irb
 
 pytestmark = pytest.mark.records

@@ -15,9 +15,9 @@ import pytest
 
 from service.commands.play import TOO_SLOW
 from service.config import load
-from service.ingest.play import play_record
 from service.ingest.records import read_record
-from service.monitoring.banks import Monitors
+from service.pipeline.axis_monitors import Monitors
+from service.simulation.playback import play_record
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import Daemon, daemon, run_program, wait_for
 from tests.real.irb import AXIS, CONFIG

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.alarms.episodes import Episode
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import Episode
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.record import Record
 from monitor_core.kernel.block import Trace
-from monitor_core.kernel.tables import Floats
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from service.axes import axis_model, axis_settings
 from service.config import AxisConfig, NamedAxis
+from service.config.axis_settings import axis_model, axis_settings
 from service.config.tables import Reading
 from service.identification.colour import colour_of
 from tests.real.test_ur10e import INTERVAL_S, SPEED_SCALE, estimate, read

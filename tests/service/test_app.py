@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 import structlog
 
-from service.app import DaemonFailedError, run_daemon
-from service.monitoring.core import Core
-from service.monitoring.warming import CacheFiller
+from service.commands.daemon import DaemonFailedError, run_daemon
+from service.pipeline.frame_pipeline import Core
+from service.pipeline.warming import CacheFiller
 from service.store.journal import Journal
-from tests.service.monitoring.robots import demo
+from tests.service.pipeline.robots import demo
 
 
 def test_a_worker_that_fails_stops_the_daemon_and_says_so(
@@ -70,7 +70,7 @@ def test_who_sends_is_told_when_frames_no_longer_wait(
 
 def test_a_start_does_not_wait_for_what_the_daemon_never_uses() -> None:
     """They take longer to import than all the rest of it."""
-    loaded = "import sys, service.app, service.web.app; print(*sys.modules, sep='\\n')"
+    loaded = "import sys, service.commands.daemon, service.web.app; print(*sys.modules, sep='\\n')"
     modules = subprocess.run(
         [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
     ).stdout

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.kalman import filter_gain, slowest_time_constant
-from service.axes import SETTLING_TIME_CONSTANTS, AxisError, axis_model, axis_settings
+from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from service.config import NamedAxis
-from tests.service.monitoring.robots import demo
+from service.config.axis_settings import SETTLING_TIME_CONSTANTS, AxisError, axis_model, axis_settings
+from tests.service.pipeline.robots import demo
 
 
 def changed(tmp_path: Path, estimator: dict[str, Any], **axis: Any) -> NamedAxis:

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from monitor_core.kalman import filter_gain, gains_of_both
-from service.axes import axis_model, axis_settings
+from monitor_core.drive.kalman import filter_gain, gains_of_both
+from service.can.encode import FrameEncoder
+from service.can.user_errors import IngestError
 from service.commands.main import app
 from service.config import Config, ConfigErrors, load
+from service.config.axis_settings import axis_model, axis_settings
 from service.ingest.assemble import Assembler
-from service.ingest.encode import FrameEncoder
-from service.ingest.errors import IngestError
-from service.monitoring.core import Core
+from service.pipeline.frame_pipeline import Core
 from service.simulation.robot import Fault, SimulatedRobot
 from tests.service.identification.nominal_texts import nominal_text
-from tests.service.monitoring.robots import blocks
+from tests.service.pipeline.robots import blocks
 from tests.service.test_skew import WATCHED as DELAY_TOO
 from tests.service.test_skew import replayed, written
 

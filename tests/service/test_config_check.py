@@ -6,9 +6,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from service.axes import axis_model, axis_settings
 from service.commands.check import check
 from service.config import load
+from service.config.axis_settings import axis_model, axis_settings
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 

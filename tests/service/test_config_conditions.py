@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from monitor_core.operating import Conditions, Follow, Gate, Term
+from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Term
 from service.commands.main import app
 from service.config import Config, ConfigErrors, conditions_of, load, needed
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from service.ingest.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
+from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 
 HEAD = 'VERSION ""\nBU_: X\n'
 GOOD = 'BO_ 257 Good: 8 X\n SG_ Value : 0|16@1- (0.1,0) [0|0] "°" X\n SG_ Other : 16|16@1- (1,0) [0|0] "" X\n'

@@ -11,10 +11,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from service.axes import AxisError, axis_model, axis_settings
 from service.commands.check import check
 from service.config import ConfigErrors, load
-from service.detectors import Detectors, detectors_of
+from service.config.axis_settings import AxisError, axis_model, axis_settings
+from service.config.detector_choice import Detectors, detectors_of
 from tests.service.calibration.test_thresholds_file import named
 from tests.service.calibration.thresholds_texts import thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot

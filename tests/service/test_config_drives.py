@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from service.axes import axis_model
 from service.config import Config, ConfigErrors, load
-from tests.service.monitoring.robots import DEMO
+from service.config.axis_settings import axis_model
+from tests.service.pipeline.robots import DEMO
 
 HEAD = """\
 [[bus]]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from service.axes import axis_model
 from service.config import ConfigErrors, load
+from service.config.axis_settings import axis_model
 from service.config.limits import limits_of
 from tests.end_to_end.processes import demo_config
 

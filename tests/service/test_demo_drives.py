@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
 from service.commands.demo import with_drive_of
 from service.commands.main import app
 from service.config import Config, drive_of, given_values
-from service.monitoring.banks import Change
-from service.monitoring.core import Core
+from service.pipeline.axis_change import Change
+from service.pipeline.frame_pipeline import Core
 from service.simulation.axis import ControlledAxis
 from service.simulation.demonstration import usual_fault
 from service.simulation.motion import SPEED_RMS
 from service.simulation.robot import Fault
-from tests.service.monitoring.robots import blocks, demo
+from tests.service.pipeline.robots import blocks, demo
 
 FAULT_S = 15.0
 

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from monitor_core.kalman import filter_gain
-from service.axes import axis_model, axis_settings
+from monitor_core.drive.kalman import filter_gain
 from service.commands.main import app
 from service.config import Config, ConfigErrors, load
-from service.encoders import remarks_on_encoders
+from service.config.axis_settings import axis_model, axis_settings
+from service.config.encoder_remarks import remarks_on_encoders
 from service.ingest.identification_records import load as load_record
 from service.ingest.table_record import SampleBlock
-from service.monitoring.banks import Monitors
-from service.monitoring.core import Core
+from service.pipeline.axis_monitors import Monitors
+from service.pipeline.frame_pipeline import Core
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault
-from tests.service.monitoring.robots import blocks
+from tests.service.pipeline.robots import blocks
 from tests.service.test_skew import replayed, written
 
 H, N, FAULT = 0.005, 4400, 3000  # the first 2000 samples find P(0)

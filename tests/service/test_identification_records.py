@@ -16,9 +16,9 @@ import pytest
 import scipy.io
 
 from monitor_core.identification.suspicion import Known, suspicions
+from service.can.user_errors import RecordError
 from service.config.rules import further_signals
 from service.config.schema import Config
-from service.ingest.errors import RecordError
 from service.ingest.identification_records import Loaded, Wanted, load, wanted
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, make_config

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from service import kernel_cache
-from service.kernel_cache import VARIABLE, choose, fingerprint
+from service.pipeline import kernel_cache
+from service.pipeline.kernel_cache import VARIABLE, choose, fingerprint
 
 
 def test_it_lies_below_the_folder_that_is_set(tmp_path: Path) -> None:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from monitor_core.monitor import AxisMonitor
-from service.axes import axis_model, axis_settings
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.commands.main import app
 from service.config import ConfigErrors, NamedAxis, load
+from service.config.axis_settings import axis_model, axis_settings
 from service.ingest.table_record import SampleBlock
-from service.monitoring.banks import Monitors
+from service.pipeline.axis_monitors import Monitors
 from service.simulation.axis import ControlledAxis
 from tests.service.test_skew import written
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.drive import Output
-from monitor_core.library import REFERENCE_VALUES
+from monitor_core.drive.structure import Output
 from monitor_core.modeling import library, modelica
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel, ModelError
 from monitor_core.modeling.numbers import drive_of
-from service import modeling
-from service.modeling import (
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from service.config import drive_sources as modeling
+from service.config.drive_sources import (
     LIBRARY,
     Modelled,
     model_of_axis,
@@ -26,8 +26,8 @@ from service.modeling import (
     state_space_of_file,
     state_space_of_library,
 )
-from service.shipping import shipped
-from tests.service.monitoring.robots import demo
+from service.config.resources import shipped
+from tests.service.pipeline.robots import demo
 
 MODEL, READ = modeling._model, modelica.read
 DRAWINGS = {"two-mass": library.two_mass, "three-mass": library.three_mass, "five-mass": library.five_mass}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.operating import Gate, Term
+from monitor_core.drive.operating_conditions import Gate, Term
 from service.config import NamedAxis, conditions_of
 from service.simulation.conditions import PERIOD_S, SimulatedConditions
 from tests.service.ingest.plant import axis1, axis2, make_config

@@ -12,11 +12,11 @@ import pytest
 
 from service.config import Config, NamedAxis
 from service.ingest.table_record import SampleBlock
-from service.monitoring.banks import Monitors
+from service.pipeline.axis_monitors import Monitors
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 from service.simulation.sending import run_robot
-from tests.service.monitoring.robots import demo
+from tests.service.pipeline.robots import demo
 
 
 def axis(tmp_path: Path, estimator: dict[str, Any], **changes: Any) -> NamedAxis:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from service.alarm_words import alarm_words
-from service.axes import axis_model
 from service.commands.main import app
 from service.config import Config, ConfigErrors, load
+from service.config.axis_settings import axis_model
 from service.simulation.demonstration import watching
 from service.simulation.robot import Fault, SimulatedRobot
+from service.texts.alarm_texts import alarm_words
 from tests.end_to_end.processes import demo_config
 
 H, FAULT_S, END_S = 0.005, 14.0, 24.0

@@ -13,19 +13,25 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.reference import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS, reference_model
+from monitor_core.excitation.reference_experiment import (
+    BAND_HZ,
+    INTERVAL_S,
+    NOISE,
+    TORQUE_RMS,
+    reference_model,
+)
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
+from service.can.encode import FrameEncoder
+from service.can.frames import Frame
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest.cyclic import CyclicClock
-from service.ingest.encode import FrameEncoder
-from service.ingest.frames import Frame
-from service.monitoring.core import Core
+from service.pipeline.frame_pipeline import Core
 from service.simulation.robot import SimulatedRobot
 from tests.end_to_end.processes import demo_config
 

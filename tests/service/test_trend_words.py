@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.alarms.episodes import Cause, Reach
-from monitor_core.history.trend import trend_of
-from service.alarm_words import episode_words
-from service.trend_words import reach_words, trend_words
-from tests.core.history.courses_of_months import SIZE, months
+from monitor_core.detection.alarm import Cause, Reach
+from monitor_core.trend.trend import trend_of
+from service.texts.alarm_texts import episode_words
+from service.texts.trend_texts import reach_words, trend_words
+from tests.core.trend.courses_of_months import SIZE, months
 
 DAY_US = 86_400_000_000
 NOW_US = 1_772_366_400_000_000

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 CALIBRATIONS = 100
 HELD = (83, 96)

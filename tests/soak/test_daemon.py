@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from monitor_core.bank import FEWEST_LANES
-from service.kernel_cache import VARIABLE
-from service.monitoring.warming import HYPOTHESES, CacheFiller
+from monitor_core.monitoring.axis_batch import FEWEST_LANES
+from service.pipeline.kernel_cache import VARIABLE
+from service.pipeline.warming import HYPOTHESES, CacheFiller
 from tests.bench.costs import memory_mb
 from tests.end_to_end.processes import daemon, demo_config, running, wait_for
 

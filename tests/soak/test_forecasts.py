@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from monitor_core.history.forecast import Forecast, forecast
-from monitor_core.history.trend import trend_of
-from monitor_core.kernel.tables import Floats
-from tests.core.history.courses_of_months import HOUR_US, SIZE, START_US, months
+from monitor_core.arrays import Floats
+from monitor_core.trend.forecast import Forecast, forecast
+from monitor_core.trend.trend import trend_of
+from tests.core.trend.courses_of_months import HOUR_US, SIZE, START_US, months
 
 pytestmark = pytest.mark.soak
 

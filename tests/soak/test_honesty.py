@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core.model import Output
+from monitor_core.drive.structure import Output
 from tests.core.honesty import Honesty, honesty, settings_for
 
 pytestmark = pytest.mark.soak

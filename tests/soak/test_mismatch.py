@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 from tests.core.mismatch_plant import MismatchPlant, redrawn
 from tests.core.mismatch_watch import FAULTS, Alarm, after_fault, right
 from tests.soak.mismatched import PARAMETERS, RefusedError, commissioned, watch_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.reference import FAULT_AT, experiments
+from monitor_core.detection.alarm import Episode
+from monitor_core.excitation.reference_experiment import FAULT_AT, experiments
 from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, first_named, histories
 
 pytestmark = pytest.mark.soak

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from service.config import Config, load
+from service.config.resources import shipped
 from service.ingest.table_record import SampleBlock
-from service.monitoring.banks import Change, Monitors
-from service.shipping import shipped
+from service.pipeline.axis_change import Change
+from service.pipeline.axis_monitors import Monitors
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 
 pytestmark = pytest.mark.soak

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from monitor_core.drive.structure import Output
 from monitor_core.identification.starting import grow
-from monitor_core.model import Output
 from tests.core.identification.test_starting import AT_OPTIMUM, CASES, Way, at_least
 
 pytestmark = pytest.mark.soak

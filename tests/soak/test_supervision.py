@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import BAND_HZ, TORQUE_RMS, faulty
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, faulty
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 from tests.core.figures import steady_p
 from tests.core.supervised import FLOOR, MODEL, SUPERVISED, TORQUE_NOISE, H
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from monitor_core.drive import split_name
+from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting.candidates import (

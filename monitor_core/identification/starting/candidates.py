@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive import split_name
+from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting.modal import Response

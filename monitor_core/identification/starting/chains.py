@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from monitor_core.drive import Drive, Output, Parameter, Quantity, Term
+from monitor_core.drive.structure import Drive, Output, Parameter, Quantity, Term
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 
 FRICTION = ("fm", "fc", "tau0")

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.drive import Output
+from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import Estimate, Problem, compare
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting.candidates import FITTING, best_fit, candidate

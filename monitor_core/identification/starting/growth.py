@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import Output
+from monitor_core.drive.structure import Output
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting.chains import chain, names
 from monitor_core.identification.starting.inverse import chain_of_modes

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import hessenberg
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 
 
 class Chain(NamedTuple):

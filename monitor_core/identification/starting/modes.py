@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from monitor_core.drive import Output
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Output
 from monitor_core.identification.arx import Arx
 from monitor_core.identification.frequency import Complexes
 from monitor_core.identification.innovations import Innovations
 from monitor_core.identification.starting.response import Measured, Target
 from monitor_core.identification.subspace import fit_subspace
-from monitor_core.kernel.tables import Floats
 
 _SMALLEST = 0.01
 """Weight of a resonance as part of the largest: one that is not seen gets this."""

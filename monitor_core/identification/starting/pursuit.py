@@ -15,13 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.starting.inverse import modes_of_chain
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import BEYOND, Modal, shape
 from monitor_core.identification.starting.response import Measured
 from monitor_core.identification.starting.search import errors
 from monitor_core.identification.starting.slots import Slots
-from monitor_core.kernel.tables import Floats
 
 _GRID = 200
 _RATIOS = (0.01, 0.03, 0.1)

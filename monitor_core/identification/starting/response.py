@@ -17,13 +17,13 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import csd, lfilter, medfilt, welch
 
-from monitor_core.drive import Output
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Output
 from monitor_core.identification.arx import Arx, fit_arx
 from monitor_core.identification.frequency import DECIBEL, Complexes
 from monitor_core.identification.record import Bools, Record
 from monitor_core.identification.regular import Regular, on_grid
 from monitor_core.identification.resampling import resample
-from monitor_core.kernel.tables import Floats
 
 _ORDER = 100
 """Of the ARX model: half a second of memory at 5 ms."""

@@ -22,11 +22,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.descent import Normal, minimise
 from monitor_core.identification.frequency import Complexes
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.response import Measured, Target
-from monitor_core.kernel.tables import Floats
 
 Kind = Literal["linear", "log", "both"]
 KINDS: tuple[Kind, ...] = ("linear", "log", "both")

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from monitor_core.drive import DAMPING, Drive, split_name
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DAMPING, Drive, split_name
 from monitor_core.identification.frequency import Complexes
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting.inverse import Chain, chain_of_modes
-from monitor_core.kernel.tables import TORQUE, Floats
+from monitor_core.kernel.tables import TORQUE
 
 _LITTLE = 0.1
 """Of the damping that the springs have on average: what each damper has at least."""

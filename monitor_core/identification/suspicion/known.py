@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from monitor_core.drive import Drive
+from monitor_core.drive.structure import Drive
 from monitor_core.identification.rigid import antiresonance_s, rigid_inertia
 from monitor_core.identification.suspicion.finding import Known
 

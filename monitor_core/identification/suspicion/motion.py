@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.record import Record
 from monitor_core.identification.rigid import rigid_fit
 from monitor_core.identification.speed import mean_speed
 from monitor_core.identification.suspicion.finding import Finding, Known
-from monitor_core.kernel.tables import Floats
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work

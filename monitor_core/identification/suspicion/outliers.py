@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.record import Bools, Record
 from monitor_core.identification.suspicion.finding import Finding
-from monitor_core.kernel.tables import Floats
-from monitor_core.plausible import LIMITS
+from monitor_core.samples import PHYSICAL_LIMITS
 
 _HALF = 2
 """Samples on either side of the running median: a peak of one or two samples stands out."""
@@ -62,13 +62,13 @@ def _median(values: Floats, before: int, after: int) -> Floats:
 
 def _absurd(record: Record) -> Iterator[Finding]:
     for what, unit, values in _quantities(record):
-        beyond = abs(np.nan_to_num(values)) > LIMITS[what]
+        beyond = abs(np.nan_to_num(values)) > PHYSICAL_LIMITS[what]
         if beyond.any():
             largest = float(np.nanmax(abs(values)))
             yield Finding(
                 "absurd",
                 "refuse",
-                f"the {what} is beyond {LIMITS[what]:g} {unit} at {np.count_nonzero(beyond)} samples, up to "
+                f"the {what} is beyond {PHYSICAL_LIMITS[what]:g} {unit} at {np.count_nonzero(beyond)} samples, up to "
                 f"{largest:.3g} {unit}: no motor does that",
                 largest,
             )

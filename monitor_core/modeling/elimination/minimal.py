@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from monitor_core.model import Quantity
+from monitor_core.drive.structure import Quantity
 from monitor_core.modeling.elimination.balances import Balances, Sum
 from monitor_core.modeling.elimination.operators import Coefficient
 from monitor_core.modeling.elimination.rational import Field

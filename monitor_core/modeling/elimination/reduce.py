@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from monitor_core.drive.structure import Output
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.model import Output
 from monitor_core.modeling.elimination.balances import balances_of
 from monitor_core.modeling.elimination.minimal import Counts, Reduction
 from monitor_core.modeling.elimination.operators import Operator, Row

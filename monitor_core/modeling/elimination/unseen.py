@@ -6,7 +6,7 @@ has turned by add up to a constant, so an angle sensor there measures a state th
 
 from __future__ import annotations
 
-from monitor_core.kernel.tables import Ints
+from monitor_core.arrays import Ints
 from monitor_core.modeling.modular import krylov_basis, null_space, points_of, residues
 from monitor_core.modeling.statespace import StateSpace
 

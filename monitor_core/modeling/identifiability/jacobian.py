@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from monitor_core.kernel.tables import Ints
+from monitor_core.arrays import Ints
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modular import (
     PRIMES,

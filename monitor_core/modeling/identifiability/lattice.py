@@ -14,7 +14,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from monitor_core.kernel.tables import Ints
+from monitor_core.arrays import Ints
 from monitor_core.modeling.modular import null_space, rank
 
 MOST_SUBSETS = 3000

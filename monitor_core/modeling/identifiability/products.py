@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from monitor_core.kernel.tables import Ints
+from monitor_core.arrays import Ints
 from monitor_core.modeling.identifiability.jacobian import Sample, gradient, gradients, union
 from monitor_core.modeling.identifiability.lattice import Vector, agreed, components, short_basis
 from monitor_core.modeling.laurent import Laurent

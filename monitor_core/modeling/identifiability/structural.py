@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from monitor_core.kernel.tables import Ints
+from monitor_core.arrays import Ints
 from monitor_core.modeling.flat import FlatParameter, ModelError
 from monitor_core.modeling.identifiability.jacobian import Sample, samples_of
 from monitor_core.modeling.identifiability.lattice import components

@@ -7,15 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import NoReturn
 
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.changes import (
-    Bound,
-    Change,
-    Changes,
-    Scope,
-    changes_of,
-    merged,
-    overlaid,
-)
+from monitor_core.modeling.modelica.changes import Bound, Change, Changes, Scope, changes_of, merged, overlaid
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.library import LEAVES, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.mistakes import about

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.drive import Drive
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import Gains, gains_of_both
+from monitor_core.drive.structure import Drive
 from monitor_core.excitation import multisine
-from monitor_core.kalman import Gains, gains_of_both
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.settings import Settings
-from monitor_core.simulation import SimulatedAxis
 from tests.core.cases import FRICTION, H
 from tests.core.chains import chain, values
 

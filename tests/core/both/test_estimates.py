@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor_core.bank import Bank
-from monitor_core.drive import Output
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain, gains_of_both
+from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.kalman import filter_gain, gains_of_both
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 from tests.core.both.axes import ANGLE, CASES, PAPER, SPEED, TORQUE, samples
 from tests.core.cases import H
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core import bank as bank_module
 from monitor_core.kernel.state import COUNTERS2
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.both.axes import CASES, Case, samples
 from tests.core.differences import worst
 from tests.core.oracle.paper import Paper

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor_core.discretize import zero_order_hold
-from monitor_core.kalman import filter_gain, gains_of_both, slowest_time_constant
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.stability import _radii, stable_limits
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.kalman import filter_gain, gains_of_both, slowest_time_constant
+from monitor_core.drive.stability import _radii, stable_limits
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.both.axes import ANGLE, CASES, SPEED, TORQUE, Samples, part, samples
 from tests.core.cases import H
 from tests.core.oracle.paper import Paper

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core import bank as bank_module
-from monitor_core.fleet import Block, Fleet
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.fleet import Block, Fleet
 from monitor_core.settings import Second
 from tests.core.both.axes import CASES, PAPER, Case, lively, part, samples
 from tests.core.laws import law, seeds, state

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.bank import Bank
-from monitor_core.fleet import Block, Fleet
-from monitor_core.kalman import gains_of_both
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import gains_of_both
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.fleet import Block, Fleet
 from monitor_core.settings import Second
 from tests.core.both.axes import ANGLE, CASES, PAPER, TORQUE
 from tests.core.cases import H

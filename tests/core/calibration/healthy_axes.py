@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from monitor_core.bank import Bank
+from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Samples, untested
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
-from monitor_core.kalman import filter_gain
+from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TORQUE_RMS, reference_model
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.model import AxisModel
-from monitor_core.reference import BAND_HZ, INTERVAL_S, TORQUE_RMS, reference_model
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.monitoring.axis_batch import Bank
 from monitor_core.settings import Settings, Threshold
-from monitor_core.simulation import simulate_linear
 
 TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
 MEMORY = 200

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.detection.bank import HypothesisBank, default_hypotheses
-from monitor_core.detection.detector import Limit
+from monitor_core.arrays import Floats, Ints
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
+from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import Floats, Ints
 from tests.core.calibration.healthy_axes import Axes, Plant
 
 Singles = NDArray[np.float32]

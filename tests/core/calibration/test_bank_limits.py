@@ -17,9 +17,9 @@ from monitor_core.calibration.heights import Heights
 from monitor_core.calibration.hypotheses import BankLimits, bank_limits
 from monitor_core.calibration.surrogate import LANES
 from monitor_core.calibration.watched import PARTS, allowances
-from monitor_core.detection.bank import HypothesisBank
-from monitor_core.detection.detector import Limits, bank_of, guaranteed
-from monitor_core.detection.events import Changed
+from monitor_core.detection.multimodel.events import Changed
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed
 from tests.core.calibration.healthy_axes import Axes, Plant, plant, record
 
 BUDGET = 12_000.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.bank_tails import ALIKE, BankTails, bank_tails
 from monitor_core.calibration.heights import LEAST_HEIGHT, TOP, Heights
-from monitor_core.kernel.tables import Floats
 
 PLACES, MANY = 500, 40
 FAR = 8.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.blocks import Blocks, to_come
-from monitor_core.kernel.tables import Floats
 
 N, COPIES, LENGTH, MANY = 60_000, 16, 100, 600
 

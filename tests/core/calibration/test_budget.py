@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.informed import informed
@@ -21,7 +22,6 @@ from monitor_core.calibration.scatter import OFFSET, scatter
 from monitor_core.calibration.spread import allowance
 from monitor_core.calibration.surrogate import Excursions
 from monitor_core.calibration.tail import Tail, tails
-from monitor_core.kernel.tables import Floats
 from monitor_core.settings import Threshold
 
 MEMORY = 50

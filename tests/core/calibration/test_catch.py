@@ -9,10 +9,10 @@ from monitor_core.calibration.catch import Fault, catch
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.calibration.plants import Plants, innovations
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import INTERVAL_S
+from monitor_core.excitation.reference_experiment import INTERVAL_S
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Threshold
-from monitor_core.simulation import simulate_linear
 from tests.core.calibration.healthy_axes import plant, record
 
 OWN = (Threshold(1.0, 30.0), Threshold(1.0, 12.0), Threshold(1.0, 80.0))

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.doubts import (
     CalibrationError,
@@ -17,8 +18,7 @@ from monitor_core.calibration.doubts import (
 )
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.scatter import scatter
-from monitor_core.kernel.tables import Floats
-from monitor_core.reference import reference_model
+from monitor_core.excitation.reference_experiment import reference_model
 from monitor_core.settings import Second, Settings
 from tests.core.calibration.test_budget import MEMORY, forgotten
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import genpareto
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.excesses import Shocks, pareto
-from monitor_core.kernel.tables import Floats
 
 N = 100_000
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.heights import LEAST_HEIGHT, TOP, Heights
-from monitor_core.kernel.tables import Floats
 
 PLACES = 500
 EVEN = np.ones((1, PLACES))

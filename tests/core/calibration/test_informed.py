@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.informed import informed
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.calibration.surrogate import Excursions
-from monitor_core.kernel.tables import Floats
 
 P = 3
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import changed, exact_names, load_of, torque
-from monitor_core.drive import DELAY
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DELAY, Output
 from monitor_core.excitation import multisine
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Output
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.settings import Settings
-from monitor_core.simulation import SimulatedAxis
 
 H = 0.005
 VALUES = {**REFERENCE_VALUES, "fc": 0.1, "tau0": 0.05}

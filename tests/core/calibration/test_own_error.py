@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.own_error import Parts, beyond
-from monitor_core.kernel.tables import Floats
 
 P, PARTS, COPIES, SAMPLES = 2, 30, 64, 200
 REPEATED = 5

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.run_length import (
     log_mean_time,
     log_single,
@@ -12,7 +13,6 @@ from monitor_core.calibration.run_length import (
     white_noise_log_mean_time,
 )
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import Floats
 
 LAM = 0.98
 TAU = 50.0

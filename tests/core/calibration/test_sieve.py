@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.sieve import Sieve, autoregression
-from monitor_core.kernel.tables import Floats
 
 N, COPIES = 40_000, 16
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration.spectra import Spectra
-from monitor_core.kernel.tables import Floats
 
 N, LENGTH, RECORDS = 20_000, 100, 600
 

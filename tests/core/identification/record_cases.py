@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from monitor_core.drive import Output
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.simulation import SimulatedAxis
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 
 H = 0.005
 VALUES = {**REFERENCE_VALUES, "fc": 0.4, "tau0": 0.1}

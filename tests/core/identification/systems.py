@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter, ss2tf
 
-from monitor_core.discretize import zero_order_hold
+from monitor_core.arrays import Floats
+from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.identification.frequency import Complexes, on_circle
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats
 
 INTERVAL_S = 0.005
 

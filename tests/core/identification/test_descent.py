@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.descent import UNDAMPED, Normal, minimise
-from monitor_core.kernel.tables import Floats
 
 ENDLESS = np.full(2, np.inf)
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.identification.greybox import Disturbance, fit
 from monitor_core.identification.record import Record
-from monitor_core.kalman import filter_gain
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.simulation import simulate_linear
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.problems import EIGHT, TRUE, reference_problem, reference_record
 
 

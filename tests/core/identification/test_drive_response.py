@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
 from monitor_core.identification.drive_response import drive_response, held_response
 from monitor_core.identification.frequency import (
@@ -20,9 +21,8 @@ from monitor_core.identification.frequency import (
 from monitor_core.identification.periodic import periodic_response
 from monitor_core.identification.record import Record
 from monitor_core.identification.structure import Linear
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.simulation import simulate_linear
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.systems import INTERVAL_S, times
 
 law = settings(deadline=None, max_examples=15)

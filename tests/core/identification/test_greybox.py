@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.greybox import Disturbance, Estimate, Problem, compare, fit
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.simulation import simulate_linear
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.problems import EIGHT, TRUE, perturbed, reference_problem, reference_record
 
 SAMPLES = 2000

@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm_frechet
 
-from monitor_core.discretize import zero_order_hold
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import Drive
 from monitor_core.identification.held import hold, hold_late
 from monitor_core.identification.structure import Linear, Structure
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Drive
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.chains import chain, values
 
 FREE = ("Jm", "1/Ja", "kg", "da", "r", "fc")

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
-from monitor_core.kalman import filter_gain
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import BAND_HZ, TORQUE_RMS
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 
 H = 0.005
 AVERAGED = three_mass("speed").with_mean_speed()

@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 
-from monitor_core.drive import DISTURBANCE_TIME
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.structure import DISTURBANCE_TIME, Output
+from monitor_core.excitation.reference_experiment import NOISE
 from monitor_core.identification.noise import Levels, gain
 from monitor_core.identification.structure import Structure
-from monitor_core.kalman import filter_gain
-from monitor_core.kernel.tables import TORQUE, Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel, Output
-from monitor_core.monitor import AxisMonitor
-from monitor_core.reference import NOISE
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from monitor_core.simulation import simulate_linear
 
 H = 0.005
 FREE = ("Jm", "1/Ja", "kg", "r", DISTURBANCE_TIME)

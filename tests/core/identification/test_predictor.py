@@ -6,16 +6,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from monitor_core.drive import DELAY
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DELAY
 from monitor_core.identification.fit import fit_starts
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.series import MOST_LEVELS, series
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.monitor import AxisMonitor
-from monitor_core.simulation import simulate_linear
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.cases import BY_NAME, CASES, Case
 from tests.core.chains import chain, values
 from tests.core.identification.problems import (

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.record import Record
 from monitor_core.identification.resampling import PASS, decimate, is_regular, mean_torque, resample
 from monitor_core.identification.speed import averaging, mean_speed
-from monitor_core.kernel.tables import Floats
 from tests.core.identification.record_cases import records
 
 

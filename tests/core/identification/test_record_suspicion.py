@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.drive import Output
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
 from monitor_core.identification.record import Record
 from monitor_core.identification.rigid import antiresonance_s, rigid_fit, rigid_inertia
 from monitor_core.identification.suspicion import Finding, Known, known_of, outliers, suspicions
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import three_mass, two_mass
-from monitor_core.simulation import simulate_linear
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import three_mass, two_mass
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y
 
 HEALTHY = 12

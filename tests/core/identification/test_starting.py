@@ -13,8 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from monitor_core.discretize import zero_order_hold
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation import multisine
+from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch, start
@@ -23,11 +27,8 @@ from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
 from monitor_core.identification.starting.response import Target, measure
 from monitor_core.identification.starting.slots import Slots
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES, five_mass, three_mass, two_mass
-from monitor_core.model import AxisModel, Drive, Output
-from monitor_core.reference import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS
-from monitor_core.simulation import simulate_linear
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass, two_mass
 
 Way = Literal["scratch", "given"]
 R = REFERENCE_VALUES["r"]

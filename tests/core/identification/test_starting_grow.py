@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.drive import Output
+from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.starting import Growth, api, grow, start
 from monitor_core.identification.starting import growth as growing

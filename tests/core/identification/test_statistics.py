@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.identification.greybox import Disturbance, Problem, fit
 from monitor_core.identification.record import Record
-from monitor_core.kernel.tables import Floats
-from monitor_core.library import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from tests.core.identification.monte_carlo import (
     DRIVE,
     FREE,

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
 from monitor_core.identification.innovations import reflected
 from monitor_core.identification.parts import split
 from monitor_core.identification.record import Record
 from monitor_core.identification.splines import _cost, smooth_predictor
 from monitor_core.identification.subspace import fit_subspace
-from monitor_core.kernel.tables import Floats
 from tests.core.identification.systems import (
     INTERVAL_S,
     Discrete,

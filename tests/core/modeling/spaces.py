@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from monitor_core.drive.structure import Output, Quantity
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
-from monitor_core.model import Output, Quantity
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent

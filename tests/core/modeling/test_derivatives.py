@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from monitor_core.assembly import Assembly
-from monitor_core.drive import Output
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Output, split_name
 from monitor_core.kernel.laurent import evaluate
 from monitor_core.kernel.tables import Tables
-from monitor_core.model import AxisModel, split_name
 from monitor_core.modeling.drawing import Drawing, from_tables
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent

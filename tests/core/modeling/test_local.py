@@ -7,11 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.library import REFERENCE_VALUES
+from monitor_core.excitation.local_identifiability import (
+    NOISE_SHARE,
+    Experiment,
+    Local,
+    local,
+    usual_experiment,
+)
 from monitor_core.modeling.drawing import Drawing, Inertia, SpeedSensor, Torque, ViscousFriction
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.library import three_mass
-from monitor_core.modeling.local import NOISE_SHARE, Experiment, Local, local, usual_experiment
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 
 
 def reference(experiment: Experiment) -> Local:

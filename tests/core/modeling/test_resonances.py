@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
-from monitor_core.library import REFERENCE_VALUES, three_mass
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.resonances import resonances, resonances_of
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.modeling.spaces import Chain, library_three_mass, table
 
 law = settings(deadline=None, max_examples=100)

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from monitor_core.drive import Drive
-from monitor_core.kernel.tables import COULOMB, ONE, TORQUE, Floats
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import Output
-from monitor_core.modeling.accuracy import Accuracy
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import Drive, Output
+from monitor_core.excitation.accuracy import Accuracy
+from monitor_core.excitation.sensitivity import INTERVAL_S, known_inputs, sensitivities, usual_torque
+from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.numbers import drive_of
-from monitor_core.modeling.sensitivity import INTERVAL_S, known_inputs, sensitivities, usual_torque
-from monitor_core.simulation import SimulatedAxis, simulate_linear
+from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.modeling.spaces import Chain, table
 
 law = settings(deadline=None, max_examples=20)

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.drive import DELAY
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.stability import stable_limits
+from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import COULOMB, GAINS, TORQUE
-from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
-from monitor_core.stability import stable_limits
 from tests.core.oracle.system import LOST, Array, derivatives, held_over, inputs, sensor_speed
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.drive import DELAY
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 from tests.core.oracle.system import LOST, Array, held_over, inputs
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, matrix_balance
 
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.model import AxisModel
 from monitor_core.settings import Settings
 
 Array = NDArray[np.float64]

@@ -12,12 +12,12 @@ import pytest
 import typer
 
 from monitor_core.calibration.doubts import CalibrationError
-from service.axes import axis_model, axis_settings
 from service.calibration.found import Calibration, Provenance
 from service.calibration.running import Wishes, calibrate
 from service.commands.calibrate import seconds_of
 from service.config import Config, load
-from service.detectors import detectors_of
+from service.config.axis_settings import axis_model, axis_settings
+from service.config.detector_choice import detectors_of
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
 from service.reports.calibration_toml import as_toml

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from monitor_core.settings import Threshold
-from service.axes import AxisError, axis_model, axis_settings
 from service.config import Config, ConfigErrors, load
+from service.config.axis_settings import AxisError, axis_model, axis_settings
 from tests.service.calibration.thresholds_texts import thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from service.axes import axis_model, axis_settings
 from service.config import AxisConfig, NamedAxis
-from service.thresholds import made_with
+from service.config.axis_settings import axis_model, axis_settings
+from service.config.threshold_match import made_with
 
 
 def thresholds_text(

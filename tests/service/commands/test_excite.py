@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from monitor_core.simulation import SimulatedAxis
+from monitor_core.modeling.simulated_axis import SimulatedAxis
 from service.commands.configuration import configuration
 from service.commands.main import app
 from service.config import drive_of, given_values
-from service.shipping import shipped
+from service.config.resources import shipped
 
 DEMO = shipped("demo.toml")
 QUICK = ("--seconds", "2", "--seed", "3")

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from service.commands.main import app
-from service.shipping import shipped
+from service.config.resources import shipped
 from tests.end_to_end.processes import demo_config
 
 DRAWING = """\
@@ -161,7 +161,7 @@ def test_picture_and_matlab_function_on_standard_output() -> None:
 
 @pytest.mark.parametrize("name", ["two-mass", "three-mass", "five-mass"])
 def test_the_picture_shows_every_component(name: str) -> None:
-    from service.modeling import state_space_of_library
+    from service.config.drive_sources import state_space_of_library
 
     titles = [
         e.text or ""

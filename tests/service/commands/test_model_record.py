@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from service.commands.main import app
-from service.shipping import shipped
+from service.config.resources import shipped
 
 RUNNER = CliRunner()
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from monitor_core.library import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from service.config.drive_sources import model_of_library
 from service.identification.errors import IdentificationError
 from service.identification.free import Choice, choose
-from service.modeling import model_of_library
 
 VALUES = {**REFERENCE_VALUES, "fc": 0.08, "tau0": 0.01}
 

@@ -12,11 +12,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from monitor_core.kalman import filter_gain
-from monitor_core.operating import Follow, Term
-from service.axes import axis_model, axis_settings, doubtful_nominals
+from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.operating_conditions import Follow, Term
 from service.commands.check import check
 from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
+from service.config.axis_settings import axis_model, axis_settings, doubtful_nominals
 from tests.service.identification.nominal_texts import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"

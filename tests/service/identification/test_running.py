@@ -13,7 +13,7 @@ from monitor_core.identification.drive_response import drive_response
 from monitor_core.identification.greybox import compare
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
-from monitor_core.library import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from service.config import Config
 from service.identification.beginning import Start
 from service.identification.bode import band

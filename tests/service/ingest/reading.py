@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from service.can.bus_reader import CanReader
+from service.can.decode import FrameKey
+from service.can.frames import Frame
 from service.config.schema import BusConfig
-from service.ingest.can_source import CanReader
-from service.ingest.decode import FrameKey
-from service.ingest.frames import Frame
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)
 

@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from service.can.frames import Frame
+from service.can.log_files import LOG_SUFFIXES, CanLog
+from service.can.recorder import FrameRecorder
+from service.can.user_errors import RecordError
 from service.config.schema import Config
-from service.ingest.can_log import LOG_SUFFIXES, CanLog
-from service.ingest.errors import RecordError
-from service.ingest.frames import Frame
-from service.ingest.pipeline import Ingest
-from service.ingest.recorder import FrameRecorder
+from service.ingest.bus_samples import Ingest
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, make_config
 

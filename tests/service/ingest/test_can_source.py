@@ -10,14 +10,14 @@ from pathlib import Path
 import can
 import pytest
 
+from service.can.bus import open_bus, send
+from service.can.bus_reader import CanReader
+from service.can.decode import FrameKey
+from service.can.frame_queue import FrameQueue
+from service.can.frames import Frame
+from service.can.receivers import frame_of
+from service.can.user_errors import BusError
 from service.config.schema import BusConfig
-from service.ingest.can_bus import open_bus, send
-from service.ingest.can_source import CanReader
-from service.ingest.decode import FrameKey
-from service.ingest.errors import BusError
-from service.ingest.frame_queue import FrameQueue
-from service.ingest.frames import Frame
-from service.ingest.receivers import frame_of
 from tests.service.ingest.plant import axis1, make_config
 from tests.service.ingest.reading import EXTENDED, STANDARD, reading, take, wait_for
 

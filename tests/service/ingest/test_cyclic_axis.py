@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from service.can.frames import Frame, Sample
 from service.config import ConfigErrors, load
+from service.ingest.bus_samples import Ingest
 from service.ingest.cyclic import WINDOW
-from service.ingest.frames import Frame, Sample
-from service.ingest.pipeline import Ingest
 from tests.service.ingest.plant import axis1, axis2, axis3, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, axis_drops, both2, torque1
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from service.ingest.dbc import DbcError
-from service.ingest.errors import IngestError
-from service.ingest.frames import Frame, Sample
-from service.ingest.pipeline import Ingest, Value
+from service.can.dbc import DbcError
+from service.can.frames import Frame, Sample
+from service.can.user_errors import IngestError
+from service.ingest.bus_samples import Ingest, Value
 from tests.service.ingest.plant import axis1, axis2, axis3, axis4, make_config
 
 START_US = 1_760_000_000_000_000

@@ -13,15 +13,15 @@ import pyarrow as pa
 import pyarrow.csv
 import pytest
 
+from service.can.bus import open_bus
+from service.can.decode import FrameKey
+from service.can.encode import FrameEncoder
+from service.can.frames import Frame, Sample
+from service.can.recorder import FrameRecorder
+from service.can.user_errors import BusError, IngestError, RecordError
 from service.config.schema import Config
-from service.ingest.can_bus import open_bus
-from service.ingest.decode import FrameKey
-from service.ingest.encode import FrameEncoder
-from service.ingest.errors import BusError, IngestError, RecordError
-from service.ingest.frames import Frame, Sample
-from service.ingest.pipeline import Ingest
-from service.ingest.play import PlayFrame, play_frames, play_record
-from service.ingest.recorder import FrameRecorder
+from service.ingest.bus_samples import Ingest
+from service.simulation.playback import PlayFrame, play_frames, play_record
 from tests.service.ingest.plant import axis1, axis2, axis3, axis4, make_config
 
 

@@ -15,17 +15,17 @@ import can
 import pytest
 from can.interfaces.socketcan import SocketcanBus
 
+from service.can.bus import open_bus, send
+from service.can.bus_reader import CanReader
+from service.can.decode import FrameKey
+from service.can.frames import Frame
+from service.can.receivers import SocketReceiver
+from service.can.recorder import FrameRecorder
+from service.can.user_errors import BusError
 from service.config.schema import BusConfig
-from service.ingest.can_bus import open_bus, send
-from service.ingest.can_source import CanReader
-from service.ingest.decode import FrameKey
-from service.ingest.errors import BusError
-from service.ingest.frames import Frame
-from service.ingest.pipeline import Ingest
-from service.ingest.play import PlayFrame, play_frames
-from service.ingest.receivers import SocketReceiver
-from service.ingest.recorder import FrameRecorder
+from service.ingest.bus_samples import Ingest
 from service.ingest.records import read_record
+from service.simulation.playback import PlayFrame, play_frames
 from tests.service.ingest.plant import axis1, axis4, make_config
 from tests.service.ingest.reading import EXTENDED, STANDARD, reading, take, wait_for
 

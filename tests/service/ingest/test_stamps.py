@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from service.ingest.stamps import NOT_KNOWN, StampMeter, Stamps, in_words, remarks
+from service.ingest.timestamp_jitter import NOT_KNOWN, StampMeter, Stamps, in_words, remarks
 
 START_US = 1_760_000_000_000_000
 

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from monitor_core.kernel.tables import Floats
+from monitor_core.arrays import Floats
 from service.ingest.torn_rows import ahead, torn
 
 C = 8

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.ingest.turns import Motion, Turns
+from service.ingest.unwrap import Motion, Turns
 
 H_US = 5000
 GAP_US = 50_000

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from monitor_core.drive import Drive, Output
+from monitor_core.drive.structure import Drive, Output
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read

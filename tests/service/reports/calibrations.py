@@ -13,12 +13,12 @@ from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.catch import Caught, Fault
 from monitor_core.calibration.hypotheses import BankLimits
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.detection.detector import Limit
+from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.settings import Threshold
-from service.axes import axis_model, axis_settings
 from service.calibration.found import Bank, Calibration, Provenance
 from service.calibration.reading import Source
 from service.config import load
+from service.config.axis_settings import axis_model, axis_settings
 from tests.conftest import ROOT
 
 ONSETS, WITHIN_S = 30, 4.0

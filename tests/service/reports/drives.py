@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 
+from monitor_core.drive.structure import Matrix, Output, Quantity
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import Matrix, Output, Quantity
 from monitor_core.modeling.flat import FlatComponent, FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
 
 Row = tuple[str, str, str, dict[str, str]]

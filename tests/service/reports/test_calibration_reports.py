@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from monitor_core.alarms.detector import DetectorName
-from monitor_core.detection.detector import Limit
+from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection.multimodel.multimodel_detector import Limit
 from service.calibration.found import Calibration
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json

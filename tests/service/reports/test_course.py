@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor_core.alarms.episodes import Crossing
-from monitor_core.bank import standard_deviation
-from monitor_core.detection.detector import BankDetector, Limits
-from monitor_core.detection.events import Changed
-from monitor_core.fleet import Block, Fleet
+from monitor_core.detection.alarm import Crossing
+from monitor_core.detection.multimodel.events import Changed
+from monitor_core.detection.multimodel.multimodel_detector import BankDetector, Limits
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitor import AxisMonitor
+from monitor_core.monitoring.axis_batch import standard_deviation
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.fleet import Block, Fleet
 from monitor_core.settings import Threshold
 from service.reports import course as rows
 from service.reports.bank_course import BankCourse

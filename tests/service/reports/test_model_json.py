@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.model import Quantity
+from monitor_core.drive.structure import Quantity
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from service.reports.model_facts import facts_of
 from service.reports.model_json import as_json
 from tests.service.reports.drives import merged, space

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.model import Quantity
+from monitor_core.drive.structure import Quantity
 from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.modeling.statespace import Definition
 from monitor_core.modeling.symbolic import GREEK
 from service.reports.model_latex import as_latex, formula

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.library import REFERENCE_VALUES
-from monitor_core.model import Output
+from monitor_core.drive.structure import Output
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.modeling.statespace import Entries
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_matlab import KEYWORDS, as_matlab, matlab_name, matlab_names

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from monitor_core.kernel.state import COUNTERS
 from service.ingest.assemble import REASONS as DROPPED
-from service.ingest.pipeline import FRAME_REASONS
-from service.ingest.turns import AMBIGUOUS
+from service.ingest.bus_samples import FRAME_REASONS
+from service.ingest.unwrap import AMBIGUOUS
 from service.reports.replay_words import REASONS, dated, duration, time_unit
 from service.reports.timeline import PAUSE_S, Timeline, Times
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.alarms.episodes import Episode
+from monitor_core.detection.alarm import Episode
 from service.store.database import StoreError
 from service.store.journal import Journal
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.alarms.episodes import Cause, Direction, Episode, Name
+from monitor_core.detection.alarm import Cause, Direction, Episode, Name
 from service.store.database import StoreError, StoreInUseError
 from service.store.journal import MIGRATIONS, Entry, Journal
 

@@ -10,20 +10,13 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from monitor_core.alarms.episodes import Cause, Episode, Name, Reach
-from monitor_core.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
-from monitor_core.history.entries import Entry
-from monitor_core.history.trend import trend_of
-from service.ingest.stamps import NOT_KNOWN, Stamps
-from service.monitoring.snapshot import (
-    AxisSnapshot,
-    BusSnapshot,
-    Histogram,
-    History,
-    HistoryPoint,
-    Snapshot,
-)
-from service.monitoring.trends import ParameterTrend
+from monitor_core.detection.alarm import Cause, Episode, Name, Reach
+from monitor_core.monitoring.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
+from monitor_core.trend.entries import Entry
+from monitor_core.trend.trend import trend_of
+from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
+from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, History, HistoryPoint, Snapshot
+from service.pipeline.trend_tracking import ParameterTrend
 from service.store.journal import Journal
 from service.web.app import create_app
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.alarms.episodes import Episode, Reach
-from monitor_core.library import REFERENCE_VALUES, three_mass
-from monitor_core.model import AxisModel
-from monitor_core.monitor import AxisMonitor
+from monitor_core.detection.alarm import Episode, Reach
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from service.monitoring.snapshot import Snapshot
+from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal
 
 

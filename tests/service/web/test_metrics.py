@@ -11,9 +11,9 @@ from fastapi.testclient import TestClient
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
-from service.monitoring.snapshot import Snapshot
+from service.pipeline.snapshot import Snapshot
+from service.web.app_state import VERSION
 from service.web.metrics import SnapshotCollector
-from service.web.world import VERSION
 
 GOLDEN = Path(__file__).with_name("metrics.golden")
 OPENMETRICS = "application/openmetrics-text; version=1.0.0"

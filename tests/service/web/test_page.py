@@ -10,9 +10,9 @@ import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from monitor_core.alarms.episodes import Episode
-from monitor_core.facts import Status
-from service.monitoring.snapshot import Snapshot
+from monitor_core.detection.alarm import Episode
+from monitor_core.monitoring.facts import Status
+from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal
 from service.web.server import serve
 

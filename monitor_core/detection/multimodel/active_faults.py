@@ -1,0 +1,124 @@
+"""What stands in a bank: the causes that have been named and are not over, and what may change from there."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.multimodel.candidates import change
+from monitor_core.detection.multimodel.hypothesis import HEALTHY, NOW, Hypothesis
+from monitor_core.detection.multimodel.naming import Share
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.settings import Settings
+
+SECOND = 0.01
+"""How likely a second cause is beforehand, beside a change of the first."""
+GONE, REST = 2.0, 0.2
+"""Standard deviations; share of what stood: a cause whose whole size is below so much is over.  Sizes between those of
+the hypotheses are off by a tenth.  What is really left is then a change of its own, and seen as one."""
+
+
+class Standing:
+    """Of one axis.  Each cause stands as one hypothesis: all that there is of it."""
+
+    def __init__(self, model: AxisModel, settings: Settings, hypotheses: Sequence[Hypothesis]) -> None:
+        self._model, self._settings, self.hypotheses = model, settings, tuple(hypotheses)
+        self._stands: dict[str, Hypothesis] = {}
+
+    def __len__(self) -> int:
+        return len(self._stands)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """What may stand."""
+        return tuple(dict.fromkeys(of.cause for of in self.hypotheses))
+
+    def clear(self) -> None:
+        """Nothing stands."""
+        self._stands = {}
+
+    def adopt(self, sizes: Mapping[str, float]) -> None:
+        """These causes stand with these sizes (NaN: it has none), no others.
+
+        Raises:
+            KeyError: no hypothesis is of such a cause.
+        """
+        known = {of.cause: of for of in reversed(self.hypotheses)}
+        self._stands = {
+            cause: known[cause] if math.isnan(size) else self._of_size(cause, size)
+            for cause, size in sizes.items()
+        }
+
+    def lanes(self) -> tuple[Hypothesis, ...]:
+        """All as it is now; what may change from here; the way back."""
+        base = NOW
+        for of in self._stands.values():
+            base = of.after(base)
+        changes = (self._now_likely(of).after(base) for of in self.hypotheses)
+        return replace(base, cause=HEALTHY), *changes, self._way_back()
+
+    def _now_likely(self, of: Hypothesis) -> Hypothesis:
+        """That more of what stands, or less of it, is to be seen, is likelier than something else beside it."""
+        other = self._stands and of.cause not in self._stands
+        return replace(of, weight=of.weight * SECOND) if other else of
+
+    def _way_back(self) -> Hypothesis:
+        """All is as it was."""
+        if not self._stands:
+            return replace(NOW, weight=1e-300)
+        (cause, of), *others = self._stands.items()
+        alone = not others and not math.isnan(of.size)
+        return Hypothesis(cause, -of.size) if alone else NOW
+
+    def ended(self, best: Share) -> list[str]:
+        """Which causes are over if this is the likeliest change."""
+        if best.cause == HEALTHY:
+            return list(self._stands)
+        before = self._stands.get(best.cause)
+        if before is None or math.isnan(before.size):
+            return []
+        tolerance = np.fmax(GONE * best.size_sd, REST * abs(before.size))
+        return [best.cause] if abs(before.size + best.size) < tolerance else []
+
+    def end(self, cause: str) -> None:
+        """It is over, if it stood."""
+        self._stands.pop(cause, None)
+
+    def join(self, best: Share, likeliest: Hypothesis) -> None:
+        """A change joins what stands of its cause; ``likeliest`` of the hypotheses of it."""
+        before = self._stands.get(best.cause)
+        own_gain = likeliest.K is not None
+        size = likeliest.size if own_gain else best.size + (before.size if before else 0.0)
+        self._stands[best.cause] = self._of_size(best.cause, size)
+
+    def whole_of(self, found: tuple[Share, ...]) -> tuple[Share, ...]:
+        """The shares, with what stood before of a cause in its size."""
+        before = {cause: of.size for cause, of in self._stands.items() if not math.isnan(of.size)}
+        return tuple(replace(share, size=share.size + before.get(share.cause, 0.0)) for share in found)
+
+    def _of_size(self, cause: str, size: float) -> Hypothesis:
+        """One of the hypotheses, or one of their kind of another size."""
+        own = [of for of in self.hypotheses if of.cause == cause]
+        same = (of for of in own if of.size == size or math.isnan(of.size))
+        return next(same, None) or replace(
+            change(self._model, self._settings, cause, size), alike=own[0].alike
+        )
+
+    def to_array(self) -> Floats:
+        """Number of the cause and size (k, 2), to be saved."""
+        causes = self.causes
+        return np.array([(causes.index(c), of.size) for c, of in self._stands.items()], float).reshape(-1, 2)
+
+    def from_array(self, rows: Floats) -> None:
+        """Go on from what was saved.
+
+        Raises:
+            ValueError: it does not belong to these hypotheses.
+        """
+        causes = self.causes
+        known = [(int(k), float(size)) for k, size in rows]
+        if any(not 0 <= k < len(causes) for k, _ in known):
+            raise ValueError("a cause that these hypotheses do not have")
+        self._stands = {causes[k]: self._of_size(causes[k], size) for k, size in known}

@@ -1,0 +1,375 @@
+"""A bank of hypotheses of one axis: samples in; something changed, it is this, it is over: out."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.multimodel.active_faults import Standing
+from monitor_core.detection.multimodel.candidates import candidates
+from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
+from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
+from monitor_core.detection.multimodel.isolability import told_apart
+from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
+from monitor_core.detection.multimodel.naming import Causes, Share
+from monitor_core.detection.multimodel.scheduled_hypotheses import moved_model, steps
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.kernel.hypotheses import (
+    CHECKS,
+    LAST,
+    PENDING,
+    PHASE,
+    REFINING,
+    SETTLED,
+    SINCE,
+    WAIT,
+    WATCHING,
+    BankTrace,
+    Block,
+    Memory,
+    run_hypotheses,
+)
+from monitor_core.kernel.likelihood import FIRST_MARK, LATE, MARKS, ONSET, G
+from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
+from monitor_core.kernel.state import NEVER
+from monitor_core.kernel.tables import Tables
+from monitor_core.settings import Settings
+
+SURE_ENOUGH = 0.999
+"""Share of the likeliest cause from which on it is named."""
+MEMORIES = 3
+"""Without such a share the likeliest causes are named after so many memory lengths."""
+LOOKS = 20
+"""Looks at the shares in each of them."""
+PATIENCE = 2
+"""So many times as long if it is nothing but noise, a signal that is another one or a scale that never changes: what no
+size fits well looks like that, too, until there is more evidence."""
+_REMEMBERED = 256
+"""Steps whose predictors are kept, for nominal values that come again with the pose."""
+
+
+class HypothesisBank:
+    """Predictors of one axis, one for each hypothesis.
+
+    When a cause has been named, the bank starts anew around the changed axis, so that a second change is seen, and the
+    end of the first.
+
+    Args:
+        model: nominal values; the monitored parameters are the causes, beside faults of the sensors.
+        settings: predictor, gaps, lambda_0, memory.
+        hypotheses: what is looked for; default ``candidates``.
+        h: thresholds, one or (len(hypotheses),).
+        allowance: taken from each log-likelihood ratio, for what healthy records differ by; one or as many.
+        sure: the share from which on a cause is named.
+
+    Raises:
+        ValueError: thresholds that do not fit, a hypothesis that the drive cannot be in, two outputs, or a predictor
+            that is not stable.
+    """
+
+    def __init__(
+        self,
+        model: AxisModel,
+        settings: Settings,
+        hypotheses: Sequence[Hypothesis] | None = None,
+        h: float | Floats = math.inf,
+        allowance: float | Floats = 0.0,
+        sure: float = SURE_ENOUGH,
+    ) -> None:
+        self.model, self.settings, self.sure = model, settings, sure
+        chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
+        self.standing = Standing(model, settings, chosen)
+        """What has been named and is not over."""
+        many = len(self.hypotheses)
+        self._h, self._allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
+        if many == 0 or not (self._h > 0).all() or not np.isfinite(self._allowance).all():
+            raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
+        self._last_resort = {of.cause for of in self.hypotheses if of.weight < 1}
+        self._slowest_us = round(1e6 * _time_constant(model, settings))
+        self.moved = (0,) * len(model.monitored)
+        """By how many steps (following.py) nominal values are away from those of the model."""
+        self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
+        self._build()
+        self._lanes = np.arange(self._predictors.own.shape[1])
+        self._memory = memory_of(self._tables, len(self._lanes))
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What is looked for."""
+        return self.standing.hypotheses
+
+    @property
+    def h(self) -> Floats:
+        """Thresholds (len(hypotheses),)."""
+        return self._h
+
+    @property
+    def allowance(self) -> Floats:
+        """Of each hypothesis."""
+        return self._allowance
+
+    @property
+    def memory(self) -> Memory:
+        """A copy of the state, for a bank of the same hypotheses around the same axis."""
+        return _copy(self._memory)
+
+    @memory.setter
+    def memory(self, memory: Memory) -> None:
+        self._memory = _copy(memory)
+
+    def reset(self) -> None:
+        """As if it had seen nothing."""
+        if self.standing:
+            self.standing.clear()
+            self._build()
+        self.follow((0,) * len(self.moved))
+        self._memory = memory_of(self._tables, len(self._lanes))
+
+    def _build(self) -> None:
+        """What the lanes hold, around what stands."""
+        self._hypotheses = self.standing.lanes()
+        self._causes = Causes(self._hypotheses[1:])
+        back_h = float(np.median(self._h)) if self.standing else math.inf
+        self._limits = np.concatenate([[np.inf], self._h, [back_h]])
+        self._known.clear()
+        self.follow(self.moved)
+
+    def follow(self, moved: tuple[int, ...]) -> None:
+        """The hypotheses around nominal values that have moved by so many steps."""
+        self.moved = moved
+        if moved not in self._known:
+            while len(self._known) >= _REMEMBERED:
+                del self._known[next(iter(self._known))]
+            allowance = np.concatenate([[0.0], self._allowance, [0.0]])
+            self._known[moved] = lanes_of(
+                moved_model(self.model, moved), self.settings, self._hypotheses, self._limits, allowance
+            )
+        self._tables, self._predictors = self._known[moved]
+
+    def adopt(self, standing: Mapping[str, float], since_us: int | None) -> None:
+        """Let these causes stand, with these sizes (NaN: it has none); no others.
+
+        ``since_us``: at that time something beside them changed; it is to be looked at, though its evidence is lost.
+        """
+        self.standing.adopt(standing)
+        self._start(0)
+        if since_us is not None:
+            whole = self._memory.whole
+            whole[PHASE, 0], whole[CHECKS, 0], whole[SINCE, 0] = PENDING, 0, since_us
+            whole[WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """What may be named."""
+        return self.standing.causes
+
+    def leading(self) -> tuple[str, float]:
+        """The cause whose g is nearest its h, and g over h."""
+        many = len(self.hypotheses)
+        share = self._memory.sums[G, 1 : many + 1] / self._h
+        k = int(share.argmax())
+        return self.hypotheses[k].cause, float(share[k])
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The whole state, to be saved: arrays by name."""
+        named = {f"memory_{name}": array.copy() for name, array in self._memory._asdict().items()}
+        return named | {"standing": self.standing.to_array(), "moved": np.array(self.moved, np.int64)}
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Go on from a saved state.
+
+        Raises:
+            KeyError: an array is missing.
+            ValueError: it does not belong to these hypotheses, or is damaged.
+        """
+        saved = {name: np.asarray(arrays[f"memory_{name}"]) for name in self._memory._fields}
+        for name, array in self._memory._asdict().items():
+            if saved[name].shape != array.shape or not np.isfinite(saved[name]).all():
+                raise ValueError(f"{name} of shape {saved[name].shape} does not fit, or is not finite")
+        moved = np.asarray(arrays.get("moved", self.moved), np.int64)
+        if moved.shape != (len(self.moved),):
+            raise ValueError(f"moved of shape {moved.shape} does not fit")
+        self.standing.from_array(np.asarray(arrays["standing"], float))
+        self.moved = tuple(moved.tolist())
+        self._build()
+        self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
+
+    def run(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        gate: NDArray[np.bool_] | None = None,
+        shift: Floats | None = None,
+    ) -> list[Event]:
+        """Samples (N,) in the order of their receipt: times in us, torque in N m, output.
+
+        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``Bank.run``; NaN, and without
+        it, what it was last; while it is NaN nothing is tested.
+
+        Raises:
+            ValueError: shapes that do not fit.
+        """
+        return self._run(_block(t_us, u, y, gate), shift, BankTrace(*(np.empty((0, 0)) for _ in range(3))))
+
+    def run_traced(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        gate: NDArray[np.bool_] | None = None,
+        shift: Floats | None = None,
+        *,
+        what_holds: bool = False,
+    ) -> tuple[list[Event], BankTrace]:
+        """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
+
+        With ``what_holds`` there is a column before them, of what holds now.
+        """
+        N, first, last = len(t_us), 0 if what_holds else 1, len(self.hypotheses) + 1
+        trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
+        events = self._run(_block(t_us, u, y, gate), shift, trace)
+        return events, BankTrace(*(of[:, first:last] for of in trace))
+
+    def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
+        N, p = len(block.t), len(self.moved)
+        if shift is not None and np.shape(shift) != (N, p):
+            raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
+        if shift is not None:
+            known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
+            block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
+        events: list[Event] = []
+        for here, moved in steps(self.model, shift, self.moved, N):
+            if moved != self.moved:
+                self.follow(moved)
+            part = Block(block.t[here], block.u[here], block.y[here], block.gate[here])
+            events += self._run_on(part, BankTrace(*(of[here] for of in trace)))
+        return events
+
+    def _run_on(self, block: Block, trace: BankTrace) -> list[Event]:
+        """Samples with the same nominal values."""
+        at, events = 0, list[Event]()
+        while at < len(block.t):
+            at = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, at, trace)
+            if self._memory.whole[WAIT, 0] == 0:
+                events += self._decide(int(block.t[at - 1]))
+        return events
+
+    def _decide(self, now_us: int) -> Iterator[Event]:
+        """Something has changed, or it is time to look at what, or what was named is known well by now."""
+        whole = self._memory.whole
+        if whole[PHASE, 0] == REFINING:
+            yield from self._settle(now_us)
+            return
+        if whole[PHASE, 0] == WATCHING:
+            whole[PHASE, 0], whole[CHECKS, 0], whole[SINCE, 0] = PENDING, 0, now_us
+            self._turn_round()
+            yield Changed(now_us, self.onset(), self._shares())
+        yield from self._look(now_us)
+
+    def _look(self, now_us: int) -> Iterator[Event]:
+        """What has changed is named if that is sure, or has been looked for long enough."""
+        whole, memory = self._memory.whole, self.settings.memory
+        whole[CHECKS, 0] += 1
+        whole[WAIT, 0], since = max(1, round(memory / LOOKS)), int(whole[SINCE, 0])
+        found, looked = self._shares(), whole[CHECKS, 0] / (LOOKS * MEMORIES)
+        if looked >= 1 and not self._lasts():
+            self._start(0)
+            yield Over(now_us, since, HEALTHY)
+            return
+        # Until the state of the axis is no longer that of before, no hypothesis holds, and the least wrong one is sure.
+        early = now_us - since < self._slowest_us
+        sure, resort = found[0].probability >= self.sure, found[0].cause in self._last_resort
+        if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
+            whole[PHASE, 0], whole[WAIT, 0] = REFINING, round(MEMORIES * memory)
+            yield Named(now_us, since, self.onset(), self.standing.whole_of(found), sure)
+
+    def _turn_round(self) -> None:
+        """Predictors with a sign swapped have moved the other way until now: they begin where the axis was."""
+        for k, of in enumerate(self._hypotheses):
+            if of.torque.scale < 0 or of.output.scale < 0:
+                self._memory.x[:, k] = self._memory.x[:, 0]
+
+    def _lasts(self) -> bool:
+        """There is still evidence of a change."""
+        many = len(self._hypotheses)
+        return bool((self._memory.sums[G, :many] > 0.5 * self._predictors.own[LIMIT, :many]).any())
+
+    def _settle(self, now_us: int) -> Iterator[Event]:
+        """The likeliest cause joins what stands, with its size; from now on what differs from that is a change."""
+        found, onset, since = self._shares(), self.onset(), int(self._memory.whole[SINCE, 0])
+        best, lane = found[0], self._lane_of(found[0])
+        over = self.standing.ended(best) if self._lasts() else [HEALTHY]
+        if best.cause != HEALTHY and not over:
+            yield Named(now_us, since, onset, self.standing.whole_of(found), best.probability >= self.sure)
+            self.standing.join(best, self._hypotheses[lane])
+        for cause in over:
+            self.standing.end(cause)
+            yield Over(now_us, since, cause)
+        self._start(lane if self._lasts() else 0)
+
+    def _shares(self) -> tuple[Share, ...]:
+        return self._causes.shares(self._memory.sums[G, 1 : len(self._hypotheses)])
+
+    def onset(self) -> Onset:
+        """Of the likeliest hypothesis: when its g was last zero, and from when on and until when that may have been.
+
+        It predicts as if the change had always been there, and gains nothing while the state of the axis still is that
+        of before: so the change may be earlier by half the slowest time constant.
+        """
+        k = int(self._memory.sums[G, : len(self._hypotheses)].argmax())
+        when = self._memory.when[:, k]
+        earliest = int(when[FIRST_MARK + MARKS - 1]) - self._slowest_us // 2
+        return Onset(int(when[ONSET]), earliest, int(max(when[LATE], when[ONSET])))
+
+    def _lane_of(self, best: Share) -> int:
+        """The hypothesis of a cause that has most evidence."""
+        g = self._memory.sums[G]
+        own = [k for k, of in enumerate(self._hypotheses) if k > 0 and of.cause == best.cause]
+        return max(own, key=lambda k: float(g[k]))
+
+    def _start(self, lane: int) -> None:
+        """Anew around what stands now, from the state of a hypothesis."""
+        M = self._memory
+        self._build()
+        M.x[:] = M.x[:, lane : lane + 1]
+        M.sums[:], M.when[:] = 0.0, M.whole[LAST, 0]
+        M.whole[PHASE, 0], M.whole[WAIT, 0], M.whole[CHECKS, 0] = WATCHING, 1, 0
+        if M.whole[LAST, 0] != NEVER:
+            M.whole[SETTLED, 0] = M.whole[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
+
+
+def _copy(memory: Memory) -> Memory:
+    return Memory(**{name: array.copy() for name, array in memory._asdict().items()})
+
+
+def _time_constant(model: AxisModel, s: Settings) -> float:
+    """The predictor's slowest [s].
+
+    Raises:
+        ValueError: there are two outputs, or the predictor is not stable.
+    """
+    if model.drive.both:
+        raise ValueError(f"the drive {model.drive.name!r} has two outputs: hypotheses predict one")
+    found = slowest_time_constant(model, s.gain(len(model.drive.states)), s.interval_s)
+    if not math.isfinite(found):
+        raise ValueError("the predictor is not stable: hypotheses need a filter gain K")
+    return found
+
+
+def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
+    """Those candidates that change the data, each told from the others by them."""
+    return told_apart(model, settings, candidates(model, settings))
+
+
+def _block(t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None) -> Block:
+    t = np.ascontiguousarray(t_us, dtype=np.int64)
+    opened = (
+        np.empty((0, 1), np.bool_) if gate is None else np.ascontiguousarray(gate, np.bool_)[:, np.newaxis]
+    )
+    if t.ndim != 1 or np.shape(u) != t.shape or np.shape(y) != t.shape or len(opened) not in {0, len(t)}:
+        raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N,) each")
+    return Block(t, np.ascontiguousarray(u, float), np.ascontiguousarray(y, float), opened)

@@ -1,0 +1,120 @@
+"""From hypotheses to the kernel's arrays: constants, a lane for each, and the state of a bank that has seen nothing."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.arrays import Floats, Ints
+from monitor_core.detection.multimodel.hypothesis import Hypothesis
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import DELAY as DELAY_PARAMETER
+from monitor_core.kernel import hypotheses as kernel
+from monitor_core.kernel import likelihood, predictors
+from monitor_core.kernel.hypotheses import Memory
+from monitor_core.kernel.outliers import CREDIT
+from monitor_core.kernel.predictors import Predictors
+from monitor_core.kernel.state import COUNTERS, NEVER
+from monitor_core.kernel.tables import GAINS, OF_MOTION, ONE, TORQUE, Tables
+from monitor_core.kernel.vector import EIGHT
+from monitor_core.settings import Settings
+
+
+def lanes_of(
+    model: AxisModel, settings: Settings, hypotheses: Sequence[Hypothesis], h: Floats, allowance: Floats
+) -> tuple[Tables, Predictors]:
+    """The kernel's arrays; the first hypothesis fills the lanes up to a multiple of eight, and never alarms.
+
+    Raises:
+        ValueError: a hypothesis whose values the drive cannot have.
+    """
+    plain = replace(model, monitored=(), bounds={}, relative=False)
+    assembly = Assembly(model.drive, ())
+    fill = -len(hypotheses) % EIGHT
+    hypotheses = [*hypotheses, *[hypotheses[0]] * fill]
+    h = np.concatenate([h, np.full(fill, np.inf)])
+    allowance = np.concatenate([allowance, np.zeros(fill)])
+    lanes = [_lane(plain, settings, assembly, of) for of in hypotheses]
+    table = {name: np.stack([lane[name] for lane in lanes], axis=1) for name in lanes[0]}
+    table["own"][predictors.LEVEL] -= allowance
+    table["own"][predictors.LIMIT] = h
+    s = settings
+    axis = [
+        s.interval_s, s.lam, s.lam0, round(s.max_gap_s * 1e6), round(s.settle_s * 1e6), round(s.lost_s * 1e6), s.outlier
+    ]  # fmt: skip
+    return assembly.tables, Predictors(
+        **{name: np.ascontiguousarray(values) for name, values in table.items()},
+        moving=_moving(model, table["acts"]),
+        axis=np.array(axis, float)[:, np.newaxis],
+    )
+
+
+def memory_of(tables: Tables, lanes: int) -> Memory:
+    """The state of a bank that has seen nothing."""
+    n, m = tables.n, tables.m
+    u = np.zeros((m, lanes))
+    u[tables.kind == ONE] = 1.0
+    numbers = np.zeros((4, 1))
+    numbers[kernel.CREDIT] = CREDIT
+    whole = np.zeros((kernel.COUNTS + len(COUNTERS), 1), np.int64)
+    whole[kernel.LAST], whole[kernel.WAIT], whole[kernel.SINCE] = NEVER, 1, NEVER
+    when = np.full((likelihood.FIRST_MARK + likelihood.MARKS, lanes), NEVER)
+    return Memory(np.zeros((n, lanes)), u, np.zeros((2, lanes)), when, numbers, whole)
+
+
+def _lane(model: AxisModel, s: Settings, assembly: Assembly, of: Hypothesis) -> dict[str, Floats]:
+    changed = replace(model, nominal=values_of(model, of))
+    numbers = assembly.model_constants(changed, s.speed_scale)
+    n = len(model.drive.states)
+    gains = np.tile(of.K, (GAINS, 1)) if of.K is not None else s.gains(n)
+    gains = np.zeros_like(gains) if of.frozen else gains / of.output.scale
+    delay = s.delay_s + model.nominal.get(DELAY_PARAMETER, 0.0) + of.delay_s
+    own = [
+        delay, of.torque.scale, of.torque.offset, of.output.scale, of.output.offset, of.frozen, of.still,
+        1 / (of.variance * s.lam0), -0.5 * np.log(of.variance), 0.0,
+    ]  # fmt: skip
+    found = {name: numbers[name] for name in ("weight", "rest", "u_scale")}
+    found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}
+    return found | _interval(changed, of, s.interval_s, delay)
+
+
+def values_of(model: AxisModel, of: Hypothesis) -> dict[str, float]:
+    """All parameter values when a change has happened."""
+    values = dict(model.nominal)
+    for name, factor in of.factors.items():
+        values[name] *= factor
+    for name, shift in of.shifts.items():
+        values[name] += shift
+    return values
+
+
+def _interval(model: AxisModel, of: Hypothesis, interval_s: float, delay: float) -> dict[str, Floats]:
+    """The nominal interval: with the torque before it up to the delay, with that of its end where it acts early."""
+    A, B, _ = model.matrices()
+    d = model.balance()
+    A, B, kinds = A / d[:, np.newaxis] * d, B / d[:, np.newaxis], np.array(model.drive.inputs)
+    before, now = np.clip(delay, 0, interval_s), np.clip(-delay, 0, interval_s)
+    held = interval_s - before - now
+    (A1, B1), (A2, B2), (A3, B3) = (_held(A, B, float(part)) for part in (before, held, now))
+    parts = np.stack([A3 @ A2 @ B1, A3 @ B2, B3])  # (3, n, m)
+    taps, all_of_it = parts[:, :, kinds == TORQUE].sum(axis=2) * d, parts.sum(axis=0) * d[:, np.newaxis]
+    constant = taps.sum(axis=0) * of.torque.offset + all_of_it[:, kinds == ONE].sum(axis=1)
+    return {
+        "move": (A3 @ A2 @ A1 * d[:, np.newaxis] / d).ravel(),
+        "taps": (taps * of.torque.scale).ravel(),
+        "constant": constant,
+        "acts": all_of_it.ravel(),
+    }
+
+
+def _held(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats]:
+    return zero_order_hold(A, B, h) if h > 0 else (np.eye(len(A)), np.zeros_like(B))
+
+
+def _moving(model: AxisModel, acts: Floats) -> Ints:
+    """Which inputs depend on the motion and act, for any hypothesis."""
+    kinds = model.drive.inputs
+    of_input = np.abs(acts.reshape(len(model.drive.states), len(kinds), -1)).max(axis=(0, 2))
+    return np.array([c for c, kind in enumerate(kinds) if kind in OF_MOTION and of_input[c]], dtype=np.int64)

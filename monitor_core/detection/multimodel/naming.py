@@ -1,0 +1,94 @@
+"""Which cause, and what size: from the evidence of all hypotheses since something changed."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.arrays import Floats, Ints
+from monitor_core.detection.multimodel.hypothesis import Hypothesis
+
+_BEYOND = 1.5
+"""Sizes are extrapolated so many times at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A cause, how likely it is, and its size with its standard deviation (NaN: it has none, or is not known).
+
+    ``alike`` are causes that make the same data: it is this one or one of those.
+    """
+
+    cause: str
+    probability: float
+    size: float
+    size_sd: float
+    alike: tuple[str, ...] = ()
+
+
+class Causes:
+    """What hypotheses (H,) are about: asked again and again, sorted once."""
+
+    def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:
+        names = list(dict.fromkeys(h.cause for h in hypotheses))
+        self._of = np.array([names.index(h.cause) for h in hypotheses])
+        self._prior = np.array([h.weight for h in hypotheses]) / np.bincount(self._of)[self._of]
+        self._causes = [_Cause.of(name, hypotheses) for name in names]
+
+    def shares(self, evidence: Floats) -> tuple[Share, ...]:
+        """The causes, the likeliest first; ``evidence`` (H,) are log-likelihood ratios since the onset.
+
+        The probability of a cause is the sum of the posterior ones of its sizes, each as likely beforehand as its
+        weight says; all sizes together as likely as those of another cause.
+        """
+        posterior = np.exp(evidence - evidence.max()) * self._prior
+        summed = np.bincount(self._of, posterior, len(self._causes)) / posterior.sum()
+        with_none = np.append(evidence, 0.0)
+        found = [
+            Share(cause.name, probability, *cause.fitted(with_none[cause.at]), cause.alike)
+            for cause, probability in zip(self._causes, summed.tolist(), strict=True)
+        ]
+        return tuple(sorted(found, key=lambda share: -share.probability))
+
+
+@dataclass(frozen=True, slots=True)
+class _Cause:
+    """Its sizes (k,), ascending; where the evidence of each is, -1 for that of no change."""
+
+    name: str
+    size: Floats
+    at: Ints
+    alike: tuple[str, ...]
+
+    @classmethod
+    def of(cls, name: str, hypotheses: Sequence[Hypothesis]) -> "_Cause":
+        """That nothing has changed, size 0 and evidence 0, is one of them where sizes have both signs."""
+        own = {h.size: k for k, h in enumerate(hypotheses) if h.cause == name}
+        if min(own) < 0 < max(own):
+            own[0.0] = -1
+        sizes = sorted(own)
+        alike = dict.fromkeys(other for h in hypotheses if h.cause == name for other in h.alike)
+        return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike))
+
+    def fitted(self, evidence: Floats) -> tuple[float, float]:
+        """Size and its sd: where the parabola through the best (k,) and its neighbours has its top, its width there."""
+        if len(self.size) < 3:
+            return float(self.size[evidence.argmax()]), math.nan
+        return vertex(self.size, evidence)
+
+
+def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:
+    """Top of the parabola through the largest of ``evidence`` (k,) and its neighbours, and -1/curvature, as a sd.
+
+    ``size`` (k,) ascends; k > 2.
+    """
+    k = min(max(int(evidence.argmax()), 1), len(size) - 2)
+    left, right = size[k] - size[k - 1], size[k + 1] - size[k]
+    rise, fall = (evidence[k] - evidence[k - 1]) / left, (evidence[k] - evidence[k + 1]) / right
+    curvature = 2 * (rise + fall) / (left + right)
+    if not curvature > 0:
+        return float(size[evidence.argmax()]), math.nan
+    top = size[k] + (rise * right - fall * left) / (left + right) / curvature
+    low, high = min(_BEYOND * size[0], size[0]), _BEYOND * size[-1]
+    return float(np.clip(top, low, high)), float(math.sqrt(1 / curvature))

@@ -1,0 +1,156 @@
+"""Onset and kind of a change, from how the estimates went until then.
+
+theta and P at two times say what the samples between them said alone: R theta is the sum of psi (eps + psi' theta),
+forgotten like R = P^-1.  So R_k theta_k - lam^n R_(k-1) theta_(k-1) has no memory left: its mean is dR theta and its
+covariance lambda_0 dR, dR = R_k - lam^n R_(k-1), white from stretch to stretch.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.change_time import Change, find_change
+from monitor_core.kernel.state import NEVER
+
+FEWEST = 8
+"""Stretches that are needed to tell anything."""
+
+APART = 4
+"""Stretches that are hardly correlated any more."""
+
+LEAST_SHARE = 1e-4
+"""Of the information of the others; a stretch with less says nothing."""
+
+
+class Past(NamedTuple):
+    """Deviations and P at some times, equally many samples that were learned apart."""
+
+    t_us: NDArray[np.int64]  # (N,)
+    d: Floats  # (N, p)
+    P: Floats  # (N, p, p)
+    lam: float
+    """lambda, over all samples of a stretch; 1 where parameters are a random walk"""
+    walk: Floats
+    """What that adds to the diagonal of P in a stretch (p,); else 0"""
+    lam0: float
+    lag_us: float
+    """So much later than a parameter changes its estimate may begin to move: the predictor's slowest time constant"""
+
+
+def past_of(
+    t_us: NDArray[np.int64], kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float
+) -> Past:
+    """From what the kernel keeps: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2)."""
+    known = t_us != NEVER
+    rows, columns = np.triu_indices(p)
+    P = np.empty((int(known.sum()), p, p))
+    P[:, rows, columns] = P[:, columns, rows] = kept[known, p:]
+    return Past(t_us[known], kept[known, :p], P, lam, walk, lam0, lag_us)
+
+
+def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
+    """Deviations (p,) that explain the last stretches, all counting alike, with their covariance; None: too little.
+
+    An estimate forgets: where an axis has just moved little, most of what was learned since a change is gone from it.
+    """
+    if len(past.t_us) <= stretches:
+        return None
+    dR, ds = _said(past)
+    R, s = dR[-stretches:].sum(0), ds[-stretches:].sum(0)
+    scale = np.sqrt(np.abs(np.diag(R)))
+    with np.errstate(all="ignore"):
+        normal = R / np.outer(scale, scale)
+    if not np.isfinite(normal).all() or np.linalg.eigvalsh(normal)[0] < 1e-9:
+        return None
+    V = np.linalg.inv(normal) / np.outer(scale, scale)
+    excess = float(np.mean([scatter(past, i) ** 2 for i in range(len(s))]))
+    return V @ s, excess * past.lam0 * V
+
+
+def _said(past: Past) -> tuple[Floats, Floats]:
+    """Information dR (N, p, p) and R theta (N, p) of each stretch by itself."""
+    R, before = _inverses(past.P), past.lam * _inverses(past.P[:-1] + np.diag(past.walk))
+    ds = np.einsum("kij,kj->ki", R[1:], past.d[1:]) - np.einsum("kij,kj->ki", before, past.d[:-1])
+    return R[1:] - before, ds
+
+
+def _inverses(P: Floats) -> Floats:
+    """Of matrices (N, p, p); NaN where there is none, as a predictor that runs away may make P singular."""
+    try:
+        return np.asarray(np.linalg.inv(P))
+    except np.linalg.LinAlgError:
+        if len(P) == 1:
+            return np.full_like(P, np.nan)
+        return np.concatenate([_inverses(P[k : k + 1]) for k in range(len(P))])
+
+
+def change_of(past: Past, i: int, alone: bool) -> Change | None:
+    """The change of parameter i, in microseconds after the last of the past; None: too little is known.
+
+    Args:
+        past: as kept.
+        i: which.
+        alone: nothing but it has changed; otherwise nothing is assumed of the others, which tells less.
+    """
+    edges, value, sd = _stretches(past, i, alone)
+    if len(value) < FEWEST:
+        return None
+    found = find_change(edges, value, sd, float(np.sqrt(past.lam0 * past.P[-1, i, i] / 2)))
+    low, best = found.low - past.lag_us, found.best - min(past.lag_us / 2, found.best - found.low)
+    return found._replace(low=low, best=best)
+
+
+def scatter(past: Past, i: int) -> float:
+    """How much more than P says the estimate of parameter i scatters, by how the stretches do; at least 1.
+
+    From differences, which a single change hardly touches: those of neighbours are smaller where they are correlated,
+    and what is correlated averages out the more slowly.
+    """
+    _, value, sd = _stretches(past, i, alone=True)
+    if len(value) < 4 * APART:
+        return 1.0
+    near, far = _variance(value, sd, 1), _variance(value, sd, APART)
+    if far == 0.0:
+        return 1.0
+    r = min(max(1 - near / far, 0.0), 0.5)
+    return max(1.0, float(np.sqrt(far * (1 + r) / (1 - r))))
+
+
+def _variance(value: Floats, sd: Floats, apart: int) -> float:
+    """Of values over their standard deviations, from differences; without the largest, which may be a change."""
+    square = (value[apart:] - value[:-apart]) ** 2 / (sd[apart:] ** 2 + sd[:-apart] ** 2)
+    return float(np.mean(np.sort(square)[:-apart]))
+
+
+def _stretches(past: Past, i: int, alone: bool) -> tuple[Floats, Floats, Floats]:
+    """Edges (N + 1,), us after the last, values (N,) and their sd (N,) of the stretches that say anything."""
+    if len(past.t_us) <= FEWEST:
+        return np.zeros(1), np.zeros(0), np.zeros(0)
+    dR, ds = _said(past)
+    value, information = _of_itself(dR, ds, i) if alone else _beside_others(dR, ds, i)
+    use = np.isfinite(value) & np.isfinite(information) & (information > 0)
+    use &= information > LEAST_SHARE * (np.median(information[use]) if use.any() else 0.0)
+    t_us = past.t_us - past.t_us[-1]  # as times they have more digits than a float
+    edges = np.append(t_us[0], t_us[1:][use]).astype(float)
+    return edges, value[use], np.sqrt(past.lam0 / information[use])
+
+
+def _of_itself(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
+    information = dR[:, i, i]
+    with np.errstate(all="ignore"):
+        return ds[:, i] / information, information
+
+
+def _beside_others(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
+    """Of each stretch by itself; a stretch that does not tell the parameters apart says nothing."""
+    value, information = np.zeros(len(dR)), np.zeros(len(dR))
+    for k, (A, b) in enumerate(zip(dR, ds, strict=True)):
+        scale = np.sqrt(np.abs(np.diag(A)))
+        with np.errstate(all="ignore"):
+            normal = A / np.outer(scale, scale)
+        if np.isfinite(normal).all() and np.linalg.eigvalsh(normal)[0] > 1e-6:
+            inverse = np.linalg.inv(normal) / np.outer(scale, scale)
+            value[k], information[k] = (inverse @ b)[i], 1 / inverse[i, i]
+    return value, information

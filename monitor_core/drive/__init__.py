@@ -1,0 +1,1 @@
+"""A drive as numbers: parameters, units, bounds; A, B, C as data; stability, Kalman gain."""

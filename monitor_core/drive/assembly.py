@@ -1,0 +1,217 @@
+"""From models to the kernel's arrays: Tables for a structure, one column of Constants for each axis."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats, Indices, Ints
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DELAY, Drive, Term, split_name
+from monitor_core.kernel.tables import COULOMB, Constants, Tables
+from monitor_core.kernel.vector import FOUR
+
+_ROWS_OF = {"A": 0, "B": 1, "C": 2, "C2": 6}
+
+
+class _Slot(NamedTuple):
+    """An entry of A, B, C, C2 (par = -1) or of its derivative with respect to theta_par."""
+
+    group: int
+    par: int
+    row: int
+    col: int
+
+
+class _Piece(NamedTuple):
+    """A Laurent term split into what is monitored (factors of theta) and what is not (folded into a number)."""
+
+    slot: _Slot
+    multiple: float
+    term: Term
+    factors: tuple[tuple[int, int], ...]
+
+
+class Assembly:
+    """The kernel's view of a structure: a drive and the names of its monitored parameters.
+
+    ``tables`` is shared by all axes of the structure; ``constants_of`` fills the numbers of one axis.
+    """
+
+    def __init__(self, drive: Drive, monitored: Sequence[str]) -> None:
+        self.drive, self.monitored = drive, tuple(monitored)
+        self._signs = {split_name(name)[0]: _sign(i, name) for i, name in enumerate(monitored)}
+        self._pieces = [p for term in drive.terms if term.matrix in _ROWS_OF for p in self._split(term)]
+        slots = sorted({p.slot for p in self._pieces})
+        self._index = {slot: k for k, slot in enumerate(slots)}
+        self._varying = sorted((p for p in self._pieces if p.factors), key=lambda p: p.slot)
+        self.tables = self._tables(slots)
+
+    def _split(self, term: Term) -> list[_Piece]:
+        """The term and its derivatives d/dtheta_i = e_i c theta_i^(e_i - 1) ..., which are terms of the same kind."""
+        factors: dict[int, int] = {}
+        for name, e in term.powers:
+            if name in self._signs:
+                i, sign = self._signs[name]
+                factors[i] = factors.get(i, 0) + sign * e
+        group = _ROWS_OF[term.matrix]
+        pieces = [_Piece(_Slot(group, -1, term.row, term.col), 1.0, term, _ordered(factors))]
+        for i, e in factors.items():
+            rest = {**factors, i: e - 1}
+            pieces.append(_Piece(_Slot(group + 3, i, term.row, term.col), float(e), term, _ordered(rest)))
+        return pieces
+
+    def _tables(self, slots: list[_Slot]) -> Tables:
+        n, p = len(self.drive.states), len(self.monitored)
+        filtered = self.drive.output != "speed" and COULOMB in self.drive.inputs
+        A = [s for s in slots if s.group == 0]
+        inputs = self._input_products(n, p, filtered)
+        outputs, second = (self._output_products(n, p, _ROWS_OF[which]) for which in ("C", "C2"))
+        factors = [factor for piece in self._varying for factor in piece.factors]
+        return Tables(
+            n=n,
+            p=p,
+            m=len(self.drive.inputs),
+            speed_state=self.drive.speed_state,
+            filtered_speed=int(filtered),
+            mean=self.drive.mean_state,
+            late=self.monitored.index(DELAY) if DELAY in self.monitored else -1,
+            slots=len(slots),
+            A_row=_ints(s.row for s in A),
+            A_col=_ints(s.col for s in A),
+            **self._derivatives_of_A(n, p),
+            in_row=_ints(q[0] for q in inputs),
+            in_slot=_ints(q[1] for q in inputs),
+            in_col=_ints(q[2] for q in inputs),
+            in_par=_ints(q[3] for q in inputs),
+            out_slot=_ints(q[0] for q in outputs),
+            out_src=_ints(q[1] for q in outputs),
+            out_par=_ints(q[2] for q in outputs),
+            two=int(self.drive.both),
+            out2_slot=_ints(q[0] for q in second),
+            out2_src=_ints(q[1] for q in second),
+            out2_par=_ints(q[2] for q in second),
+            kind=_ints(self.drive.inputs),
+            term_slot=_ints(self._index[piece.slot] for piece in self._varying),
+            factor_start=_ints(np.cumsum([0] + [len(piece.factors) for piece in self._varying])),
+            factor_par=_ints(i for i, _ in factors),
+            factor_exp=_ints(e for _, e in factors),
+        )
+
+    def _derivatives_of_A(self, n: int, p: int) -> dict[str, Any]:
+        """Where A has entries, and where the A_i have: by places (all A_i), and by rows of one A_i."""
+        blocks = -(-(p + 1) // FOUR) * FOUR
+        A = [s for s in self._index if s.group == 0]
+        slopes = {s: k for s, k in self._index.items() if s.group == 3}
+        places = sorted({(s.row, s.col) for s in slopes})
+        zero = len(self._index)
+        dense = [slopes.get(_Slot(3, i, r, c), zero) for r, c in places for i in range(blocks)]
+        parts = sorted({(s.row, s.par) for s in slopes})
+        entries = [[(s.col, k) for s, k in slopes.items() if (s.row, s.par) == part] for part in parts]
+        return {
+            "A_at": _indices(s.col * blocks for s in A),
+            "A_start": _starts(n, [s.row for s in A]),
+            "blocks": blocks,
+            "more_start": _starts(n, [r for r, _ in places]),
+            "more_col": _indices(c * blocks for _, c in places),
+            "more_slot": _indices(dense),
+            "part_start": _indices(np.cumsum([0] + [len(e) for e in entries])),
+            "part_place": _indices(r * blocks + i for r, i in parts),
+            "part_col": _indices(c * blocks for e in entries for c, _ in e),
+            "part_slot": _indices(k for e in entries for _, k in e),
+        }
+
+    def _input_products(self, n: int, p: int, filtered: bool) -> list[tuple[int, int, int, int]]:
+        """(element, slot, input, parameter or -1): B u for x, B_i u for z_i, and B u_i where u depends on theta."""
+        products = [(p * n + s.row, k, s.col, -1) for s, k in self._index.items() if s.group == 1]
+        products += [(s.par * n + s.row, k, s.col, -1) for s, k in self._index.items() if s.group == 4]
+        if filtered:
+            friction = [s for s in self._index if s.group == 1 and self.drive.inputs[s.col] == COULOMB]
+            products += [(i * n + s.row, self._index[s], s.col, i) for s in friction for i in range(p)]
+        return products
+
+    def _output_products(self, n: int, p: int, group: int) -> list[tuple[int, int, int]]:
+        """(slot, element, parameter or -1): C x for yhat, C z_i and C_i x for psi_i, of C or of C2."""
+        C = [(s, k) for s, k in self._index.items() if s.group == group]
+        products = [(k, p * n + s.col, -1) for s, k in C]
+        products += [(k, i * n + s.col, i) for s, k in C for i in range(p)]
+        return products + [(k, p * n + s.col, s.par) for s, k in self._index.items() if s.group == group + 3]
+
+    def model_constants(self, model: AxisModel, speed_scale: float) -> dict[str, Floats]:
+        """V0, coef, weight, rest, theta0, lower, upper and u_scale of one axis, each as a vector.
+
+        ``speed_scale`` [rad/s] is that of Coulomb friction, see Settings.
+
+        Raises:
+            ValueError: the drive's ``speed_state`` is not the speed at the sensor.
+        """
+        # Of a monitored parameter theta_i is a factor; what is left of it here is the unit of theta_i.
+        units = {name: model.unit[i] ** sign for name, (i, sign) in self._signs.items()}
+        fixed = {name: units.get(name, v) for name, v in model.nominal.items()}
+        V0 = np.zeros(len(self._index))
+        for p in self._pieces:
+            if not p.factors:
+                V0[self._index[p.slot]] += p.multiple * p.term.value(fixed)
+        d = model.balance()
+        return {
+            "V0": V0,
+            "coef": np.array([p.multiple * p.term.value(fixed) for p in self._varying]),
+            "weight": d[self.tables.A_col] / d[self.tables.A_row],
+            "rest": model.drive.matrix("rest", model.nominal)[:, 0],
+            "theta0": model.theta0,
+            "lower": model.limits[0],
+            "upper": model.limits[1],
+            "u_scale": _input_scales(model, speed_scale),
+        }
+
+
+def fill(target: Constants, axis: int, values: dict[str, Floats]) -> None:
+    """Write named vectors or numbers into the column of one axis.
+
+    Raises:
+        KeyError: a constant is missing or unknown.
+    """
+    if set(values) != set(Constants._fields):
+        raise KeyError(f"constants {sorted(set(values) ^ set(Constants._fields))}")
+    for name, value in values.items():
+        getattr(target, name)[..., axis] = value
+
+
+def _input_scales(model: AxisModel, speed_scale: float) -> Floats:
+    """What the speed or angle that the kernel has is multiplied by to give the argument of an input (m,).
+
+    At nominal a flange has ``ratio`` times the angle and speed of the sensor.  The angle is measured.  The speed is
+    measured, too, or it is that of the predictor: the sensor's is (C A x), of which x[speed_state] is all.
+    """
+    drive = model.drive
+    scale, friction = drive.matrix("ratio", model.nominal)[:, 0], np.array(drive.inputs) == COULOMB
+    scale[friction] /= speed_scale
+    if drive.output != "speed" and friction.any():
+        A, _, C = model.matrices()
+        sensor = (C @ A)[0, drive.speed_state]
+        if sensor == 0:
+            state = drive.states[drive.speed_state].name
+            raise ValueError(f"Coulomb friction needs the speed at the sensor, which {state} is not")
+        scale[friction] *= sensor
+    return scale
+
+
+def _sign(i: int, name: str) -> tuple[int, int]:
+    return i, -1 if split_name(name)[1] else 1
+
+
+def _ordered(factors: dict[int, int]) -> tuple[tuple[int, int], ...]:
+    return tuple((i, e) for i, e in sorted(factors.items()) if e != 0)
+
+
+def _ints(values: object) -> Ints:
+    return np.array(list(values), dtype=np.int64)  # type: ignore[call-overload]
+
+
+def _starts(n: int, rows: Sequence[int]) -> Indices:
+    """Where each of n rows begins in a list that is sorted by rows, and the end."""
+    return _indices(np.searchsorted(rows, np.arange(n + 1)))
+
+
+def _indices(values: object) -> Indices:
+    return _ints(values).astype(np.uint64)

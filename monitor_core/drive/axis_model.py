@@ -1,0 +1,177 @@
+"""One axis: a drive with nominal values, and the parameters to be monitored.
+
+``Drive`` (drive.py) is the structure of a family of axes (library.py has the three-mass drive of the paper),
+``AxisModel`` is one axis of it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as sla
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import (
+    DELAY,
+    Drive,
+    Parameter,
+    split_name,
+)
+from monitor_core.kernel.tables import COSINE, COULOMB, SINE
+
+
+@dataclass(frozen=True)
+class AxisModel:
+    """One axis: a drive, its nominal values (SI), and the parameters theta that are to be tracked.
+
+    ``nominal`` may be given by the names of the drive's parameters or, where these are merged, of what was drawn; here
+    it holds all parameters of the drive, and no others.
+    A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a
+    parameter whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine
+    theta; default for a positive parameter: a tenth to ten times its nominal value.
+    ``relative``: theta is in units of these sizes, so that a healthy parameter is 1 (-1, or 0); ``scales`` and
+    ``bounds`` stay in SI.
+
+    Raises:
+        KeyError: a name that the drive does not have, or a nominal value that is missing.
+        ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice;
+            the reciprocal of zero; a parameter without size; bounds that do not hold the nominal value; a drive
+            whose inputs cannot be had from its output.
+    """
+
+    drive: Drive
+    nominal: Mapping[str, float]
+    monitored: tuple[str, ...]
+    scales: Mapping[str, float] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    relative: bool = False
+
+    def __post_init__(self) -> None:
+        self._check_inputs()
+        for name, value in self.nominal.items():
+            _check_value(name, value, self.drive.given_as(name))
+        complete = self.drive.complete(self.nominal)
+        for p in self.drive.parameters:
+            _check_value(p.name, complete[p.name], p)
+        object.__setattr__(self, "nominal", complete)
+        self._check_monitored()
+        self._check_sizes()
+        self._check_bounds()
+
+    def _check_inputs(self) -> None:
+        kinds, output = self.drive.inputs, self.drive.output
+        if output != "angle" and (COSINE in kinds or SINE in kinds):
+            raise ValueError("gravity depends on the angle: measure the angle")
+        if output != "speed" and COULOMB in kinds and self.drive.speed_state < 0:
+            raise ValueError(
+                f"Coulomb friction depends on the speed, and no state is that of the {output} sensor: measure the speed"
+            )
+
+    def _check_monitored(self) -> None:
+        bases = [split_name(name)[0] for name in self.monitored]
+        for name in self.monitored:
+            self.drive.parameter(name)
+            base, inverse = split_name(name)
+            if bases.count(base) > 1:
+                raise ValueError(f"{base} is monitored twice")
+            if inverse and self.nominal[base] == 0:
+                raise ValueError(f"{name} does not exist: its nominal value is 0")
+
+    def _check_sizes(self) -> None:
+        for name in self.monitored:
+            scale = self._size(name)
+            if scale == 0 and name not in self.scales:
+                raise ValueError(f"{name} has the nominal value 0: give its scale, which sets its threshold")
+            if not 0 < scale < math.inf:
+                raise ValueError(f"scale of {name} = {scale}: must be finite and greater than zero")
+
+    def _check_bounds(self) -> None:
+        for name in self.monitored:
+            (lower, upper), value = self._limits(name), self._nominal(name)
+            positive = self.drive.parameter(name).positive
+            if not lower < value < upper or (positive and lower <= 0):
+                need = "0 < lower < nominal < upper" if positive else "lower < nominal < upper"
+                raise ValueError(f"bounds of {name} = {lower}, {upper}: need {need} = {value}")
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The monitored parameters, reciprocals written as such, under the names of ``monitored``."""
+        found = (self.drive.parameter(name) for name in self.monitored)
+        return tuple(_relative(p) if self.relative and p.name != DELAY else p for p in found)
+
+    @cached_property
+    def unit(self) -> Floats:
+        """What one of theta_i is in SI (p,): 1, or the size of the parameter."""
+        own = (
+            self.relative and name != DELAY for name in self.monitored
+        )  # the kernel uses the delay as it is
+        return np.array(
+            [self._size(n) if scaled else 1.0 for n, scaled in zip(self.monitored, own, strict=True)]
+        )
+
+    @cached_property
+    def theta0(self) -> Floats:
+        """Nominal theta (p,)."""
+        return np.array([self._nominal(name) for name in self.monitored]) / self.unit
+
+    @cached_property
+    def scale(self) -> Floats:
+        """Size s_i of each theta_i (p,): |theta0_i|, or as given."""
+        return np.array([self._size(name) for name in self.monitored]) / self.unit
+
+    @cached_property
+    def limits(self) -> Floats:
+        """Lower and upper bounds of theta (2, p)."""
+        pairs = [self._limits(name) for name in self.monitored]
+        return np.array(pairs).reshape(-1, 2).T / self.unit
+
+    def values(self, theta: Sequence[float] | Floats) -> dict[str, float]:
+        """All parameter values with theta in place of the nominal ones."""
+        values = dict(self.nominal)
+        for name, value, unit in zip(self.monitored, theta, self.unit, strict=True):
+            base, inverse = split_name(name)
+            values[base] = 1 / (value * unit) if inverse else value * unit
+        return values
+
+    def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
+        """A (n, n), B (n, m) and C (1, n) at theta (p,), by default at nominal."""
+        values = self.nominal if theta is None else self.values(theta)
+        return self.drive.matrix("A", values), self.drive.matrix("B", values), self.drive.matrix("C", values)
+
+    def outputs(self, theta: Sequence[float] | Floats | None = None) -> Floats:
+        """What is measured, C and where there is one C2 (1 or 2, n), at theta (p,), by default at nominal."""
+        values = self.nominal if theta is None else self.values(theta)
+        rows = [self.drive.matrix("C", values)]
+        return np.vstack([*rows, self.drive.matrix("C2", values)] if self.drive.both else rows)
+
+    def balance(self) -> Floats:
+        """The diagonal d (n,) of powers of two that balances A at nominal: D^-1 A D."""
+        _, (d, _) = sla.matrix_balance(self.matrices()[0], permute=False, separate=True)
+        return np.asarray(d, dtype=float)
+
+    def _nominal(self, name: str) -> float:
+        base, inverse = split_name(name)
+        return 1 / self.nominal[base] if inverse else self.nominal[base]
+
+    def _size(self, name: str) -> float:
+        return self.scales.get(name, abs(self._nominal(name)))
+
+    def _limits(self, name: str) -> tuple[float, float]:
+        if name in self.bounds:
+            return self.bounds[name]
+        size = self._size(name)
+        if not self.drive.parameter(name).positive:
+            return (self._nominal(name) - 10 * size, self._nominal(name) + 10 * size)
+        return (0.1 * self._nominal(name), 10 * self._nominal(name))
+
+
+def _relative(p: Parameter) -> Parameter:
+    return replace(p, unit="1", meaning=f"relative to nominal: {p.meaning}")
+
+
+def _check_value(name: str, value: float, p: Parameter) -> None:
+    if not math.isfinite(value) or (p.positive and value <= 0):
+        need = "finite and greater than zero" if p.positive else "finite"
+        raise ValueError(f"nominal {name} = {value}: {p.meaning} must be {need}")

@@ -1,0 +1,247 @@
+"""Gain K of the innovations form, from the noise of torque and output."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.discretization import zero_order_hold
+from monitor_core.drive.structure import DISTURBANCE_TIME
+from monitor_core.kernel.tables import GAINS, TORQUE
+from monitor_core.settings import Second
+
+_MARGIN = 1e-6
+"""A double eigenvalue 1, which has no filter, comes out of the Riccati solver as 1 - 1e-8."""
+_DOUBLINGS = 40
+_SETTLED = 1e-15
+
+
+def filter_gain(
+    model: AxisModel,
+    interval_s: float,
+    torque_noise: float,
+    output_noise: float,
+    disturbance_noise: float = 0.0,
+) -> tuple[Floats, float]:
+    """Filter gain K (n,) and innovation variance lambda_0 of the steady-state Kalman filter at nominal.
+
+        K = P C' / lambda_0,      lambda_0 = C P C' + R
+
+    P is the variance of the one-step prediction.  ``torque_noise`` [N m] is the standard deviation of a white
+    sequence that enters like the torque, held over each interval; ``output_noise`` [rad or rad/s] that of the
+    measurement, R its square; ``disturbance_noise`` [N m] that of the torque disturbance, whose state the drive then
+    must have (Drive.with_disturbance).  Coulomb friction is left out: it is an input here.
+
+    Raises:
+        ValueError: a noise that is negative or not finite, no output noise, a disturbance that the drive lacks, or no
+            stable filter.
+    """
+    _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise, disturbance_noise)
+    C = C[0]
+    lam0 = float(C @ P @ C) + 1
+    return _kept(model, d * (P @ C) / lam0), lam0 * output_noise**2
+
+
+def _steady(
+    model: AxisModel,
+    interval_s: float,
+    torque_noise: float,
+    output_noise: float,
+    disturbance_noise: float = 0.0,
+    second_noise: float | None = None,
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Ad, P of the one-step prediction, Q, C in the coordinates x / d, and d; the output noise is the unit, R = 1.
+
+    C (1 or 2, n): of the second output where ``second_noise`` is that of one, in units of its own noise.
+    """
+    noises = {"torque_noise": torque_noise, "disturbance_noise": disturbance_noise}
+    if not (all(0 <= v < math.inf for v in noises.values()) and 0 < output_noise < math.inf):
+        raise ValueError(
+            f"torque_noise = {torque_noise}, output_noise = {output_noise}: need finite values, "
+            "the first at least zero, the second greater than zero"
+        )
+    Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
+    if second_noise is not None:
+        if not 0 < second_noise < math.inf:
+            raise ValueError(
+                f"noise of the second output = {second_noise}: must be finite and greater than zero"
+            )
+        C = np.vstack([C, (output_noise / second_noise) * d * model.drive.matrix("C2", model.nominal)])
+    # In units of the output noise, R = 1: the Riccati equation then is as well scaled as it can be.
+    g = G / output_noise
+    g[:, : _torque(model).sum()] *= torque_noise
+    try:
+        return Ad, prediction_variance(Ad, C, g @ g.T), g @ g.T, C, d
+    except ValueError:
+        raise ValueError(_no_filter(torque_noise, output_noise)) from None
+
+
+def gains_after(
+    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float
+) -> tuple[tuple[float, ...], ...]:
+    """Filter gains after 0, 2, 3 .. intervals without a measurement, from the steady state (GAINS - 1 of n numbers).
+
+    The prediction grows uncertain with the interval: P <- Ad P Ad' + Q for each one, from the filter's own P.
+
+    Raises:
+        ValueError: as filter_gain.
+    """
+    Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise)
+    C = C[0]
+    found = [P - np.outer(P @ C, P @ C) / (C @ P @ C + 1), P]
+    for _ in range(GAINS - 2):
+        found.append(Ad @ found[-1] @ Ad.T + Q)
+    del found[1]
+    return tuple(tuple(_kept(model, d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in found)
+
+
+class Gains(NamedTuple):
+    """The filter of one output, or of two that are taken one after the other."""
+
+    K: tuple[float, ...]
+    lam0: float
+    K_after: tuple[tuple[float, ...], ...]
+    second: Second | None
+
+
+def gains_of_both(
+    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float, second_noise: float
+) -> Gains:
+    """The steady-state Kalman filter of a drive with two outputs (Drive.with_speed) at nominal, in sequential form.
+
+        K1 = P C1' / lambda_1,  lambda_1 = C1 P C1' + R1,      K2 = P1 C2' / lambda_2,  lambda_2 = C2 P1 C2' + R2
+
+    P is the variance of the one-step prediction with both outputs, P1 = P - K1 C1 P what the first leaves of it.
+    Noises as in filter_gain, ``second_noise`` [rad/s] that of the second output; they must not depend on each other.
+
+    Raises:
+        ValueError: as filter_gain.
+    """
+    Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise, second_noise=second_noise)
+    grown = [P]
+    for _ in range(GAINS - 2):
+        grown.append(Ad @ grown[-1] @ Ad.T + Q)
+    steps = [_one_after_the_other(P, C) for P in grown]
+    left = steps[0][2]
+    steps.insert(0, _one_after_the_other(left, C))
+    first, other = (
+        [tuple((d * K).tolist()) for K in of] for of in ([s[0] for s in steps], [s[1] for s in steps])
+    )
+    # In units of its own noise the row of the second is scaled, and so is its gain.
+    scale = output_noise / second_noise
+    other = [tuple(scale * k for k in K) for K in other]
+    lam1, lam2 = (lam0 for lam0 in steps[1][3])
+    alone, _ = filter_gain(model, interval_s, torque_noise, output_noise)
+    second = Second(
+        other[1],
+        lam2 * second_noise**2,
+        (other[0], *other[2:]),
+        tuple(alone.tolist()),
+        gains_after(model, interval_s, torque_noise, output_noise),
+    )
+    return Gains(first[1], lam1 * output_noise**2, (first[0], *first[2:]), second)
+
+
+def _one_after_the_other(P: Floats, C: Floats) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
+    """Both gains, what is left of P, and both innovation variances; of outputs C (2, n) with unit noise."""
+    gains, variances = [], []
+    for c in C:
+        lam0 = float(c @ P @ c) + 1
+        gains.append(P @ c / lam0)
+        variances.append(lam0)
+        P = P - np.outer(P @ c, P @ c) / lam0
+    return gains[0], gains[1], P, (variances[0], variances[1])
+
+
+def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
+    """P (n, n) of the one-step prediction in steady state, for x+ = Ad x + w, y = C x + v, var w = Q, var v = I.
+
+        P = Ad (P - P C' (C P C' + I)^-1 C P) Ad' + Q
+
+    C is (n,), or (q, n) with q outputs.
+
+    Raises:
+        ValueError: there is no stable filter.
+    """
+    # The doubling algorithm (Chu, Fan, Lin, Wang 2004): step k is 2^k steps of the recursion.  G is C'C summed up.
+    C = np.atleast_2d(C)
+    A, G, P, unit = Ad.T, C.T @ C, Q, np.eye(len(Ad))
+    for _ in range(_DOUBLINGS):
+        AW = np.linalg.solve((unit + G @ P).T, A.T).T
+        before, A, G, P = P, AW @ A, G + AW @ G @ A.T, P + A.T @ P @ np.linalg.solve(unit + G @ P, A)
+        P = (P + P.T) / 2
+        if not np.isfinite(P).all():
+            break
+        if abs(P - before).max() <= _SETTLED * abs(P).max():
+            break
+    if not (np.isfinite(P).all() and _radius(Ad, C, _joint_gain(P, C)) < 1 - _MARGIN):
+        raise ValueError("no stable filter")
+    return P
+
+
+def held_disturbance(interval_s: float, time_constant_s: float) -> float:
+    """Standard deviation of w, held over each interval, that gives  d' = -d / Td + w  the standard deviation 1."""
+    a = math.exp(-interval_s / time_constant_s)
+    return math.sqrt((1 + a) / (1 - a)) / time_constant_s
+
+
+def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> float:
+    """Slowest time constant [s] of the predictor with filter gain K (n,): of (I - K C) Ad; inf: unstable.
+
+    With two outputs K is (2, n), and this of (I - K2 C2) (I - K1 C1) Ad.
+    """
+    Ad, _, C, d = _balanced(model, interval_s)
+    closed = Ad
+    for gain, row in zip(np.atleast_2d(K) / d, (C[0], *(model.outputs()[1:] * d)), strict=False):
+        closed = closed - np.outer(gain, row @ closed)
+    radius = float(np.abs(np.linalg.eigvals(closed)).max())
+    if radius >= 1:
+        return math.inf
+    return -interval_s / math.log(radius) if radius > 0 else 0.0
+
+
+def _balanced(
+    model: AxisModel, interval_s: float, disturbance: float = 0.0
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Ad (n, n), what noise enters by (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
+    A, B, C = model.matrices()
+    d = model.balance()
+    enters = B[:, _torque(model)]
+    if disturbance:
+        if DISTURBANCE_TIME not in model.nominal:
+            raise ValueError(f"the drive {model.drive.name!r} has no torque disturbance")
+        level = disturbance * held_disturbance(interval_s, model.nominal[DISTURBANCE_TIME])
+        enters = np.column_stack([enters, level * np.eye(len(A))[model.drive.disturbance_state]])
+    Ad, G = zero_order_hold(A / d[:, np.newaxis] * d, enters / d[:, np.newaxis], interval_s)
+    if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
+        Ad[:, s], C = 0.0, C / interval_s
+    return Ad, G, C * d, d
+
+
+def _kept(model: AxisModel, K: Floats) -> Floats:
+    """The gain without that of a state which is zero after the correction, whatever it was."""
+    if (s := model.drive.mean_state) >= 0:
+        K[s] = 0.0
+    return K
+
+
+def _torque(model: AxisModel) -> np.ndarray:
+    return np.array([kind == TORQUE for kind in model.drive.inputs])
+
+
+def _radius(Ad: Floats, C: Floats, K: Floats) -> float:
+    return float(np.abs(np.linalg.eigvals(Ad - K @ (C @ Ad))).max())
+
+
+def _joint_gain(P: Floats, C: Floats) -> Floats:
+    """P C' (C P C' + I)^-1 (n, q), of C (q, n)."""
+    return np.asarray(np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T)
+
+
+def _no_filter(torque_noise: float, output_noise: float) -> str:
+    return (
+        f"no stable Kalman filter for torque_noise = {torque_noise} and output_noise = {output_noise}: "
+        "with the angle as output, or without friction, the torque noise must be greater than zero"
+    )

@@ -1,0 +1,272 @@
+"""Operating conditions of an axis: nominal values that follow measured signals, and gates.
+
+    theta_0i(s) = v_i + slope_1 (f_1(s_1) - reference_1) + ...
+
+f is a signal itself or a named function of it.  Where the slopes are those of Ja and 1/Ja is monitored, or the other
+way round, theta_0i(s) is the reciprocal of that sum: exact, though not linear.  A gate is open while its signal has the
+right value; while one is shut, nothing is to be learned and no test runs.
+
+Every value of a sample depends on that sample alone (and, for the speed of an axis that measures its angle, on the
+sample before): blocks may be split anywhere.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import split_name
+
+Bools = NDArray[np.bool_]
+
+FUNCTIONS: Mapping[str, Callable[[float], float]] = MappingProxyType(
+    {"cos": math.cos, "sin": math.sin, "square": lambda value: value * value}
+)
+"""Of a signal: cos(angle2)."""
+
+MARGIN = 0.1
+"""Of the width of the range in which a slope was found: so far beyond its ends the nominal value still follows."""
+
+_SAME = 1e-6
+"""Relative: signals are scaled numbers."""
+_TERM = re.compile(r"(?:(?P<function>\w+)\s*\(\s*(?P<inner>[\w-]+)\s*\))|(?P<signal>[\w-]+)")
+
+
+class Term(NamedTuple):
+    """A signal, or a function of it; ``function`` is empty for the signal itself."""
+
+    function: str
+    signal: str
+
+    def __str__(self) -> str:
+        return f"{self.function}({self.signal})" if self.function else self.signal
+
+    @classmethod
+    def read(cls, text: str) -> Term:
+        """The term in a text such as ``temperature`` or ``cos(angle2)``; its function may be unknown.
+
+        Raises:
+            ValueError: it is no such text.
+        """
+        match = _TERM.fullmatch(text.strip())
+        if match is None:
+            functions = ", ".join(f"{name}(...)" for name in FUNCTIONS)
+            raise ValueError(f'"{text}" is neither a signal nor one of {functions} of a signal')
+        return cls(match["function"] or "", match["inner"] or match["signal"])
+
+    def of(self, values: Floats) -> Floats:
+        """The term at values of its signal (N,); NaN where they are not finite."""
+        # One by one: vectorised cosines may differ in the last bit with the place in the array.
+        function = FUNCTIONS[self.function] if self.function else float
+        return np.array([function(v) if math.isfinite(v) else math.nan for v in values.tolist()], np.float64)
+
+
+class Follow(NamedTuple):
+    """A parameter follows a term, which may lie between ``low`` and ``high``."""
+
+    name: str
+    """Whose slope it is, Ja or 1/Ja, whichever of the two is monitored"""
+    term: Term
+    slope: float
+    reference: float
+    low: float = -math.inf
+    high: float = math.inf
+
+    def change(self, values: Floats) -> Floats:
+        """By how much the parameter changes (N,), at values of the signal (N,); NaN where it is not known."""
+        at = self.term.of(values)
+        reach = MARGIN * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
+        known = (at >= self.low - reach) & (at <= self.high + reach)
+        return np.where(known, self.slope * (at - self.reference), math.nan)
+
+
+class Gate(NamedTuple):
+    """Open while the signal is one of ``equals``, if there are any, and between ``above`` and ``below``."""
+
+    signal: str
+    equals: tuple[float, ...] = ()
+    above: float = -math.inf
+    below: float = math.inf
+
+    def open(self, values: Floats) -> Bools:
+        """Whether it is (N,), at values of the signal (N,); NaN: it is not."""
+        between = (values > self.above) & (values < self.below)
+        if not self.equals:
+            return np.asarray(between, np.bool_)
+        near = [np.abs(values - value) <= _SAME * max(1.0, abs(value)) for value in self.equals]
+        return np.asarray(between & np.any(near, axis=0), np.bool_)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What the operation of an axis depends on.  ``signals`` names the columns of what is measured.
+
+    ``least_speed``: nothing is to be learned while the axis turns more slowly (rad/s, at the sensor); 0: always.
+    """
+
+    signals: tuple[str, ...] = ()
+    follows: tuple[Follow, ...] = ()
+    gates: tuple[Gate, ...] = ()
+    least_speed: float = 0.0
+
+    def __bool__(self) -> bool:
+        return bool(self.follows or self.gates or self.least_speed > 0)
+
+
+class Operating:
+    """The operating conditions of one axis, from sample to sample.
+
+    Raises:
+        KeyError: a term or a gate is of a signal that is not there.
+        ValueError: a parameter is to follow a signal but is not monitored, or has slopes of both Ja and 1/Ja; a
+            function does not exist.
+    """
+
+    def __init__(self, model: AxisModel, conditions: Conditions) -> None:
+        self._model, self._conditions = model, conditions
+        self._column = {name: k for k, name in enumerate(conditions.signals)}
+        self._followers = [
+            _follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)
+        ]
+        wanted = {f.term.signal for f in conditions.follows} | {g.signal for g in conditions.gates}
+        if missing := wanted - self._column.keys():
+            raise KeyError(f"no signal {', '.join(sorted(missing))}")
+        self._before: tuple[int, float] | None = None
+        self._last: tuple[Floats, float] | None = None
+
+    def take(self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None) -> tuple[Floats, Bools]:
+        """Shift theta_0(s) - theta_0 (N, p), NaN where it is not known, and whether to learn (N,).
+
+        Args:
+            t_us: times of the samples (N,) [us].
+            y: what is measured (N,), rad or rad/s.
+            signals: the signals at the samples (N, S); NaN, or None for all of them: not known.
+        """
+        N, c = len(t_us), self._conditions
+        s = np.full((N, len(c.signals)), math.nan) if signals is None else signals
+        shift = np.zeros((N, len(self._model.monitored)))
+        for follower in self._followers:
+            shift[:, follower.i] = follower.shift(s, self._column)
+        gate = np.ones(N, np.bool_)
+        for one in c.gates:
+            gate &= one.open(s[:, self._column[one.signal]])
+        speed = self._speeds(t_us, y) if c.least_speed > 0 else np.zeros(N)
+        gate &= speed >= c.least_speed
+        if N:
+            self._last = s[-1].copy(), float(speed[-1])
+        return shift, gate
+
+    @property
+    def reason(self) -> str:
+        """Why nothing was learned from the last sample, as far as the conditions forbid it; else empty."""
+        return next(self._reasons(), "")
+
+    def _reasons(self) -> Iterator[str]:
+        if self._last is None:
+            return
+        (s, speed), c = self._last, self._conditions
+        for gate in c.gates:
+            value = s[self._column[gate.signal]]
+            if not gate.open(np.array([value])).all():
+                yield _at(gate.signal, value)
+        if not speed >= c.least_speed:
+            yield f"slower than {c.least_speed:g} rad/s"
+        for follower in self._followers:
+            yield from follower.reasons(s[np.newaxis], self._column)
+
+    def _speeds(self, t_us: NDArray[np.int64], y: Floats) -> Floats:
+        """Speed (N,) at the sensor, without its sign; of an angle the mean since the sample before."""
+        if self._model.drive.output != "angle":
+            return np.abs(y)
+        speeds = np.full(len(y), math.nan)
+        for k, (t, angle) in enumerate(zip(t_us.tolist(), y.tolist(), strict=True)):
+            if not math.isfinite(angle):
+                continue
+            if self._before is not None and t > self._before[0]:
+                speeds[k] = abs(angle - self._before[1]) / (t - self._before[0]) * 1e6
+            self._before = t, angle
+        return speeds
+
+
+class _Follower(NamedTuple):
+    """theta_i with all that it follows."""
+
+    i: int
+    name: str
+    follows: tuple[Follow, ...]
+    value: float  # of the parameter that the slopes are of
+    theta0: float  # of the monitored one, in SI
+    unit: float
+    reciprocal: bool  # one is the reciprocal of the other
+    limits: tuple[float, float]  # of theta
+
+    def shift(self, s: Floats, column: Mapping[str, int]) -> Floats:
+        """theta_0i(s) - theta_0i (N,) at signals (N, S)."""
+        change = np.zeros(len(s))
+        for one in self.follows:
+            change = change + one.change(s[:, column[one.term.signal]])
+        if self.reciprocal:
+            with np.errstate(divide="ignore"):
+                change = 1 / (self.value + change) - self.theta0
+        theta = (self.theta0 + change) / self.unit
+        possible = (theta > self.limits[0]) & (theta < self.limits[1])
+        return np.where(possible, change / self.unit, math.nan)
+
+    def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
+        """Why the shift at signals (1, S) is not known."""
+        for one in self.follows:
+            value = s[:, column[one.term.signal]]
+            if math.isnan(one.change(value)[0]):
+                at = one.term.of(value)[0]
+                beyond = "" if math.isnan(at) else f", beyond {one.low:g} to {one.high:g}"
+                yield _at(str(one.term), at) + beyond
+                return
+        if math.isnan(self.shift(s, column)[0]):
+            yield f"{self.name} would leave its bounds"
+
+
+def _at(name: str, value: float) -> str:
+    return f"{name} is not known" if math.isnan(value) else f"{name} = {value:g}"
+
+
+def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
+    """Which of theta follow something.
+
+    Raises:
+        ValueError: what is to follow is not monitored.
+    """
+    bases = [split_name(name)[0] for name in model.monitored]
+    for one in follows:
+        if split_name(one.name)[0] not in bases:
+            raise ValueError(f"{one.name} is to follow {one.term}, but is not monitored")
+        if one.term.function and one.term.function not in FUNCTIONS:
+            raise ValueError(f"no function {one.term.function} of signals; there is {', '.join(FUNCTIONS)}")
+    return sorted({bases.index(split_name(one.name)[0]) for one in follows})
+
+
+def _follower(model: AxisModel, i: int, follows: tuple[Follow, ...]) -> _Follower:
+    base, inverse = split_name(model.monitored[i])
+    mine = tuple(one for one in follows if split_name(one.name)[0] == base)
+    if len({one.name for one in mine}) > 1:
+        raise ValueError(f"slopes of both {base} and 1/{base}: give those of one of them")
+    of_inverse = split_name(mine[0].name)[1]
+    value, unit = model.nominal[base], float(model.unit[i])
+    return _Follower(
+        i,
+        model.monitored[i],
+        mine,
+        1 / value if of_inverse else value,
+        1 / value if inverse else value,
+        unit,
+        of_inverse != inverse,
+        (float(model.limits[0, i]), float(model.limits[1, i])),
+    )

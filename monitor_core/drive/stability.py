@@ -1,0 +1,101 @@
+"""Where theta may go: within its bounds, and where the predictor is stable (Ljung and Soderstrom's D_M).
+
+A predictor with negative friction, say, runs away, and with it the estimates.  Instead of judging each step of theta,
+the bounds of each parameter are drawn in beforehand to where the predictor is stable with the others at their nominal
+values: one thing changes at a time.  A box of all combinations that are stable would leave hardly any room to some.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Drive
+
+_MARGIN = 1e-6
+_FAR = 1e3
+"""Sizes: in place of a bound that is infinite."""
+_BISECTIONS = 30
+
+
+def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
+    """The model's bounds of theta (2, p), drawn in as far as the predictor with filter gain K (n,) needs it.
+
+    With two outputs K is (2, n): the gains in the order in which they are used.
+
+    Where it is unstable at the nominal values themselves the bounds are left as they are.
+    """
+    nominal, scales, bounds = (
+        tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds)
+    )
+    gain = tuple(float(k) for k in np.ravel(K))
+    values = (nominal, scales, bounds)
+    return _known(model.drive, values, model.monitored, model.relative, gain, interval_s).copy()
+
+
+@lru_cache(maxsize=4096)
+def _known(
+    drive: Drive,
+    values: tuple[Any, Any, Any],
+    monitored: tuple[str, ...],
+    relative: bool,
+    gain: tuple[float, ...],
+    interval_s: float,
+) -> Floats:
+    nominal, scales, bounds = (dict(part) for part in values)
+    return _drawn_in(
+        AxisModel(drive, nominal, monitored, scales, bounds, relative),
+        np.array(gain).reshape(-1, len(drive.states)),
+        interval_s,
+    )
+
+
+def _drawn_in(model: AxisModel, K: Floats, interval_s: float) -> Floats:
+    theta0, limits, p = model.theta0, model.limits, len(model.theta0)
+    if not _stable(model, theta0[np.newaxis], K, interval_s)[0]:
+        return limits
+    far = np.clip(limits, theta0 - _FAR * model.scale, theta0 + _FAR * model.scale)
+    ends = np.tile(theta0, (2, p, 1))
+    ends[:, range(p), range(p)] = far
+    good = _stable(model, ends.reshape(-1, p), K, interval_s).reshape(2, p)
+    out = limits.copy()
+    for side, i in np.argwhere(~good).tolist():
+        out[side, i] = _last_stable(model, i, far[side, i], K, interval_s)
+    return out
+
+
+def _last_stable(model: AxisModel, i: int, unstable: float, K: Floats, interval_s: float) -> float:
+    """By bisection between the nominal value and one at which the predictor is unstable."""
+    stable, theta = float(model.theta0[i]), model.theta0[np.newaxis].copy()
+    for _ in range(_BISECTIONS):
+        theta[0, i] = (stable + unstable) / 2
+        if _stable(model, theta, K, interval_s)[0]:
+            stable = float(theta[0, i])
+        else:
+            unstable = float(theta[0, i])
+    return stable
+
+
+def _stable(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> NDArray[np.bool_]:
+    return np.asarray(_radii(model, thetas, K, interval_s) < 1 - _MARGIN)
+
+
+def _radii(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> Floats:
+    """Spectral radius of (I - K C) Ad at each theta (points, p); K (outputs, n)."""
+    d = model.balance()
+    A, C = (
+        np.array([model.matrices(theta)[0] for theta in thetas]),
+        np.array([model.outputs(t) for t in thetas]) * d,
+    )
+    Ad = sla.expm(A / d[:, np.newaxis] * d * interval_s)
+    if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
+        Ad[:, :, s], C = 0.0, C / interval_s
+    closed = Ad
+    for i, gain in enumerate(np.atleast_2d(K)):
+        closed = closed - (gain / d)[:, np.newaxis] * (C[:, i : i + 1] @ closed)
+    closed = np.where(np.isfinite(closed), closed, 1e300)
+    return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=1))

@@ -1,0 +1,341 @@
+"""The structure of a drive: named parameters with units, and A, B, C as sums of Laurent terms.
+
+x' = A(theta) x + B(theta) u,      y = C(theta) x,      and where both are measured, y2 = C2(theta) x
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.kernel.tables import OF_MOTION, TORQUE
+
+Matrix = Literal["A", "B", "C", "C2", "rest", "ratio"]
+Output = Literal["speed", "angle", "mean speed"]
+"""What is measured: the last is the mean of the speed over the interval before the sample."""
+Powers = tuple[tuple[str, int], ...]
+"""Names of parameters and their exponents."""
+
+DISTURBANCE = "torque disturbance"
+"""Name of the state of a drive's torque disturbance."""
+DISTURBANCE_TIME = "Td"
+"""Name of the time constant of a drive's torque disturbance."""
+_DISTURBANCE = "time constant of the torque disturbance"
+DAMPING, STIFFNESS = "N m s/rad", "N m/rad"
+"""Units of dampers and springs."""
+SINCE_SAMPLE = "angle since the last sample"
+"""Name of the state that a mean speed is taken from."""
+DELAY = "delay"
+"""Name of the skew between torque and output."""
+_DELAYED = "how much later the torque acts than its sample says"
+
+_OPERATORS = frozenset(" +*/^()")
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A physical parameter.  ``positive``: zero or a negative value makes no sense (inertias, springs)."""
+
+    name: str
+    unit: str
+    meaning: str
+    positive: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """``coefficient * prod parameter^exponent``, added to one entry of a matrix."""
+
+    matrix: Matrix
+    row: int
+    col: int
+    coefficient: float
+    powers: Powers
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """The term at the given parameter values; complex values pass through."""
+        return _product(self.coefficient, self.powers, values)
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """``name`` = sum of ``coefficient * prod value^exponent``, in drawn parameters and names defined before."""
+
+    name: str
+    terms: tuple[tuple[float, Powers], ...]
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What it is made of."""
+        return frozenset(name for _, powers in self.terms for name, _ in powers)
+
+    def value(self, values: Mapping[str, float]) -> float:
+        """Its value.
+
+        Raises:
+            ValueError: a division by zero, or a number that is too large.
+        """
+        try:
+            return sum(_product(coefficient, powers, values) for coefficient, powers in self.terms)
+        except ArithmeticError:
+            parts = ", ".join(f"{name} = {values[name]}" for name in sorted(self.names))
+            raise ValueError(f"{self.name} has no finite value at {parts}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Name and unit of a state or an input."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The structure of a drive.
+
+    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ..).  ``rest`` terms (n, 1) give the state of
+    the drive moving rigidly with output 1, from which a predictor starts after a gap.  ``ratio`` terms (m, 1) give
+    the angle at the flange of each input that depends on the motion while the sensor's angle is 1; such an input
+    without a term of its own is at the sensor: 1.  ``speed_state`` is the state that is the speed at the sensor up
+    to a factor, -1 if there is none; only Coulomb friction with the angle as output needs it.
+
+    ``parameters`` are those that occur in the terms.  Some may be merged from what the user drew, by the
+    ``definitions``, to be evaluated in order: ``Jm + r^2*Jg`` of inertias that are rigidly joined.  ``drawn`` are
+    then all of the user's own parameters.
+    """
+
+    name: str
+    output: Output
+    states: tuple[Quantity, ...]
+    inputs: tuple[int, ...]
+    parameters: tuple[Parameter, ...]
+    terms: tuple[Term, ...]
+    speed_state: int
+    definitions: tuple[Definition, ...] = ()
+    drawn: tuple[Parameter, ...] = ()
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name, or of ``1/name``.
+
+        Raises:
+            KeyError: the drive has no such parameter, or has it only as a part of others.
+        """
+        base, inverse = split_name(name)
+        for candidate in self.parameters:
+            if candidate.name == base:
+                return _inverted(candidate, name) if inverse else candidate
+        raise KeyError(self._why_not(base))
+
+    def given_as(self, name: str) -> Parameter:
+        """The parameter whose value may be given under that name: one of the drive's, or one that was drawn.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for candidate in (*self.parameters, *self.drawn):
+            if candidate.name == name:
+                return candidate
+        raise KeyError(self._why_not(name))
+
+    def complete(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The values of all parameters; merged ones that are not given, from the drawn ones.
+
+        Raises:
+            KeyError: a value is missing.
+            ValueError: a merged parameter has no value.
+        """
+        known = dict(values)
+        for definition in self.definitions:
+            if definition.name not in known and definition.names <= known.keys():
+                known[definition.name] = definition.value(known)
+        for p in self.parameters:
+            if p.name not in known:
+                raise KeyError(self._missing(p, known))
+        return {p.name: known[p.name] for p in self.parameters}
+
+    def matrix(self, which: Matrix, values: Mapping[str, float]) -> Floats:
+        """A (n, n), B (n, m), C, C2 (1, n), rest (n, 1) or ratio (m, 1) at the given values of all parameters."""
+        n, m = len(self.states), len(self.inputs)
+        shape = {"A": (n, n), "B": (n, m), "C": (1, n), "C2": (1, n), "rest": (n, 1), "ratio": (m, 1)}[which]
+        kind = complex if any(isinstance(v, complex) for v in values.values()) else float
+        out = np.zeros(shape, dtype=kind)
+        if which == "ratio":
+            stated = {term.row for term in self.terms if term.matrix == which}
+            at_sensor = [c for c, of in enumerate(self.inputs) if of in OF_MOTION and c not in stated]
+            out[at_sensor] = 1.0
+        for term in self.terms:
+            if term.matrix == which:
+                out[term.row, term.col] += term.value(values)
+        return out
+
+    def merged_from(self, name: str) -> tuple[str, ...]:
+        """The parameters that are merged from that name."""
+        parts = {name}
+        for definition in self.definitions:
+            if not parts.isdisjoint(definition.names):
+                parts.add(definition.name)
+        return tuple(p.name for p in self.parameters if p.name in parts - {name})
+
+    def with_delay(self) -> Drive:
+        """The drive with the delay of its torque as a parameter, which then can be monitored; it is in no matrix.
+
+        Raises:
+            ValueError: the drive has a parameter of that name already.
+        """
+        if any(p.name == DELAY for p in (*self.parameters, *self.drawn)):
+            raise ValueError(f"the drive {self.name!r} already has a parameter {DELAY}")
+        return replace(self, parameters=(*self.parameters, Parameter(DELAY, "s", _DELAYED, positive=False)))
+
+    def with_mean_speed(self) -> Drive:
+        """The drive with a sensor that gives the mean speed over each interval h:  s' = C x,  y = s / h.
+
+        C is that of the speed.  s, its last state, is zero again after every sample; the 1/h is not in C.
+
+        Raises:
+            ValueError: the output of this drive is not the speed.
+        """
+        if self.output != "speed":
+            raise ValueError(
+                f"the drive {self.name!r} has the {self.output} as output: its mean is that of a speed"
+            )
+        n = len(self.states)
+        turned = [replace(term, matrix="A", row=n) for term in self.terms if term.matrix == "C"]
+        others = [term for term in self.terms if term.matrix != "C"]
+        return replace(
+            self,
+            output="mean speed",
+            states=(*self.states, Quantity(SINCE_SAMPLE, "rad")),
+            terms=(*others, *turned, Term("C", 0, n, 1.0, ())),
+        )
+
+    def with_speed(self) -> Drive:
+        """The drive with the speed at its angle sensor as a second output:  y = C x,  y2 = y' = C A x.
+
+        Raises:
+            ValueError: the output of this drive is not the angle, or a torque acts on its speed at once.
+        """
+        if self.output != "angle":
+            raise ValueError(
+                f"the drive {self.name!r} has the {self.output} as output: the speed joins an angle"
+            )
+        measured = [term for term in self.terms if term.matrix == "C"]
+        if any(b.matrix == "B" and b.row == c.col for b in self.terms for c in measured):
+            raise ValueError(f"in the drive {self.name!r} a torque acts on the speed of the sensor at once")
+        moves = [
+            Term("C2", 0, a.col, c.coefficient * a.coefficient, _merged(c.powers, a.powers))
+            for c in measured
+            for a in self.terms
+            if a.matrix == "A" and a.row == c.col
+        ]
+        return replace(self, terms=(*self.terms, *moves))
+
+    @property
+    def both(self) -> bool:
+        """It has the speed as a second output."""
+        return any(term.matrix == "C2" for term in self.terms)
+
+    @property
+    def mean_state(self) -> int:
+        """Index of the state that is zero again after every sample; -1: there is none."""
+        return self._state(SINCE_SAMPLE) if self.output == "mean speed" else -1
+
+    @property
+    def disturbance_state(self) -> int:
+        """Index of the state of the torque disturbance; -1: there is none."""
+        return self._state(DISTURBANCE)
+
+    def _state(self, name: str) -> int:
+        return next((k for k, state in enumerate(self.states) if state.name == name), -1)
+
+    def with_disturbance(self) -> Drive:
+        """The drive with d, which acts like its torque, as last state:  d' = -d / Td + w,  N m; w is no input.
+
+        Raises:
+            ValueError: the drive has a parameter Td already.
+        """
+        if any(p.name == DISTURBANCE_TIME for p in (*self.parameters, *self.drawn)):
+            raise ValueError(f"the drive {self.name!r} already has a parameter {DISTURBANCE_TIME}")
+        n, torque = (
+            len(self.states),
+            [t for t in self.terms if t.matrix == "B" and self.inputs[t.col] == TORQUE],
+        )
+        acts = [replace(term, matrix="A", col=n) for term in torque]
+        decays = Term("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
+        return replace(
+            self,
+            states=(*self.states, Quantity(DISTURBANCE, "N m")),
+            parameters=(*self.parameters, Parameter(DISTURBANCE_TIME, "s", _DISTURBANCE)),
+            terms=(*self.terms, *acts, decays),
+        )
+
+    def _why_not(self, name: str) -> str:
+        if name in {p.name for p in self.drawn}:
+            merged = self.merged_from(name)
+            if merged:
+                return f"{name} occurs only in {' and in '.join(merged)}: monitor that"
+            return f"{name} has no effect on what is measured in the drive {self.name!r}"
+        known = ", ".join(p.name for p in self.parameters)
+        return f"the drive {self.name!r} has no parameter {name!r}; it has {known}"
+
+    def _missing(self, p: Parameter, known: Mapping[str, float]) -> str:
+        """Which value is missing: of a merged parameter, the first drawn one without a value."""
+        name = next(self._lacking(p.name, known), p.name)
+        if name == p.name:
+            return f"no nominal value for {p.name} ({p.meaning}, {p.unit})"
+        part = self.given_as(name)
+        return f"no nominal value for {name} ({part.meaning}, {part.unit}), which {p.name} is made of"
+
+    def _lacking(self, name: str, known: Mapping[str, float]) -> Iterator[str]:
+        for definition in self.definitions:
+            if definition.name == name:
+                for part in sorted(definition.names - known.keys()):
+                    yield from self._lacking(part, known)
+                return
+        yield name
+
+
+def split_name(name: str) -> tuple[str, bool]:
+    """``"1/Ja"`` is the reciprocal of the parameter ``Ja``: ("Ja", True).  So is ``"1/(Jm + r^2*Jg)"``.
+
+    ``"1/k1 + 1/k2"`` is a name like any other.
+    """
+    if name.startswith("1/"):
+        base = name[2:].strip()
+        if _OPERATORS.isdisjoint(base):
+            return base, True
+        if _in_brackets(base):
+            return base[1:-1].strip(), True
+    return name, False
+
+
+def _in_brackets(text: str) -> bool:
+    """The first bracket closes at the end."""
+    depth = 0
+    for k, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if depth <= 0:
+            return k == len(text) - 1 and letter == ")"
+    return False
+
+
+def _inverted(p: Parameter, name: str) -> Parameter:
+    unit = "1" if p.unit == "1" else f"1/({p.unit})"
+    return replace(p, name=name, unit=unit, meaning=f"reciprocal of: {p.meaning}")
+
+
+def _merged(one: Powers, other: Powers) -> Powers:
+    """The powers of a product, names in order."""
+    total = dict(one)
+    for name, e in other:
+        total[name] = total.get(name, 0) + e
+    return tuple((name, e) for name, e in sorted(total.items()) if e != 0)
+
+
+def _product(coefficient: float, powers: Powers, values: Mapping[str, float]) -> float:
+    return coefficient * math.prod(values[name] ** e for name, e in powers)

@@ -1,0 +1,237 @@
+"""What a record tells of the parameters of a drive, from the sensitivities of its output: Cramer and Rao's bound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.modeling.identifiability.wording import listed
+
+LIMIT = 0.95
+"""Of a correlation."""
+POOR = 1.0
+"""A standard deviation of 100 % tells nothing."""
+FAIR = 0.1
+"""With standard deviations below 10 % a parameter is told, whatever it correlates with."""
+
+_HIDDEN = 1e-9
+"""A direction that changes the output so much less than the strongest is not seen at all."""
+_LARGE = 0.3
+"""Of the largest component of a weak direction: what is named with it."""
+_TAKES_PART = 1e-6
+"""The same of a hidden one, where a component is either there or rounding."""
+
+Pair = tuple[str, str, float]
+"""Two parameters and the correlation of their estimates."""
+
+
+class Direction(NamedTuple):
+    """A joint change: how far the output moves, over what the parts would move it one by one; its larger parts.
+
+    The parts are in units of what each moves the output by, their signs those of the parameters' changes.
+    """
+
+    size: float
+    parts: tuple[tuple[str, float], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters that take part."""
+        return tuple(name for name, _ in self.parts)
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Of estimates of ``names`` from a record, all others being known.
+
+    ``S`` (N, p) are the sensitivities of the output to relative changes, ``noise`` the standard deviation of white
+    noise on it.  The bound holds for any unbiased estimate, and least squares reach it.
+
+    Raises:
+        ValueError: S has not one column for each name; the noise is not positive.
+    """
+
+    names: tuple[str, ...]
+    S: Floats
+    noise: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.S.ndim != 2 or self.S.shape[1] != len(self.names):
+            raise ValueError(f"sensitivities {self.S.shape} for {len(self.names)} parameters")
+        if not self.noise > 0:
+            raise ValueError(f"noise {self.noise}: must be greater than zero")
+
+    @cached_property
+    def lengths(self) -> Floats:
+        """Root of the sum of squares of each column (p,)."""
+        return np.asarray(np.linalg.norm(self.S, axis=0))
+
+    @cached_property
+    def _svd(self) -> tuple[Floats, Floats]:
+        """Singular values, largest first, and directions (as rows) of the columns scaled to length one."""
+        scaled = self.S / np.where(self.lengths > 0, self.lengths, 1.0)
+        # Fewer samples than parameters: rows of zeros change nothing and give all directions.
+        missing = max(0, len(self.names) - len(scaled))
+        _, sizes, directions = np.linalg.svd(np.pad(scaled, ((0, missing), (0, 0))), full_matrices=False)
+        return sizes, directions
+
+    @property
+    def condition(self) -> float:
+        """Of the matrix of the scaled columns; infinite where a direction is hidden, NaN without parameters."""
+        sizes = self._svd[0]
+        if not self.names:
+            return np.nan
+        return np.inf if len(self.hidden) else float(sizes[0] / sizes[-1])
+
+    @cached_property
+    def hidden(self) -> Floats:
+        """Directions (k, p) in which the output does not change at all, each of few parameters."""
+        sizes, directions = self._svd
+        return _sparse(directions[sizes <= _HIDDEN * sizes.max(initial=0.0)])
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Of the estimates, relative (p, p); infinite variance where a hidden direction takes part, NaN beside it."""
+        sizes, directions = self._svd
+        seen = len(sizes) - len(self.hidden)
+        weighted = directions[:seen] / sizes[:seen, None]
+        scale = self.noise / np.where(self.lengths > 0, self.lengths, 1.0)
+        out = weighted.T @ weighted * np.outer(scale, scale)
+        lost = self.hidden.any(axis=0)
+        out[lost], out[:, lost] = np.nan, np.nan
+        out[lost, lost] = np.inf
+        return np.asarray(out)
+
+    @property
+    def standard_deviations(self) -> Floats:
+        """Relative (p,): 0.01 is one per cent of the parameter."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def correlations(self) -> Floats:
+        """Of the estimates (p, p); NaN where a parameter is not told at all."""
+        sd = self.standard_deviations
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.covariance / np.outer(sd, sd))
+
+    def pairs(self, limit: float = LIMIT) -> tuple[Pair, ...]:
+        """Two parameters and the correlation of their estimates, where that is above the limit."""
+        R = self.correlations
+        return tuple(
+            (self.names[i], self.names[j], float(R[i, j]))
+            for i, j in combinations(range(len(self.names)), 2)
+            if abs(R[i, j]) > limit
+        )
+
+    def directions(self, limit: float = LIMIT) -> tuple[Direction, ...]:
+        """Joint changes that the output does not show, then those that it hardly shows, the worst first.
+
+        Two parameters whose estimates correlate by the limit, and with no others, make one.
+        """
+        sizes, rows = self._svd
+        seen = range(len(sizes) - len(self.hidden))
+        weak = [k for k in reversed(seen) if sizes[k] < np.sqrt(1 - limit)]
+        return (
+            *(Direction(0.0, self._parts(row, _TAKES_PART)) for row in self.hidden),
+            *(Direction(float(sizes[k]), self._parts(rows[k], _LARGE)) for k in weak),
+        )
+
+    def _parts(self, row: Floats, least: float) -> tuple[tuple[str, float], ...]:
+        large = np.flatnonzero(np.abs(row) >= least * np.abs(row).max())
+        sign = 1.0 if row[large[0]] > 0 else -1.0
+        return tuple((self.names[i], float(sign * row[i])) for i in large)
+
+    def words(self, limit: float = LIMIT) -> tuple[str, ...]:
+        """What cannot be told from this record, in plain sentences."""
+        deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
+        groups = _groups(deviations, self.directions(limit))
+        pairs = self.pairs(limit)
+        apart = [p for p in pairs if not any(_inside(p, g) for g in groups)]
+        return (
+            *_alone(deviations, self.directions(limit)),
+            *_in_pairs(deviations, apart),
+            *_in_groups(groups, pairs),
+        )
+
+
+def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[str]:
+    absent = [d.names[0] for d in directions if d.size == 0 and len(d.parts) == 1]
+    if absent:
+        yield f"{listed(absent)} {'do' if len(absent) > 1 else 'does'} not show in this record at all."
+    poor = {name: percent(sd) for name, sd in deviations.items() if POOR < sd < np.inf}
+    if len(poor) == 1:
+        ((name, sd),) = poor.items()
+        yield f"{name} cannot be told from this record (standard deviation {sd})."
+    elif poor:
+        names = listed([f"{name} ({sd})" for name, sd in poor.items()])
+        yield f"{names} cannot be told from this record (standard deviations in brackets)."
+
+
+def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[Pair]) -> Iterator[str]:
+    for one, other, r in pairs:
+        if max(deviations[one], deviations[other]) > FAIR:
+            yield (
+                f"{one} and {other} cannot both be told from this record: their estimates correlate by {r:.2f}"
+                f" (standard deviations {percent(deviations[one])} and {percent(deviations[other])})."
+            )
+
+
+def _groups(deviations: Mapping[str, float], directions: Sequence[Direction]) -> list[Direction]:
+    """Hidden directions, and weak ones of three or more, each with a parameter that the others do not explain."""
+    out: list[Direction] = []
+    named: set[str] = set()
+    for direction in directions:
+        names, hidden = set(direction.names), direction.size == 0
+        poor = {name for name in names if FAIR < deviations[name] < np.inf}
+        if (hidden and len(names) > 1) or (len(names) > 2 and poor - named):
+            out.append(direction)
+            named |= names
+    return out
+
+
+def _inside(pair: Pair, group: Direction) -> bool:
+    return {pair[0], pair[1]} <= set(group.names)
+
+
+def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[str]:
+    for direction in groups:
+        names = direction.names
+        change = " ".join(f"{'+' if v > 0 else '-'}{name}" for name, v in direction.parts)
+        if direction.size == 0:
+            effect = "does not move the output at all"
+        else:
+            effect = f"moves the output by only {percent(direction.size)} of what they would one by one"
+            inside = [pair for pair in pairs if _inside(pair, direction)]
+            # Where more of them correlate it is the joint change that says so.
+            if len(inside) == 1:
+                one, other, r = inside[0]
+                effect += f", and the estimates of {one} and {other} correlate by {r:.2f}"
+        yield (
+            f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be told from this record:"
+            f" the joint change {change} {effect}."
+        )
+
+
+def _sparse(rows: Floats) -> Floats:
+    """The same space by its reduced echelon form, the largest elements as pivots; what is rounding is zero."""
+    out = rows.copy()
+    for k in range(len(out)):
+        i, j = divmod(int(np.argmax(np.abs(out[k:]))), out.shape[1])
+        out[[k, k + i]] = out[[k + i, k]]
+        out[k] /= out[k, j]
+        others = np.arange(len(out)) != k
+        out[others] -= np.outer(out[others, j], out[k])
+        out[others, j] = 0.0
+    out[np.abs(out) < _TAKES_PART] = 0.0
+    return out
+
+
+def percent(value: float) -> str:
+    """``0.3 %``, ``120 %``: two digits."""
+    return f"{float(f'{100 * value:.2g}'):g} %"

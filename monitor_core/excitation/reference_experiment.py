@@ -1,0 +1,84 @@
+"""The reference experiment: with these numbers the paper's Figures 5 and 6 come out."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Output, split_name
+from monitor_core.excitation import multisine
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+
+MONITORED = ("kT", "1/Ja", "fm")
+INTERVAL_S = 0.005
+SAMPLES = 2000
+FAULT_AT = 1000
+BAND_HZ = (0.0, 30.0)
+TORQUE_RMS = 1.23
+"""N m"""
+NOISE: Mapping[Output, float] = {"speed": 1.0, "angle": INTERVAL_S / np.sqrt(2), "mean speed": 1.0}
+"""Standard deviation of the white noise on the output: 1 rad/s; on the angle what differences to that."""
+
+
+class Record(NamedTuple):
+    """One record: fields (N,); many: t_us (N,) and the others (N, W)."""
+
+    t_us: NDArray[np.int64]
+    u: Floats
+    y: Floats
+
+
+def reference_model(output: Output = "speed", monitored: Sequence[str] = MONITORED) -> AxisModel:
+    """The embedded default drive, with the parameters that the paper monitors."""
+    return AxisModel(three_mass(output), REFERENCE_VALUES, tuple(monitored))
+
+
+def faulty(values: Mapping[str, float], fault: Mapping[str, float]) -> dict[str, float]:
+    """``values`` with each parameter of ``fault`` times its factor: {"1/Ja": 1.2} divides Ja by 1.2."""
+    changed = dict(values)
+    for name, factor in fault.items():
+        base, inverse = split_name(name)
+        changed[base] *= 1 / factor if inverse else factor
+    return changed
+
+
+def experiment(
+    seed: int,
+    fault: Mapping[str, float] | None = None,
+    *,
+    output: Output = "speed",
+    samples: int = SAMPLES,
+    fault_at: int = FAULT_AT,
+    noise: float | None = None,
+) -> Record:
+    """One record from rest.  ``fault`` (factors, see ``faulty``) acts from sample ``fault_at`` on.
+
+    ``noise`` is the standard deviation of the white noise on the output, default NOISE.
+    """
+    t_us, u, y = experiments([seed], fault, output=output, samples=samples, fault_at=fault_at, noise=noise)
+    return Record(t_us, u[:, 0], y[:, 0])
+
+
+def experiments(
+    seeds: Sequence[int],
+    fault: Mapping[str, float] | None = None,
+    *,
+    output: Output = "speed",
+    samples: int = SAMPLES,
+    fault_at: int = FAULT_AT,
+    noise: float | None = None,
+) -> Record:
+    """As ``experiment``, one column for each seed."""
+    rngs = [np.random.default_rng(seed) for seed in seeds]
+    u = np.stack([multisine(rng, samples, INTERVAL_S, BAND_HZ, TORQUE_RMS) for rng in rngs], axis=1)
+    white = np.stack([rng.standard_normal(samples) for rng in rngs], axis=1)
+    drive = three_mass(output)
+    before, x = simulate_linear(drive, REFERENCE_VALUES, u[:fault_at], INTERVAL_S)
+    after, _ = simulate_linear(drive, faulty(REFERENCE_VALUES, fault or {}), u[fault_at:], INTERVAL_S, x)
+    y = np.concatenate([before, after]) + (NOISE[output] if noise is None else noise) * white
+    t_us = np.arange(samples, dtype=np.int64) * round(INTERVAL_S * 1e6)
+    return Record(t_us, u, y)

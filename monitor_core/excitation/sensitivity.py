@@ -1,0 +1,176 @@
+"""How the output of a drive depends on its parameters, for a given torque: output error at fixed parameters.
+
+Coulomb friction and gravity are inputs that depend on the motion.  As in the monitor they count as known signals:
+those of the motion at the given values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.discretization import zero_order_hold_slopes
+from monitor_core.drive.structure import Drive, split_name
+from monitor_core.excitation import multisine
+from monitor_core.kernel.fixed import simulate_known
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+
+INTERVAL_S = 0.005
+BAND_HZ = (0.0, 30.0)
+SECONDS = 10.0
+
+_STEP = 1e-30
+"""Of the complex step: so far below rounding that the derivative is exact."""
+
+
+class Linear(NamedTuple):
+    """A (n, n), B (n, m), C (n,), or their derivatives."""
+
+    A: Floats
+    B: Floats
+    C: Floats
+
+
+def usual_torque(seed: int | np.random.Generator, rms: float, seconds: float = SECONDS) -> Floats:
+    """The reference experiment's torque (N,): multisine from 0 to 30 Hz at 200 Hz, with that rms value in N m."""
+    N = round(seconds / INTERVAL_S)
+    return multisine(np.random.default_rng(seed), N, INTERVAL_S, BAND_HZ, rms)
+
+
+def sensitivities(
+    drive: Drive,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    torque: Floats,
+    interval_s: float = INTERVAL_S,
+    *,
+    scales: Mapping[str, float] | None = None,
+    speed_scale: float = 1.0,
+) -> Floats:
+    """S (N, p): size_i * dy/dtheta_i, from rest, the torque (N,) held over each interval.
+
+    ``names`` are parameters of the drive, drawn ones, or reciprocals ("1/Ja").  size_i is |theta_i|, or the scale
+    given, which a parameter needs that is zero.  ``speed_scale`` [rad/s] is that of Coulomb friction.
+
+    Raises:
+        KeyError: a name that the drive does not have, or a value that is missing.
+        ValueError: a value that makes no sense; a parameter that is zero and has no scale.
+    """
+    u = known_inputs(drive, values, torque, interval_s, speed_scale)
+    return sensitivities_to(u, drive, values, names, interval_s, scales)
+
+
+def sensitivities_to(
+    u: Floats,
+    drive: Drive,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    interval_s: float,
+    scales: Mapping[str, float] | None = None,
+) -> Floats:
+    """As ``sensitivities``, with all inputs u (N, m) of the drive known, each held over its interval."""
+    return _propagated(*_linearised(drive, values, names, scales or {}), u, interval_s)
+
+
+def sensitivity_responses(
+    drive: Drive,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    frequency_hz: Floats,
+    interval_s: float,
+    scales: Mapping[str, float] | None = None,
+) -> NDArray[np.complex128]:
+    """Frequency responses (L, p) from the torque, held over each interval, to the sensitivities of the output.
+
+    Raises:
+        KeyError, ValueError: as ``sensitivities``.
+    """
+    of, slopes = _linearised(drive, values, names, scales or {})
+    torque = np.array([kind == TORQUE for kind in drive.inputs], dtype=float)[:, np.newaxis]
+    n = len(of.A)
+    X, dX = _held(of, slopes, interval_s)
+    Ad, Bd = X[:, :n], X[:, n:]
+    z = np.exp(2j * np.pi * np.asarray(frequency_hz) * interval_s)[:, np.newaxis, np.newaxis]
+    resolvent = np.linalg.inv(z * np.eye(len(Ad)) - Ad)
+    x = resolvent @ (Bd @ torque)
+    columns = [
+        of.C @ (resolvent @ (of_slope[:, :n] @ x + of_slope[:, n:] @ torque)) + slope.C @ x
+        for of_slope, slope in zip(dX, slopes, strict=True)
+    ]
+    return np.asarray(np.hstack(columns) if columns else np.empty((len(z), 0), dtype=complex))
+
+
+def _linearised(
+    drive: Drive, values: Mapping[str, float], names: Sequence[str], scales: Mapping[str, float]
+) -> tuple[Linear, list[Linear]]:
+    """The drive and its slopes by name, in units of state in which no digits are lost."""
+    slopes = [_slopes(drive, _stepped(drive, values, name, scales)) for name in names]
+    at = drive.complete(values)
+    nominal = Linear(drive.matrix("A", at), drive.matrix("B", at), drive.matrix("C", at)[0])
+    d = np.asarray(sla.matrix_balance(nominal.A, permute=False, separate=True)[1][0], dtype=float)
+    return _in_units(nominal, d), [_in_units(s, d) for s in slopes]
+
+
+def known_inputs(
+    drive: Drive, values: Mapping[str, float], torque: Floats, interval_s: float, speed_scale: float = 1.0
+) -> Floats:
+    """All inputs (N, m) of a drive that the torque moves from rest, each held from its sample to the next."""
+    axis = SimulatedAxis(values, speed_scale, substeps=1, drive=drive)
+    rows = []
+    for value in torque.tolist():
+        rows.append(axis.inputs(value))
+        axis.step(value, interval_s)
+    return np.array(rows).reshape(len(torque), len(drive.inputs))
+
+
+def _stepped(
+    drive: Drive, values: Mapping[str, float], name: str, scales: Mapping[str, float]
+) -> dict[str, Any]:
+    """All parameters, with that one a complex step of its size away; what is merged from it moves with it."""
+    base, inverse = split_name(name)
+    drive.given_as(base)
+    known = {**drive.complete(values), **values}
+    if base not in known:
+        raise KeyError(f"no nominal value for {base}")
+    if known[base] == 0 and (inverse or name not in scales):
+        raise ValueError(f"{name} has the nominal value 0: give its scale")
+    theta = 1 / known[base] if inverse else known[base]
+    moved = theta + 1j * _STEP * scales.get(name, abs(theta))
+    merged = drive.merged_from(base)
+    given = {other: v for other, v in known.items() if other not in merged}
+    return drive.complete({**given, base: 1 / moved if inverse else moved})  # type: ignore[dict-item]
+
+
+def _slopes(drive: Drive, stepped: Mapping[str, Any]) -> Linear:
+    A, B, C = (np.imag(drive.matrix(which, stepped)) / _STEP for which in ("A", "B", "C"))
+    return Linear(A, B, C[0])
+
+
+def _in_units(of: Linear, d: Floats) -> Linear:
+    """In states x_i / d_i: springs on the arm's side and inertias on the motor's would cost digits."""
+    return Linear(of.A / d[:, None] * d, of.B / d[:, None], of.C * d)
+
+
+def _propagated(of: Linear, slopes: Sequence[Linear], u: Floats, interval_s: float) -> Floats:
+    """S (N, p) by the exact zero-order hold of  (z_i, x)' = [A A_i; 0 A] (z_i, x) + (B_i, B) u,  z_i = dx/dtheta_i."""
+    n, p = len(of.A), len(slopes)
+    X, dX = _held(of, slopes, interval_s)
+    by_input = np.ascontiguousarray(dX.transpose(2, 1, 0)).reshape(X.shape[1], n * p)
+    C_slope = np.array([slope.C for slope in slopes]).reshape(p, n)
+    S = np.empty((len(u), p))
+    C, known = np.ascontiguousarray(of.C), np.ascontiguousarray(u, dtype=float)
+    simulate_known(known, X, by_input, C, np.ascontiguousarray(C_slope.T), S)
+    return S
+
+
+def _held(of: Linear, slopes: Sequence[Linear], interval_s: float) -> tuple[Floats, Floats]:
+    """[Ad Bd] (n, n + m) and its derivatives (p, n, n + m)."""
+    dA, dB = (np.array([slope[k] for slope in slopes]).reshape(len(slopes), *of[k].shape) for k in (0, 1))
+    X, dX = zero_order_hold_slopes(of.A, of.B, dA, dB, np.array([interval_s]))
+    return X[0], dX[0]

@@ -1,0 +1,1 @@
+"""Recursive monitoring of axes: samples in; estimates, status and alarms out."""

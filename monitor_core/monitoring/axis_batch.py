@@ -1,0 +1,263 @@
+"""A bank of axes of equal structure: owns their state, runs blocks of their samples through the kernel."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import DIRECTIONS, Calm, Crossing, Event
+from monitor_core.detection.cusum.evidence_builder import Judge
+from monitor_core.drive.assembly import Assembly, fill
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.kernel.block import Samples, Trace, run
+from monitor_core.kernel.cusum import CALM, Events
+from monitor_core.kernel.evidence import KEPT, NAMING, Noted, kept_numbers, noted_numbers
+from monitor_core.kernel.outliers import CREDIT
+from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
+from monitor_core.kernel.tables import constant_rows
+from monitor_core.kernel.vector import EIGHT
+from monitor_core.monitoring.kernel_constants import constants_of, naming_samples, vague
+from monitor_core.settings import Settings
+
+FEWEST_LANES = 8
+"""From so many axes on the bank runs in lanes.  Lanes are faster from four on, twice as fast at eight (``make bench``
+measures it), but the six axes of one robot then save a thousandth of a core and wait 3 s longer for the compiler."""
+
+MOST_LANES = 64
+"""Lanes side by side: what is done once for all of them hardly counts then, and their arrays fit the second cache."""
+
+
+class Bank:
+    """Monitors of several axes with the same drive structure and the same monitored parameters.
+
+    Raises:
+        ValueError: no axis, structures that differ, or settings that do not fit the drive.
+    """
+
+    def __init__(self, models: Sequence[AxisModel], settings: Sequence[Settings]) -> None:
+        if not models or len(models) != len(settings):
+            raise ValueError(
+                f"{len(models)} models and {len(settings)} settings: need one each, at least one"
+            )
+        first = models[0]
+        for model in models:
+            if (model.drive, model.monitored) != (first.drive, first.monitored):
+                raise ValueError("the axes of a bank must share the drive and the monitored parameters")
+        if len({s.run_on for s in settings}) > 1:
+            raise ValueError("the axes of a bank must agree on run_on")
+        self.models, self.settings = tuple(models), tuple(settings)
+        assembly = Assembly(first.drive, first.monitored)
+        self._tables = t = assembly.tables
+        W = len(models)
+        rows = constant_rows(t)
+        self._constants = np.zeros((rows, W))
+        float_rows, int_rows = state_rows(t.n, t.p, t.m, t.two)
+        self._floats = np.zeros((float_rows + KEPT * kept_numbers(t.p), W))
+        self._ints = np.zeros((int_rows + KEPT, W), dtype=np.int64)
+        self._parts = self._floats[:float_rows], self._ints[:int_rows]
+        self._kept = self._ints[int_rows:], self._floats[float_rows:]
+        self._kept[0][:] = NEVER
+        self.state: State = state_views(*self._parts, t.n, t.p, t.m, t.two)
+        """Named views into the state, axis last.  Writing to them changes the monitors."""
+        named = constant_views(self._constants, t)
+        pairs = list(enumerate(zip(models, settings, strict=True)))
+        self.thresholds: Floats = named.h
+        """h (p, W)"""
+        self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
+        """Bounds of theta (p, W), each: the models' own, drawn in to where the predictors are stable."""
+        judged = named.lower, named.upper, self.state.P_nom
+        self._judges = tuple(Judge(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
+        for a, (model, setting) in pairs:
+            fill(named, a, constants_of(assembly, model, setting))
+            self._start(a, model, setting)
+
+    def _start(self, a: int, model: AxisModel, s: Settings) -> None:
+        st = self.state
+        st.theta[:, a] = model.theta0
+        st.t[a] = NEVER
+        st.onset[:, :, a] = NEVER
+        st.left[a] = naming_samples(s)
+        st.theta_seen[:, a] = model.theta0
+        st.lam0_running[a] = s.lam0
+        st.credit[a] = CREDIT
+        st.running2[:, a], st.credit2[:, a] = s.lam0, CREDIT
+        st.plenty[a] = 1.0
+        st.seed_left[a] = s.seed_updates
+        certain = s.P0 or vague(model, s)
+        if np.shape(certain) != model.scale.shape:
+            raise ValueError(f"P0 has {len(s.P0)} entries, {len(model.scale)} parameters are monitored")
+        np.fill_diagonal(st.P[:, :, a], certain)
+        st.P_nom[:, a] = s.P0 or 0.0
+
+    def run(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        count: NDArray[np.int64] | None = None,
+        shift: Floats | None = None,
+        gate: NDArray[np.bool_] | None = None,
+        y2: Floats | None = None,
+    ) -> list[tuple[int, Event]]:
+        """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
+
+        ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
+        NaN: the conditions are not known.  ``gate`` (N, W): where False, or the conditions are not known, nothing is
+        learned.  ``y2`` (N, W) is the second output of a drive that has one (Drive.with_speed), NaN where it is
+        missing; without it, it is missing throughout.
+
+        Returns the events with the index of their axis, axis by axis in order of time.
+
+        Raises:
+            ValueError: shapes that do not fit; a second output of a drive that has one only.
+        """
+        return self._run(self._samples(t_us, u, y, count, shift, gate, y2), _trace(0, *self._shape))
+
+    def run_traced(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        count: NDArray[np.int64] | None = None,
+        shift: Floats | None = None,
+        gate: NDArray[np.bool_] | None = None,
+        y2: Floats | None = None,
+    ) -> tuple[list[tuple[int, Event]], Trace]:
+        """As ``run``, with the recursion's values at every sample."""
+        trace = _trace(len(t_us), *self._shape)
+        return self._run(self._samples(t_us, u, y, count, shift, gate, y2), trace), trace
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        """Monitored parameters and axes."""
+        return self._tables.p, len(self.models)
+
+    def _samples(
+        self,
+        t_us: NDArray[np.int64],
+        u: Floats,
+        y: Floats,
+        count: NDArray[np.int64] | None,
+        shift: Floats | None,
+        gate: NDArray[np.bool_] | None,
+        y2: Floats | None,
+    ) -> Samples:
+        p, W = self._shape
+        t = np.ascontiguousarray(t_us, dtype=np.int64)
+        if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
+            raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N, {W}) each")
+        N = len(t)
+        n = np.full(W, N) if count is None else np.asarray(count, dtype=np.int64)
+        if n.shape != (W,) or (n < 0).any() or (n > N).any():
+            raise ValueError(f"count = {n}: need {W} numbers from 0 to {N}")
+        moved = np.empty((0, p, W)) if shift is None else np.ascontiguousarray(shift, dtype=float)
+        opened = np.empty((0, W), np.bool_) if gate is None else np.ascontiguousarray(gate, dtype=np.bool_)
+        if moved.shape not in {(N, p, W), (0, p, W)} or opened.shape not in {(N, W), (0, W)}:
+            raise ValueError(
+                f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}"
+            )
+        second = np.empty((0, W)) if y2 is None else np.ascontiguousarray(y2, dtype=float)
+        if second.shape not in {(N, W), (0, W)} or (y2 is not None and not self._tables.two):
+            raise ValueError(f"y2 of shape {second.shape}: need {(N, W)}, of a drive with a second output")
+        u, y = np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float)
+        return Samples(t, u, y, n, moved, opened, second)
+
+    def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, Event]]:
+        events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
+        noted = self._noted(len(samples.t))
+        reset = not self.settings[0].run_on
+        lanes = _lanes(len(self.models))
+        run(
+            lanes,
+            True if isinstance(lanes, tuple) else None,
+            self._tables,
+            self._constants,
+            *self._parts,
+            *self._kept,
+            samples,
+            reset,
+            events,
+            noted,
+            trace,
+        )
+        return sorted(self._named(events, noted), key=lambda pair: pair[0])
+
+    def _noted(self, N: int) -> Noted:
+        """Room for what N samples of each axis can have noted: once as soon as a naming takes, in each."""
+        p = self._tables.p
+        capacity = sum(N // naming_samples(s) + 1 for s in self.settings)
+        numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
+        before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
+        return Noted(*numbers, np.empty((noted_numbers(p), capacity)), *before)
+
+    def _named(self, events: Events, noted: Noted) -> Iterator[tuple[int, Event]]:
+        """All events, in their order; evidence stands between them where it was noted."""
+        done = 0
+        for c in range(int(noted.filled[0])):
+            before = int(noted.what[3, c])
+            yield from (self._event(events, k) for k in range(done, before))
+            done = before
+            a = int(noted.what[1, c])
+            yield a, self._judges[a].reading(noted, c)
+            if noted.what[0, c] == NAMING:
+                yield a, self._judges[a].evidence(noted, c)
+        yield from (self._event(events, k) for k in range(done, int(events.filled[0])))
+
+    def _event(self, events: Events, k: int) -> tuple[int, Crossing | Calm]:
+        kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
+        d, P_ii = events.value[:, k]
+        name = self.models[a].monitored[i]
+        if kind == CALM:
+            return a, Calm(name, t_us)
+        sd = standard_deviation(self.settings[a], float(P_ii))
+        return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
+
+    def column(self, a: int) -> tuple[Floats, NDArray[np.int64]]:
+        """A copy of the whole state of one axis: floats and integers."""
+        return self._floats[:, a].copy(), self._ints[:, a].copy()
+
+    def restore(self, a: int, floats: Floats, ints: NDArray[np.int64]) -> None:
+        """Put back what ``column`` gave.
+
+        Raises:
+            ValueError: the arrays have another shape, or hold values no state can have.
+        """
+        if floats.shape != self._floats[:, a].shape or ints.shape != self._ints[:, a].shape:
+            raise ValueError(f"a state of {floats.size} + {ints.size} numbers does not fit this model")
+        if not np.isfinite(floats).all():
+            raise ValueError("a state with values that are not finite")
+        self._floats[:, a] = floats
+        self._ints[:, a] = ints
+
+
+def standard_deviation(s: Settings, P_ii: float) -> float:
+    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda)); with a drift, lambda is 1."""
+    return math.sqrt(s.lam0 * P_ii / s.divisor)
+
+
+def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
+    """One lane for few axes, which are then run one after the other; else as many as share the axes out evenly."""
+    if axes < FEWEST_LANES:
+        return (0,)
+    turns = -(-axes // MOST_LANES)
+    return np.arange(-(-axes // (turns * EIGHT)) * EIGHT)
+
+
+def _events(most_per_sample: int, samples: int) -> Events:
+    capacity = most_per_sample * samples
+    return Events(np.zeros(1, np.int64), np.empty((5, capacity), np.int64), np.empty((2, capacity)))
+
+
+def _trace(N: int, p: int, W: int) -> Trace:
+    return Trace(
+        np.full((N, W), np.nan),
+        np.empty((N, p, W)),
+        np.empty((N, p, W)),
+        np.empty((N, p, W)),
+        np.empty((N, 2, p, W)),
+        np.empty((N, p, W)),
+        np.zeros((N, W)),
+        np.empty((N, p, W)),
+    )

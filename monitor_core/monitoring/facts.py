@@ -1,0 +1,90 @@
+"""What a monitor knows about its axis now: plain values, units beside them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.kernel.state import COUNTERS2
+
+
+class Status(StrEnum):
+    """State of the estimate of a parameter."""
+
+    WAITING = "waiting"  # no sample yet
+    SETTLING = "settling"  # the predictor has just (re)started
+    SEEDING = "seeding"  # P(0) is being found
+    TRACKING = "tracking"
+    WEAK = "weakly observed"  # tracking, though the last samples say less than those at commissioning
+    UNSEEN = "not observed"  # the last samples say next to nothing of it
+    INVALID = "invalid"  # the model does not hold: the estimate is at a bound, or errors are far larger than they were
+    ALARM = "alarm"  # an alarm episode is open
+
+
+class Observation(StrEnum):
+    """How much is known of a parameter now, beside what was known at commissioning."""
+
+    OBSERVED = "observed"
+    WEAK = "weakly observed"
+    UNSEEN = "not observed"  # the estimate is the last that was observed; its CUSUM waits
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterFacts:
+    """One monitored parameter, in its own unit."""
+
+    name: str
+    unit: str
+    meaning: str
+    nominal: float
+    """theta_0, which may follow measured conditions"""
+    estimate: float
+    """NaN where it is invalid"""
+    standard_deviation: float
+    """sqrt(lambda_0 P_ii / (1 + lambda))"""
+    p_diagonal: float
+    """P_ii of eq. 13"""
+    g_up: float
+    """CUSUM for an increase; in the parameter's unit times samples"""
+    g_down: float
+    h: float
+    """Threshold of both"""
+    nu: float
+    """Deviation per sample that is tolerated"""
+    status: Status
+    observation: Observation
+
+
+@dataclass(frozen=True, slots=True)
+class DetectorFacts:
+    """What a detector says now."""
+
+    name: DetectorName
+    alarms: bool
+    """Whether its alarms are those of the axis; the other only looks on"""
+    leading: str
+    """What is nearest its threshold: a parameter, or another cause; empty: nothing yet"""
+    evidence: float
+    """Of that, g over h"""
+    open: tuple[str, ...]
+    """Names of the alarms that are open by what it says"""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFacts:
+    """One axis at the time of its last sample (microseconds since 1970, None before the first)."""
+
+    time_us: int | None
+    parameters: tuple[ParameterFacts, ...]
+    innovation_variance: float
+    """Running estimate of lambda_0, in the output's unit squared"""
+    confounded: tuple[str, ...]
+    """What cannot be told apart now, in words; empty where all is observed"""
+    counters: Mapping[str, int]
+    """What became of the samples; see monitor_core.kernel.state.COUNTERS, and of two outputs COUNTERS2"""
+    detectors: tuple[DetectorFacts, ...] = ()
+
+    @property
+    def samples(self) -> int:
+        """Samples received, whatever became of them; the other counters say what."""
+        return sum(v for k, v in self.counters.items() if k != "projected" and k not in COUNTERS2)

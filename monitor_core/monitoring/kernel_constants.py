@@ -1,0 +1,75 @@
+"""What the kernel needs to know of an axis that does not change: settings and nominal values as its constants."""
+
+import math
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.stability import stable_limits
+from monitor_core.kernel.tables import GAINS
+from monitor_core.settings import Settings
+
+CALM_MEMORIES = 3
+SLOW_MEMORIES = 10
+
+
+def naming_samples(s: Settings) -> int:
+    """Samples from the first crossing to the evidence for a name, between readings, and of calm that ends an alarm."""
+    return round(CALM_MEMORIES * s.memory)
+
+
+def vague(model: AxisModel, s: Settings) -> Floats:
+    """Diagonal of P (p,) of who knows no more of the parameters than their sizes."""
+    return np.asarray((1 + s.lam) * model.scale**2 / s.lam0)
+
+
+def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:
+    """By the names of kernel/tables.Constants: numbers, or as many rows as each needs.
+
+    Raises:
+        ValueError: settings that do not fit the drive.
+    """
+    numbers = {
+        "interval": s.interval_s,
+        "lam": s.lam,
+        "lam0": s.lam0,
+        "lam_slow": 1 - (1 - s.lam) / SLOW_MEMORIES,
+        "delay": s.delay_s,
+        "gap_us": round(s.max_gap_s * 1e6),
+        "settle_us": round(s.settle_s * 1e6),
+        "seed": s.seed_updates,
+        "calm": naming_samples(s),
+        "floor": s.floor,
+        "starved": s.starved,
+        "lost_us": round(s.lost_s * 1e6),
+        "outlier": s.outlier,
+        "joint": s.joint,
+        "drift": s.drift,
+        "tested": not s.untold,
+        "widen": s.widen,
+        "span": s.span,
+    }
+    n = len(model.drive.states)
+    K, scale2 = _gains(model, s)
+    vectors = {"K": K, "scale2": scale2, "vague": vague(model, s), "scale": model.scale}
+    alpha1, alpha2, allowance = s.tests(len(model.scale))
+    vectors |= {"h": alpha2 * model.scale, "alpha1": alpha1, "allowance": allowance * model.scale}
+    vectors |= assembly.model_constants(model, s.speed_scale)
+    vectors["lower"], vectors["upper"] = stable_limits(model, s.filter(n), s.interval_s)
+    return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
+
+
+def _gains(model: AxisModel, s: Settings) -> tuple[Floats, Floats]:
+    """K and scale2 as the kernel has them; the second output's gains are those for its scaled innovations."""
+    n = len(model.drive.states)
+    if not model.drive.both:
+        if s.second is not None:
+            raise ValueError("settings of a second output, which the drive does not have")
+        return s.gains(n).ravel(), np.empty(0)
+    K = s.both_gains(n)
+    assert s.second is not None  # both_gains has seen to it
+    scale2 = math.sqrt(s.lam0 / s.second.lam0)
+    K[GAINS : 2 * GAINS] /= scale2
+    return K.ravel(), np.array([scale2])

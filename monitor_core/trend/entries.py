@@ -1,0 +1,97 @@
+"""Means of an estimate over stretches of operation, with the standard deviations that its autocorrelation leaves them.
+
+Estimates of a recursion that forgets are correlated like lambda^l (Ornstein-Uhlenbeck in small), with the variance
+sigma^2 = lambda_0 P_ii / (1 + lambda).  Of n of them, c samples apart, rho = lambda^c, the mean has the variance
+
+    sigma^2 / n (1 + 2 sum_k (1 - k / n) rho^k)
+        = sigma^2 / n ((1 + rho) / (1 - rho) - 2 rho (1 - rho^n) / n / (1 - rho)^2),    k from 1 to n - 1
+
+(of any stationary series; the sum is geometric).  It is the least that can be: temperature, load and whatever else the
+model leaves out come on top, and only the history itself shows how much.
+"""
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+
+
+class Reading(NamedTuple):
+    """What is known of the parameters of an axis after some samples more that were learned from."""
+
+    time_us: int
+    value: tuple[float, ...]
+    """theta - theta_0(s) + theta_0: where nominal values follow conditions, what it would be at theirs of reference"""
+    variance: tuple[float, ...]
+    """lambda_0 P_ii / (1 + lambda)"""
+    known: tuple[bool, ...]
+    """It is observed, and the model holds"""
+    span_s: float
+    """Time in operation since the last one"""
+    correlation: float
+    """Of the estimates of two readings in a row"""
+
+
+class Entry(NamedTuple):
+    """The mean of a parameter over a stretch of time, as far as it was observed in it."""
+
+    start_us: int
+    end_us: int
+    middle_us: int
+    """Mean of the times of what is in it"""
+    mean: float
+    variance: float
+    """Of the mean, by P: at least so much"""
+    operating_s: float
+    """Time in operation, observed"""
+
+
+def inflation(n: int, rho: float) -> float:
+    """Variance of the mean of n values, correlated like rho^k, over that of independent ones."""
+    return (1 + rho) / (1 - rho) - 2 * rho * (1 - rho**n) / (n * (1 - rho) ** 2)
+
+
+def merged(entries: Sequence[Entry]) -> Entry:
+    """One entry in place of several in a row, each counting by its information."""
+    w = np.array([1 / e.variance for e in entries])
+    first, total = entries[0].middle_us, float(w.sum())  # times as differences keep their digits
+    later = float(w @ [e.middle_us - first for e in entries]) / total
+    mean = float(w @ [e.mean - entries[0].mean for e in entries]) / total + entries[0].mean
+    operating_s = sum(e.operating_s for e in entries)
+    return Entry(entries[0].start_us, entries[-1].end_us, first + round(later), mean, 1 / total, operating_s)
+
+
+def thinned(entries: Sequence[Entry], most: int) -> list[Entry]:
+    """At most so many entries, neighbours merged."""
+    group = -(-len(entries) // most)
+    if group <= 1:
+        return list(entries)
+    first = len(entries) % group  # the newest are whole groups
+    starts = [*([0] if first else []), *range(first, len(entries), group)]
+    ends = [*starts[1:], len(entries)]
+    return [merged(entries[a:b]) for a, b in zip(starts, ends, strict=True)]
+
+
+def as_rows(entries: Iterable[Entry]) -> Floats:
+    """Entries as an array (N, 6), exact: times in microseconds since 1970 are whole numbers below 2^53."""
+    return np.array([tuple(e) for e in entries], float).reshape(-1, len(Entry._fields))
+
+
+def from_rows(rows: Floats) -> list[Entry]:
+    """What ``as_rows`` made.
+
+    Raises:
+        ValueError: these are no entries.
+    """
+    if rows.ndim != 2 or rows.shape[1] != len(Entry._fields) or not np.isfinite(rows).all():
+        raise ValueError(f"no entries of a history: numbers of shape {rows.shape}, or not finite")
+    entries = [Entry(int(r[0]), int(r[1]), int(r[2]), *(float(v) for v in r[3:])) for r in rows]
+    for e in entries:
+        if not (e.start_us <= e.middle_us <= e.end_us and e.variance > 0 and e.operating_s > 0):
+            raise ValueError(f"no entry of a history: {e}")
+    if any(b.start_us < a.end_us for a, b in itertools.pairwise(entries)):
+        raise ValueError("the entries of a history are not in order")
+    return entries

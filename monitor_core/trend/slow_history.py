@@ -1,0 +1,166 @@
+"""A year of a parameter: hours of operation, later days, in a bounded place.
+
+An hour is one of operation in which the parameter was observed, however long that takes, up to a day: what is known by
+then is closed, so that no entry is a mean over more than a day.  After a month of hours those of a day become one.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.trend.entries import Entry, as_rows, from_rows, inflation, merged
+
+HOUR_S = 3600.0
+DAY = 24
+"""Hours of time that an entry may span."""
+
+HOURS, DAYS = 31 * DAY, 366
+"""Entries that are kept: of an hour, and older ones of a day."""
+
+YEAR = 400 * DAY
+"""Hours after which an entry is forgotten."""
+
+
+class _Open(NamedTuple):
+    """What is being gathered: sums of 1/variance, and with it of value and time beside the first ones."""
+
+    start_us: int
+    end_us: int
+    first: float
+    n: int
+    w: float
+    wx: float
+    wt: float
+    operating_s: float
+
+
+class SlowHistory:
+    """The slow history of one parameter.
+
+    Args:
+        hour_s: time in operation [s] of an entry; days, a month and a year are that many times longer.
+    """
+
+    def __init__(self, hour_s: float = HOUR_S) -> None:
+        self._hour_s = hour_s
+        self._hours: list[Entry] = []
+        self._days: list[Entry] = []
+        self._gathering: list[Entry] = []  # hours of the newest day
+        self._open: _Open | None = None
+
+    @property
+    def hour_s(self) -> float:
+        """Time in operation of an entry [s]."""
+        return self._hour_s
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """All entries that are closed, the oldest first."""
+        day = [merged(self._gathering)] if self._gathering else []
+        return (*self._days, *day, *self._hours)
+
+    def take(self, t_us: int, value: float, variance: float, span_s: float, correlation: float) -> bool:
+        """Take an estimate, that of ``span_s`` of operation; whether an entry was closed.
+
+        A clock that is set back by less than a day is waited for; by more, what lies ahead of it is forgotten.
+        """
+        closed = self._is_late(t_us) and self._close(correlation)
+        newest_us = self._open.end_us if self._open else self._hours[-1].end_us if self._hours else t_us
+        if t_us < newest_us - self._day_us:
+            self._forget_after(t_us)
+        elif t_us < newest_us:
+            return closed
+        self._open = _added(
+            self._open or _Open(t_us, t_us, value, 0, 0.0, 0.0, 0.0, 0.0), t_us, value, variance, span_s
+        )
+        if self._open.operating_s >= self._hour_s * (1 - 1e-9):
+            closed = self._close(correlation)
+        return closed
+
+    @property
+    def _day_us(self) -> int:
+        return round(DAY * self._hour_s * 1e6)
+
+    def _is_late(self, t_us: int) -> bool:
+        return self._open is not None and t_us - self._open.start_us > self._day_us
+
+    def _close(self, correlation: float) -> bool:
+        o = self._open
+        assert o is not None
+        self._open = None
+        variance = inflation(o.n, correlation) / (o.w / o.n) / o.n
+        middle_us = min(o.start_us + round(o.wt / o.w), o.end_us)
+        self._hours.append(
+            Entry(o.start_us, o.end_us, middle_us, o.first + o.wx / o.w, variance, o.operating_s)
+        )
+        self._thin(o.end_us)
+        return True
+
+    def _thin(self, now_us: int) -> None:
+        while len(self._hours) > HOURS:
+            oldest = self._hours.pop(0)
+            day = self._gathering
+            if day and (len(day) >= DAY or oldest.end_us - day[0].start_us > self._day_us):
+                self._days.append(merged(day))
+                self._gathering = []
+            self._gathering.append(oldest)
+        least_us = now_us - round(YEAR * self._hour_s * 1e6)
+        self._days = [e for e in self._days[-DAYS:] if e.end_us >= least_us]
+        self._gathering = [e for e in self._gathering if e.end_us >= least_us]
+        self._hours = [e for e in self._hours if e.end_us >= least_us]
+
+    def _forget_after(self, t_us: int) -> None:
+        self._open = None
+        for kept in (self._days, self._gathering, self._hours):
+            kept[:] = [e for e in kept if e.end_us <= t_us]
+
+    def closed_to_array(self) -> Floats:
+        """All closed entries, to be saved (N + 1, 6); the first row says how many are days, hours of a day, hours."""
+        counts = [len(self._days), len(self._gathering), len(self._hours), self._hour_s, 0.0, 0.0]
+        return np.vstack([counts, as_rows([*self._days, *self._gathering, *self._hours])])
+
+    def open_to_array(self) -> Floats:
+        """What is being gathered, to be saved (8,), or (0,)."""
+        return np.array(self._open or (), float)
+
+    def restore(self, closed: Floats, opened: Floats) -> None:
+        """Go on from what was saved; what is being gathered is left out where it is older than what is closed.
+
+        Raises:
+            ValueError: it is no history, or one of other hours.
+        """
+        if closed.ndim != 2 or len(closed) < 1 or closed.shape[1] != 6 or not np.isfinite(closed).all():
+            raise ValueError("no history")
+        days, day, hours, hour_s = (float(v) for v in closed[0, :4])
+        if hour_s != self._hour_s:
+            raise ValueError(f"its entries are of {hour_s:g} s, not of {self._hour_s:g} s")
+        entries = from_rows(closed[1:])
+        if min(days, day, hours) < 0 or days + day + hours != len(entries):
+            raise ValueError("no history: its numbers of entries do not fit")
+        a, b = int(days), int(days + day)
+        self._days, self._gathering, self._hours = entries[:a], entries[a:b], entries[b:]
+        self._open = _opened(opened, entries)
+
+
+def _added(o: _Open, t_us: int, value: float, variance: float, span_s: float) -> _Open:
+    w = 1 / variance
+    return o._replace(
+        end_us=t_us,
+        n=o.n + 1,
+        w=o.w + w,
+        wx=o.wx + w * (value - o.first),
+        wt=o.wt + w * (t_us - o.start_us),
+        operating_s=o.operating_s + span_s,
+    )
+
+
+def _opened(values: Floats, entries: Sequence[Entry]) -> _Open | None:
+    if values.shape != (len(_Open._fields),) or not np.isfinite(values).all():
+        return None
+    start_us, end_us, first, n, *sums = (float(v) for v in values)
+    o = _Open(int(start_us), int(end_us), first, int(n), *sums)
+    if o.n < 1 or o.w <= 0 or not o.start_us <= o.end_us:
+        return None
+    return None if entries and o.start_us < entries[-1].end_us else o

@@ -1,0 +1,210 @@
+"""Whether a parameter is steady, drifts or has changed at once, from its slow history, and as sure as it is.
+
+All courses (courses.py) in all noises (noise.py) are weighed.  What is left after that is a mixture of Gaussians of
+level and slope, from which everything is told: the probabilities of the kinds, the slope, and when a limit is reached.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.trend.entries import Entry, thinned
+from monitor_core.trend.scatter_models import Noises, possible, whitened
+from monitor_core.trend.trend_models import AFTER, BEFORE, KINDS, Shapes, Weighed, shapes, weigh
+
+FEWEST = 24
+"""Entries that are needed to tell anything."""
+
+SPAN = 120
+"""Hours (of time, in lengths of an entry's operation) that they must span: days differ from nights."""
+
+MOST = 160
+"""Entries that are looked at; more are merged."""
+
+COARSE = 12
+"""Times of a change that are tried first, with every noise."""
+
+LIKELY, MOST_LIKELY = 1e-3, 24
+"""Noises that are kept for all times: those not less likely than this beside the best, and at most so many."""
+
+CHANGE = 0.3
+"""A priori a change is about so large, beside the size of the parameter."""
+
+KEPT = 1e-6
+"""Probability below which a course is left out."""
+
+
+class Mixture(NamedTuple):
+    """Courses that are left (K,), with their probabilities; times in seconds after ``zero_us``."""
+
+    zero_us: int
+    p: Floats
+    at: Floats
+    begin: float
+    end: float
+    level: Floats
+    level_variance: Floats
+    pull: Floats
+    mean: Floats
+    covariance: Floats
+
+    def at_times(self, t: Floats) -> tuple[Floats, Floats]:
+        """Mean and standard deviation (T, K) of each course at times t (T,), also beyond the end."""
+        after = t[:, None] >= self.at
+        ramp = np.maximum(t[:, None] - self.at, 0.0) / np.maximum(self.end - self.at, 1e-300)
+        f = np.stack([after.astype(float), ramp], axis=-1)  # (T, K, 2)
+        mean = self.level + np.einsum("tkf,kf->tk", f, self.mean)
+        k = f - self.pull
+        variance = self.level_variance + np.einsum("tkf,kfh,tkh->tk", k, self.covariance, k)
+        return mean, np.sqrt(variance)
+
+
+class Trend(NamedTuple):
+    """What a slow history says; per second, in the parameter's unit."""
+
+    time_us: int
+    """Of the last entry: it ends here"""
+    since_us: int
+    """Begin of the first entry"""
+    probability: dict[str, float]
+    """Of steady, drift, step, both (a step, and a drift since)"""
+    level: float
+    level_sd: float
+    slope: float
+    slope_sd: float
+    change_us: int
+    """When the likeliest kind of change began; of a steady one the begin"""
+    change: float
+    """By how much it has changed since then, mean and standard deviation"""
+    change_sd: float
+    scatter: float
+    """Standard deviation of an hour's mean about the course"""
+    mixture: Mixture
+
+
+def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | None:
+    """What the entries of a parameter say; None: they are too few, or span too little time.
+
+    Args:
+        entries: in order.
+        size: of the parameter, in its unit: |nominal| or its scale.
+        hour_s: time in operation of a whole entry [s].
+    """
+    zero_us = entries[-1].middle_us if entries else 0
+    if len(entries) < FEWEST or zero_us - entries[0].middle_us < SPAN * hour_s * 1e6 / 1.001:
+        return None
+    few = thinned(entries, MOST)
+    t = np.array([(e.middle_us - zero_us) / 1e6 for e in few])
+    keep = np.diff(t, prepend=-np.inf) > 0
+    few, t = [e for e, k in zip(few, keep, strict=True) if k], t[keep]
+    y = np.array([e.mean for e in few])
+    zero = float(np.median(y))
+    y = (y - zero) / size
+    variance = np.array([e.variance for e in few]) / size**2
+    share = np.minimum(1.0, hour_s / np.array([e.operating_s for e in few]))
+    weighed, noises, likely = _weighed(t, y, variance, share, hour_s)
+    return _told(entries, t, weighed, (zero, size), zero_us, _scatter(noises, likely, variance))
+
+
+def _weighed(
+    t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: float
+) -> tuple[Weighed, Noises, Floats]:
+    """First every noise with a few times of change, then the likely ones with all."""
+    N = len(t)
+    every = np.concatenate([[0], np.arange(BEFORE, N - AFTER + 1)])
+    few = every[np.unique(np.linspace(0, len(every) - 1, COARSE).round().astype(int))]
+    noises = possible(t, _spread(t, y, variance), hour_s)
+    coarse, s = _with(t, y, variance, share, noises, few)
+    by_noise = _by_noise(coarse, len(noises.white), len(s.at))
+    best = np.argsort(-by_noise, kind="stable")[:MOST_LIKELY]
+    best = best[by_noise[best] > by_noise.max() + np.log(LIKELY)]
+    noises = Noises(*(x[best] for x in noises))
+    fine, s = _with(t, y, variance, share, noises, every)
+    by_noise = _by_noise(fine, len(best), len(s.at))
+    return fine, noises, np.exp(by_noise - by_noise.max())
+
+
+def _with(
+    t: Floats, y: Floats, variance: Floats, share: Floats, noises: Noises, first: Floats
+) -> tuple[Weighed, Shapes]:
+    s = shapes(t, first)
+    columns = np.column_stack([y, np.ones_like(y), s.step, s.ramp])
+    W, log_det = whitened(t, columns, variance, share, noises)
+    prior = np.gradient(s.at[1:]) if len(s.at) > 2 else np.ones(1)
+    return weigh(W, log_det - 2 * noises.log_prior, s, CHANGE, prior / prior.sum()), s
+
+
+def _spread(t: Floats, y: Floats, variance: Floats) -> float:
+    """About how far the values are off: from what a line, or two levels, leave; at least as P says."""
+    line = y - np.polyval(np.polyfit(t, y, 1), t)
+    left = [float(line @ line)]
+    n = np.arange(1, len(y))
+    before, total = np.cumsum(y)[:-1], y.sum()
+    left.append(float((y @ y - before**2 / n - (total - before) ** 2 / (len(y) - n)).min()))
+    return float(np.sqrt(max(min(left) / len(y), float(np.median(variance)))))
+
+
+def _by_noise(w: Weighed, G: int, M: int) -> Floats:
+    """Logarithm of the probability of each noise (G,): of all courses in it."""
+    parts = [w.log_weight[:G, None], *(x.reshape(G, M) for x in np.split(w.log_weight[G:], 3))]
+    return np.asarray(np.logaddexp.reduce(np.concatenate(parts, axis=1), axis=1))
+
+
+def _scatter(noises: Noises, likely: Floats, variance: Floats) -> float:
+    one = noises.white + noises.lasting + np.median(variance)
+    return float(np.sqrt(likely @ one / likely.sum()))
+
+
+def _told(
+    entries: Sequence[Entry], t: Floats, w: Weighed, scale: tuple[float, float], zero_us: int, scatter: float
+) -> Trend:
+    zero, size = scale
+    p = np.exp(w.log_weight - w.log_weight.max())
+    p /= p.sum()
+    kinds = {kind: float(p[w.kind == k].sum()) for k, kind in enumerate(KINDS)}
+    keep = p > KEPT
+    m = Mixture(
+        zero_us,
+        p[keep] / p[keep].sum(),
+        w.at[keep],
+        float(t[0]),
+        float(t[-1]),
+        w.level[keep] * size + zero,
+        w.level_variance[keep] * size**2,
+        w.pull[keep],
+        w.mean[keep] * size,
+        w.covariance[keep] * size**2,
+    )
+    level, level_sd = _moments(m.p, *(x[0] for x in m.at_times(np.array([m.end]))))
+    duration = m.end - m.at
+    drifts = (w.kind[keep] == KINDS.index("drift")) | (w.kind[keep] == KINDS.index("both"))
+    rate = np.where(drifts, 1 / np.maximum(duration, 1e-300), 0.0)
+    slope, slope_sd = _moments(m.p, m.mean[:, 1] * rate, np.sqrt(m.covariance[:, 1, 1]) * rate)
+    likeliest = max(KINDS[1:], key=kinds.__getitem__)
+    own = m.p * (w.kind[keep] == KINDS.index(likeliest))
+    own = own / own.sum() if own.sum() > 0 else m.p
+    changed = np.sqrt(np.maximum(m.covariance.sum((1, 2)), 0.0))
+    change, change_sd = _moments(own, m.mean.sum(1), changed)
+    began = float(own @ m.at) if kinds["steady"] < 0.5 else m.begin
+    return Trend(
+        entries[-1].end_us,
+        entries[0].start_us,
+        kinds,
+        level,
+        level_sd,
+        slope,
+        slope_sd,
+        zero_us + round(began * 1e6),
+        change,
+        change_sd,
+        scatter * size,
+        m,
+    )
+
+
+def _moments(p: Floats, mean: Floats, sd: Floats) -> tuple[float, float]:
+    """Mean and standard deviation of a mixture."""
+    middle = float(p @ mean)
+    return middle, float(np.sqrt(p @ (sd**2 + (mean - middle) ** 2)))

@@ -1,0 +1,119 @@
+"""Courses that a slow history may have taken, and what each says of it: least squares with priors, exactly.
+
+Level, and a change of it at a time c: a step, a ramp from c until now, or both.  The level may be anything; changes
+are a priori Gaussian about zero, of ``size``.  Both are integrated out, which gives each course, time and noise its
+probability, and level and slope at the end their joint Gaussian.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+
+BEFORE, AFTER = 2, 4
+"""Entries that are needed before a change, and after it."""
+
+PRIOR = {"steady": 0.4, "drift": 0.3, "step": 0.2, "both": 0.1}
+KINDS = tuple(PRIOR)
+
+
+class Shapes(NamedTuple):
+    """Changes that are considered (M,), as columns (N, M)."""
+
+    at: Floats  # (M,) times
+    first: Floats  # (M,) index of the first entry after the change
+    step: Floats  # (N, M) 0 before, 1 after
+    ramp: Floats  # (N, M) 0 before, 1 at the end
+
+
+class Weighed(NamedTuple):
+    """All courses with their weights and what they say; arrays (K,), or (K, 2) for step and ramp."""
+
+    kind: Floats  # index in KINDS
+    at: Floats  # time of the change
+    log_weight: Floats
+    level: Floats  # before the change, given the changes ``mean``
+    level_variance: Floats  # given the changes
+    pull: Floats  # (K, 2) by how much the level gives way to a change of one
+    mean: Floats  # (K, 2) of step and ramp
+    covariance: Floats  # (K, 2, 2)
+
+
+def shapes(t: Floats, first: Floats) -> Shapes:
+    """Changes before the entries ``first`` (M,); 0: from the beginning."""
+    at = np.where(first > 0, (t[np.maximum(first - 1, 0)] + t[first]) / 2, t[0])
+    step = (np.arange(len(t))[:, None] >= first).astype(float)
+    ramp = np.maximum(t[:, None] - at, 0.0) / (t[-1] - at)
+    return Shapes(at, first, step, ramp)
+
+
+def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> Weighed:
+    """Every course in every noise.
+
+    Args:
+        W: (N, G, 2 + 2 M) values, ones, steps and ramps, whitened.
+        log_det: (G,)
+        s: the changes, M of them; the first begins with the history, and has no step.
+        size: standard deviation of a change.
+        prior: (M - 1,) of the times of all changes but the first.
+    """
+    M, (_, G, _) = len(s.at), W.shape
+    y, one, F = W[:, :, 0], W[:, :, 1], W[:, :, 2:].reshape(len(W), G, 2, M)
+    a, b, c = (one**2).sum(0), (one * y).sum(0), (y**2).sum(0)
+    af, bf = np.einsum("ng,ngfm->gfm", one, F), np.einsum("ng,ngfm->gfm", y, F)
+    aff = np.einsum("ngfm,nghm->gfhm", F, F)
+    # With the level integrated out, it takes part of everything with it.
+    R = aff - np.einsum("gfm,ghm->gfhm", af, af) / a[:, None, None, None]
+    r = bf - af * (b / a)[:, None, None]
+    base = -0.5 * (log_det + np.log(a) + c - b**2 / a)
+    found = [_steady(base, b / a, 1 / a)]
+    for kind, used in (("drift", (1,)), ("step", (0,)), ("both", (0, 1))):
+        p = np.concatenate([[0.5 if kind == "drift" else 0.0], prior * (0.5 if kind == "drift" else 1.0)])
+        found.append(_changed(kind, used, base, (a, b, af), (R, r), s.at, size, p))
+    return Weighed(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _steady(base: Floats, level: Floats, variance: Floats) -> Weighed:
+    G = len(base)
+    none = np.zeros((G, 2))
+    weight = base + np.log(PRIOR["steady"])
+    return Weighed(np.zeros(G), np.zeros(G), weight, level, variance, none, none, np.zeros((G, 2, 2)))
+
+
+def _changed(
+    kind: str,
+    used: tuple[int, ...],
+    base: Floats,
+    level: tuple[Floats, Floats, Floats],
+    rest: tuple[Floats, Floats],
+    at: Floats,
+    size: float,
+    prior: Floats,
+) -> Weighed:
+    """One kind of change at all times, in all noises: (G M,)."""
+    a, b, af = level
+    R, r = (np.moveaxis(x, -1, 1) for x in rest)  # (G, M, 2, 2), (G, M, 2)
+    G, M = r.shape[:2]
+    unused = [f for f in (0, 1) if f not in used]
+    R, r, pull = R.copy(), r.copy(), np.moveaxis(af, -1, 1) / a[:, None, None]
+    R[..., unused, :], R[..., :, unused], r[..., unused] = 0.0, 0.0, 0.0
+    R[..., (0, 1), (0, 1)] += size**-2
+    V: Floats = np.asarray(np.linalg.inv(R), float)
+    mean = np.einsum("gmfh,gmh->gmf", V, r)
+    gain = 0.5 * np.einsum("gmf,gmf->gm", mean, r) + 0.5 * np.log(np.linalg.det(V) * size**-4)
+    V[..., unused, unused] = 0.0
+    with np.errstate(divide="ignore"):
+        weight = base[:, None] + gain + np.log(PRIOR[kind] * prior)
+    level_at = (b / a)[:, None] - np.einsum("gmf,gmf->gm", pull, mean)
+    flat = G * M
+    return Weighed(
+        np.full(flat, KINDS.index(kind)),
+        np.tile(at, G),
+        weight.ravel(),
+        level_at.ravel(),
+        np.repeat(1 / a, M),
+        pull.reshape(flat, 2),
+        mean.reshape(flat, 2),
+        V.reshape(flat, 2, 2),
+    )

@@ -1,0 +1,1 @@
+"""CAN: buses, readers, descriptions of messages, log files."""

@@ -1,0 +1,99 @@
+"""Opening a bus of any interface that python-can knows, and sending on it."""
+
+from __future__ import annotations
+
+import errno
+import socket
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import can
+from can.typechecking import CanFilter
+
+from service.can.decode import FrameKey
+from service.can.user_errors import BusError
+from service.config.schema import BusConfig
+
+_STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
+_SEND_TIMEOUT_S = 1.0
+
+
+def open_bus(config: BusConfig, wanted: Iterable[FrameKey] | None = None) -> can.BusABC:
+    """Open a bus.
+
+    Args:
+        config: which.
+        wanted: let only these frames through (in the kernel, where the interface can); None: all.
+
+    Raises:
+        BusError: it cannot be opened; the text says what to do.
+    """
+    options: dict[str, Any] = {**config.options, "interface": config.interface, "channel": config.channel}
+    if wanted is not None:
+        options["can_filters"] = [_filter(key) for key in wanted]
+    try:
+        if config.interface == "socketcan":
+            _check_device(config.channel)
+        return can.Bus(ignore_config=True, **options)
+    except (can.CanInterfaceNotImplementedError, NotImplementedError) as error:
+        raise BusError(f"bus {config.name}: cannot use interface {config.interface} here: {error}") from None
+    except OSError as error:
+        raise BusError(f"bus {config.name}: {_hint(config, error)}") from None
+    except (can.CanError, ValueError, TypeError) as error:
+        # python-can says less than the system below it.
+        why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
+        raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
+
+
+def send(bus: can.BusABC, key: FrameKey, data: bytes) -> None:
+    """Send a frame: CAN FD when it is longer than 8 bytes.
+
+    Raises:
+        BusError: the bus does not take it.
+    """
+    message = can.Message(
+        arbitration_id=key.can_id,
+        is_extended_id=key.extended,
+        data=data,
+        is_fd=len(data) > 8,
+        bitrate_switch=len(data) > 8,
+    )
+    end = time.monotonic() + _SEND_TIMEOUT_S
+    while True:
+        try:
+            bus.send(message, timeout=_SEND_TIMEOUT_S)
+            return
+        except (can.CanError, OSError) as error:
+            if getattr(error, "error_code", None) != errno.ENOBUFS or time.monotonic() > end:
+                raise BusError(f"cannot send on {bus.channel_info}: {error}") from None
+        time.sleep(0.001)  # the transmit queue of the interface is full, and poll does not tell
+
+
+def _filter(key: FrameKey) -> CanFilter:
+    mask = _EXTENDED_MASK if key.extended else _STANDARD_MASK
+    return {"can_id": key.can_id, "can_mask": mask, "extended": key.extended}
+
+
+def _check_device(name: str) -> None:
+    """python-can forgets to close its socket where the device is missing."""
+    if name not in {device for _, device in socket.if_nameindex()}:
+        raise OSError(errno.ENODEV, "no such device")
+
+
+def _hint(config: BusConfig, error: OSError) -> str:
+    where = _where(config)
+    if config.interface != "socketcan":
+        return f"cannot open {where}: {error.strerror or error}"
+    if error.errno == errno.ENODEV:
+        return (
+            f"there is no network interface {config.channel}: connect the adapter, or for a virtual one run "
+            f"`ip link add dev {config.channel} type vcan && ip link set {config.channel} up`"
+        )
+    if error.errno == errno.EAFNOSUPPORT:
+        return f"cannot open {where}: this kernel has no CAN (modprobe can-raw)"
+    return f"cannot open {where}: {error.strerror or error}"
+
+
+def _where(config: BusConfig) -> str:
+    return f"{config.interface} {config.channel}"

@@ -1,0 +1,191 @@
+"""The reader of a bus: a thread that owns it, and puts what it receives into a bounded queue."""
+
+from __future__ import annotations
+
+import errno
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import can
+
+from service.can.bus import open_bus
+from service.can.decode import FrameKey
+from service.can.frame_queue import FrameQueue
+from service.can.frames import Frame
+from service.can.receivers import Receiver, receiver_of
+from service.can.user_errors import BusError
+from service.config.schema import BusConfig
+
+READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
+"""Why a frame did not reach the worker.  kernel_overflow is known for socketcan only."""
+
+_BLOCK_FRAMES, _BLOCK_S = 256, 0.02
+_IDLE_S = 0.1
+_RETRY_S, _LONGEST_RETRY_S = 0.25, 5.0
+_IFF_UP = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ReaderStats:
+    """A bus at one moment.  ``state``: "up", "down: ..." with the reason, or "closed"."""
+
+    state: str
+    up: bool
+    frames: int
+    dropped: Mapping[str, int]
+
+
+class CanReader:
+    """Reads one bus until it is closed, through its going down, vanishing and coming back.
+
+    ``open`` first where a bus that cannot be opened is an error; without it the thread keeps trying.
+
+    Args:
+        config: the bus.
+        wanted: the frames to let through.
+        ready: set whenever frames wait; readers may share one.
+    """
+
+    def __init__(
+        self, config: BusConfig, wanted: Iterable[FrameKey], ready: threading.Event | None = None
+    ) -> None:
+        self._config, self._wanted = config, tuple(wanted)
+        self._queue = FrameQueue(config.queue_frames, ready)
+        self._block_frames = min(_BLOCK_FRAMES, config.queue_frames // 4)
+        self._bus: can.BusABC | None = None
+        self._receiver: Receiver | None = None
+        self._state = "down: not opened yet"
+        self._frames = 0
+        self._dropped = dict.fromkeys(READER_REASONS, 0)
+        self._overflow_before = 0
+        self._retry_s = _RETRY_S
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def ready(self) -> threading.Event:
+        """Set whenever frames wait; the one who takes them clears it first."""
+        return self._queue.ready
+
+    def open(self) -> None:
+        """Open the bus now.
+
+        Raises:
+            BusError: it cannot be opened.
+        """
+        self._bus = open_bus(self._config, self._wanted)
+        self._receiver = receiver_of(self._bus)
+        self._overflow_before = self._dropped["kernel_overflow"]
+        self._state = "up" if self._interface_up() is not False else self._words("the interface is down")
+
+    def start(self) -> None:
+        """Start reading."""
+        self._thread = threading.Thread(target=self._run, name=f"reader-{self._config.name}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reading and close the bus; frames that wait can still be taken."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._close_bus()
+        self._state = "closed"
+
+    def take(self, most: int = 4096) -> list[Frame]:
+        """The frames that wait, oldest first, about that many; empty when there are none."""
+        return self._queue.take(most)
+
+    def stats(self) -> ReaderStats:
+        """State and counters now."""
+        state = self._state
+        return ReaderStats(state, state == "up", self._frames, MappingProxyType(self._dropped.copy()))
+
+    def _run(self) -> None:
+        try:
+            while not self._stop.is_set():
+                if self._receiver is None:
+                    self._reopen()
+                else:
+                    self._read(self._receiver)
+        finally:
+            self._state = (
+                "closed" if self._stop.is_set() else "down: the reader has stopped, which is a fault"
+            )
+
+    def _read(self, receiver: Receiver) -> None:
+        """One block from the bus into the queue; what was read before a fault counts, too."""
+        block: list[Frame] = []
+        try:
+            self._fill(block, receiver)
+        except (can.CanError, OSError) as error:
+            self._fault(error)
+        finally:
+            self._dropped["kernel_overflow"] = self._overflow_before + receiver.overflow
+            self._frames += len(block)
+            if block and not self._queue.put(block):
+                self._dropped["queue_full"] += len(block)
+        if not block and self._state != "up":
+            self._look_again()
+
+    def _fill(self, block: list[Frame], receiver: Receiver) -> None:
+        left_s, end = _IDLE_S, 0.0
+        while len(block) < self._block_frames and left_s > 0 and not self._stop.is_set():
+            received = receiver.read(left_s)
+            if received is None:
+                return
+            if isinstance(received, str):
+                self._dropped[received] += 1
+            else:
+                block.append(received)
+            now = time.monotonic()
+            end = end or now + _BLOCK_S
+            left_s = end - now
+
+    def _fault(self, error: Exception) -> None:
+        code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+        if code == errno.ENETDOWN:  # the socket lives on and goes on when the interface is up again
+            self._state = self._words("the interface is down")
+            return
+        self._close_bus()
+        gone = "the interface is gone" if code in (errno.ENODEV, errno.ENXIO) else str(error)
+        self._state = f"down: {gone}; trying to open it again"
+
+    def _look_again(self) -> None:
+        """While down: see whether the interface has come back, under the same socket or as a new one."""
+        up = self._interface_up()
+        if up:
+            self._state = "up"
+        elif up is None:
+            self._close_bus()
+            self._state = "down: the interface is gone; trying to open it again"
+
+    def _reopen(self) -> None:
+        try:
+            self.open()
+            self._retry_s = _RETRY_S
+        except BusError as error:
+            self._state = f"down: {error}"
+            self._stop.wait(self._retry_s)
+            self._retry_s = min(2 * self._retry_s, _LONGEST_RETRY_S)
+
+    def _interface_up(self) -> bool | None:
+        """Whether the network interface is up; None when there is none of that name."""
+        if self._config.interface != "socketcan":
+            return True
+        try:
+            flags = Path("/sys/class/net", self._config.channel, "flags").read_text(encoding="ascii")
+        except OSError:
+            return None
+        return bool(int(flags, 16) & _IFF_UP)
+
+    def _words(self, what: str) -> str:
+        return f"down: {what}; bring it up with `ip link set {self._config.channel} up`"
+
+    def _close_bus(self) -> None:
+        bus, self._bus, self._receiver = self._bus, None, None
+        if bus is not None:
+            bus.shutdown()

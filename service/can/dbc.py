@@ -1,0 +1,96 @@
+"""DBC files: which messages and signals a bus carries."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import cantools.database
+from cantools.database.can import Database, Message, Signal
+from cantools.database.errors import Error
+
+from service.texts.suggestions import did_you_mean
+
+
+class DbcError(Exception):
+    """A DBC file that cannot be used, or a name that it does not have, in words for the user."""
+
+
+def read_dbc(path: Path) -> Database:
+    """The database of a DBC file, kept until the file changes.
+
+    Faults in messages that nobody asks for are passed over; ``find_message`` checks the one that is used.
+
+    Raises:
+        DbcError: the file cannot be read or is no DBC.
+    """
+    try:
+        state = path.stat()
+        return _read(path, state.st_mtime_ns, state.st_size)
+    except OSError as error:
+        raise DbcError(f"cannot read {path}: {error.strerror}") from None
+
+
+def find_message(database: Database, name: str) -> Message:
+    """The message of that name.
+
+    Raises:
+        DbcError: there is none, its signals do not fit into it, or another message has its identifier.
+    """
+    by_name = {message.name: message for message in database.messages}
+    if name not in by_name:
+        raise DbcError(f'no message "{name}" in the DBC: {did_you_mean(name, by_name)}')
+    message = by_name[name]
+    try:
+        message.refresh(strict=True)
+    except Error as error:
+        raise DbcError(f"the DBC is wrong about this message: {error}") from None
+    for other in database.messages:
+        if other is not message and _identifier(other) == _identifier(message):
+            raise DbcError(f"the DBC gives its identifier {message.frame_id:#x} to {other.name}, too")
+    return message
+
+
+def find_signal(message: Message, name: str) -> Signal:
+    """The signal of that name in a message.
+
+    Raises:
+        DbcError: there is none.
+    """
+    by_name = {signal.name: signal for signal in message.signals}
+    if name not in by_name:
+        raise DbcError(f'no signal "{name}" in message {message.name}: {did_you_mean(name, by_name)}')
+    return by_name[name]
+
+
+def find_counter(message: Message, name: str) -> Signal:
+    """The signal of that name, which counts samples.
+
+    Raises:
+        DbcError: there is none, or it is no whole number that goes up by one.
+    """
+    signal = find_signal(message, name)
+    if signal.is_float or signal.scale != 1:
+        found = "a float" if signal.is_float else f"an integer with factor {signal.scale:g}"
+        raise DbcError(f"a sample counter must be an integer with factor 1; in the DBC {name} is {found}")
+    return signal
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _modified_ns: int, _size: int) -> Database:
+    try:
+        database = cantools.database.load_string(_text(path.read_bytes()), "dbc", strict=False)
+    except Error as error:
+        reason = str(error).removeprefix('DBC: "').removesuffix('"').replace(">>!<<", "<here>")
+        raise DbcError(f"{path} is no valid DBC: {reason}") from None
+    assert isinstance(database, Database)  # the other kind belongs to another file format
+    return database
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:  # most tools write the Western code page
+        return data.decode("cp1252", errors="replace")
+
+
+def _identifier(message: Message) -> tuple[int, bool]:
+    return message.frame_id, message.is_extended_frame

@@ -1,0 +1,149 @@
+"""Values of axes to frames, by the DBC: the way back of decode, for playing and simulating."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from cantools.database.can import Message, Signal
+from cantools.database.errors import Error
+
+from service.can.decode import FrameKey
+from service.can.user_errors import IngestError
+from service.config.schema import Config
+from service.ingest.axis_input import AxisInput, Quantity
+from service.ingest.bus_samples import Ingest
+
+Raw = dict[str, int | float]
+Page = tuple[tuple[str, int], ...]
+Values = (
+    tuple[float, float]
+    | tuple[float, float, tuple[float, ...]]
+    | tuple[float, float, tuple[float, ...], float]
+)
+"""Torque [N m], motion [rad or rad/s], the further signals that the axis needs, where they are known, and the speed
+[rad/s] beside an angle, where the axis sends both."""
+
+
+class Encoded(NamedTuple):
+    """A frame to be sent."""
+
+    key: FrameKey
+    data: bytes
+
+
+class FrameEncoder:
+    """Frames of one bus from torque, motion and further signals of its axes.
+
+    Signals that no axis needs have their initial value, or the raw value 0.
+
+    Raises:
+        DbcError, IngestError: the configuration cannot be used.
+    """
+
+    def __init__(self, config: Config, bus: str) -> None:
+        ingest = Ingest(config, bus)
+        self._axes = {axis.id: axis for axis in ingest.axes}
+        self._messages = {key: ingest.decoder.message(key) for key in ingest.keys}
+        # A signal that is the motion of another axis goes with that axis.
+        own = {(q.key, q.signal) for axis in ingest.axes for q in axis.sampled()}
+        self._further = {
+            axis.id: [None if (q.key, q.signal) in own else q for q in axis.further_quantities()]
+            for axis in ingest.axes
+        }
+
+    def encode(self, values: Mapping[str, Values], count: int) -> list[Encoded]:
+        """The frames of one sample, further signals first, then those with the torque.
+
+        Args:
+            values: by axis; axes of other buses are left out.
+            count: for the sample counters of these axes; it wraps.
+
+        Raises:
+            IngestError: a value does not fit into its signal.
+        """
+        messages: dict[FrameKey, dict[Page, Raw]] = {}
+        mine = {axis_id: of_axis for axis_id, of_axis in values.items() if axis_id in self._axes}
+        for axis_id, of_axis in mine.items():
+            for quantity, raw in self._further_raws(axis_id, *of_axis[2:3]):
+                self._add(messages, quantity, raw)
+        for axis_id, of_axis in mine.items():
+            for quantity, raw in self._raws(self._axes[axis_id], count, of_axis[0], of_axis[1], *of_axis[3:]):
+                self._add(messages, quantity, raw)
+        return [
+            Encoded(key, data)
+            for key, pages in messages.items()
+            for data in _data(self._messages[key], pages)
+        ]
+
+    def _add(self, messages: dict[FrameKey, dict[Page, Raw]], quantity: Quantity, raw: int | float) -> None:
+        page = _page(self._messages[quantity.key], self._signal(quantity))
+        messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw
+
+    def _further_raws(
+        self, axis_id: str, signals: tuple[float, ...] = ()
+    ) -> Iterator[tuple[Quantity, int | float]]:
+        for quantity, value in zip(self._further[axis_id], signals, strict=False):
+            if quantity is not None and math.isfinite(value):
+                yield quantity, self._raw(axis_id, quantity, value)
+
+    def _raws(
+        self, axis: AxisInput, count: int, torque: float, motion: float, second: float = math.nan
+    ) -> Iterator[tuple[Quantity, int | float]]:
+        for quantity, value in ((axis.torque, torque), (axis.motion, motion)):
+            yield quantity, self._raw(axis.id, quantity, value)
+        if axis.second is not None:
+            if not math.isfinite(second):
+                raise IngestError(f"axis {axis.id}: the speed is missing, and its frame cannot leave it out")
+            yield axis.second, self._raw(axis.id, axis.second, second)
+        if axis.counter is not None:
+            signal = self._signal(axis.counter)
+            raw = count % (1 << signal.length)
+            negative = signal.is_signed and raw >> (signal.length - 1)
+            yield axis.counter, raw - (1 << signal.length) if negative else raw
+
+    def _raw(self, axis_id: str, quantity: Quantity, value: float) -> int | float:
+        signal = self._signal(quantity)
+        if not quantity.factor:
+            raise IngestError(f"axis {axis_id}: the factor of the {quantity.name} is 0: nothing can be sent")
+        raw = signal.scaled_to_raw(_wrapped((value - quantity.offset) / quantity.factor, quantity, signal))
+        if signal.is_float:
+            return raw
+        lowest = -(1 << (signal.length - 1)) if signal.is_signed else 0
+        if not lowest <= raw < lowest + (1 << signal.length):
+            raise IngestError(
+                f"axis {axis_id}: the {quantity.name} {value:g} does not fit into signal {signal.name} of "
+                f"{quantity.message}, {signal.length} bits of {signal.scale:g}"
+            )
+        return raw
+
+    def _signal(self, quantity: Quantity) -> Signal:
+        return self._messages[quantity.key].get_signal_by_name(quantity.signal)
+
+
+def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
+    """An angle that starts again, from zero or, where the signal has a sign, from minus half a period."""
+    if quantity.wraps_at is None:
+        return value
+    lowest = -quantity.wraps_at / 2 if signal.is_signed else 0.0
+    return (value - lowest) % quantity.wraps_at + lowest
+
+
+def _page(message: Message, signal: Signal) -> Page:
+    """The multiplexers that select this signal, with the raw values they must have."""
+    page: list[tuple[str, int]] = []
+    while signal.multiplexer_signal is not None and signal.multiplexer_ids:
+        page.append((signal.multiplexer_signal, signal.multiplexer_ids[0]))
+        signal = message.get_signal_by_name(signal.multiplexer_signal)
+    return tuple(page)
+
+
+def _data(message: Message, pages: Mapping[Page, Raw]) -> Iterator[bytes]:
+    """A frame for each page; what is on no page goes with all of them."""
+    common: Raw = {signal.name: signal.raw_initial or 0 for signal in message.signals} | pages.get((), {})
+    for page in [page for page in pages if page] or [()]:
+        try:
+            yield message.encode({**common, **dict(page), **pages[page]}, scaling=False, strict=False)
+        except Error as error:
+            raise IngestError(f"message {message.name} cannot be encoded: {error}") from None

@@ -1,0 +1,143 @@
+"""CAN logs of python-can (.log .asc .blf .trc) as frames."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import can
+from can.io.blf import BLFParseError
+
+from service.can.frames import Frame
+from service.can.receivers import frame_of
+from service.can.user_errors import RecordError
+
+LOG_SUFFIXES = (".log", ".asc", ".blf", ".trc")
+LOG_REASONS = ("error_frame", "remote_frame", "not_a_frame")
+"""Why an entry of a log gave no frame.  not_a_frame: an event, or a line that nobody understands."""
+
+_BLOCK = 256
+_FAULTS = (
+    *(ValueError, LookupError, TypeError, AttributeError, AssertionError, OverflowError, EOFError),
+    *(struct.error, zlib.error, BLFParseError, NotImplementedError),
+)
+
+
+class LogBlock(NamedTuple):
+    """Frames with the name or number of their bus as the log has it; how much has been read, 0 to 1."""
+
+    frames: list[tuple[str, Frame]]
+    done: float
+
+
+class CanLog:
+    """A log file.
+
+    Raises:
+        RecordError: it cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.dropped = dict.fromkeys(LOG_REASONS, 0)
+        self.frames = 0
+        self._lines: _Lines | None = None
+        try:
+            self._size = max(1, path.stat().st_size)
+            self._raw: BinaryIO = path.open("rb")
+        except OSError as error:
+            raise RecordError(f"cannot read {path}: {error.strerror}") from None
+
+    def blocks(self) -> Iterator[LogBlock]:
+        """All frames in the order of the file.
+
+        Raises:
+            RecordError: the file is damaged; the text says where, and how many frames were read before.
+        """
+        with self._raw:
+            messages = self._messages()
+            while block := self._block(messages):
+                yield LogBlock(block, self._done())
+        if self._lines is not None:
+            self.dropped["not_a_frame"] = max(
+                0, self._lines.entries - self.frames - sum(self.dropped.values())
+            )
+        if not self.frames:
+            raise RecordError(f"{self.path}: no CAN frames in it")
+
+    def _done(self) -> float:
+        # python-can closes the file at its end.
+        return 1.0 if self._raw.closed else min(1.0, self._raw.tell() / self._size)
+
+    def _block(self, messages: Iterator[can.Message]) -> list[tuple[str, Frame]]:
+        block: list[tuple[str, Frame]] = []
+        while len(block) < _BLOCK:
+            try:
+                message = next(messages, None)
+                frame = None if message is None else frame_of(message, stored=True)
+            except _FAULTS as error:
+                raise self._damaged(error) from None
+            if message is None or frame is None:
+                break
+            if isinstance(frame, str):
+                self.dropped[frame] += 1
+            else:
+                block.append((str(message.channel), frame))
+                self.frames += 1
+        return block
+
+    def _messages(self) -> Iterator[can.Message]:
+        try:
+            return iter(self._reader())
+        except _FAULTS as error:
+            raise self._damaged(error) from None
+
+    def _reader(self) -> Iterable[can.Message]:
+        suffix = self.path.suffix.lower()
+        if suffix == ".blf":
+            reader = can.BLFReader(self._raw)
+            if reader.file_size > self._size:
+                raise ValueError(f"cut off, {self._size} of {reader.file_size} bytes")
+            return reader
+        self._lines = _Lines(self._raw)
+        if suffix == ".asc":
+            return can.ASCReader(self._lines, relative_timestamp=False)
+        return can.TRCReader(self._lines) if suffix == ".trc" else can.CanutilsLogReader(self._lines)
+
+    def _damaged(self, error: Exception) -> RecordError:
+        why = str(error) or type(error).__name__
+        if self._lines is None:
+            where = f"{self.path} is damaged or no {self.path.suffix} file"
+        else:
+            where, why = f"{self.path}, line {self._lines.number}", f"not understood: {self._lines.text()!r}"
+        return RecordError(f"{where}: {why} ({self.frames} frames were read before it)")
+
+
+class _Lines(io.TextIOWrapper):
+    """Lines for python-can's readers: counted for messages, and with blanks for tabulators."""
+
+    def __init__(self, raw: BinaryIO) -> None:
+        super().__init__(raw, encoding="utf-8", errors="replace")
+        self._raw = raw
+        self._line = b""
+        self.number = 0
+        self.entries = 0
+        """Lines that are no comment and no head: they begin with a time or a number."""
+
+    def __next__(self) -> str:  # type: ignore[override] # as in every text file
+        line = self._raw.readline()
+        if not line:
+            raise StopIteration
+        self._line = line
+        self.number += 1
+        self.entries += line.lstrip()[:1].isdigit() or line[:1] == b"("
+        return line.decode("utf-8", "replace").replace("\t", " ")
+
+    def text(self) -> str:
+        """The last line, not too long."""
+        text = self._line.decode("utf-8", "replace").strip()
+        return text if len(text) <= 60 else text[:57] + "..."

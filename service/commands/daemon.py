@@ -1,0 +1,187 @@
+"""The daemon: readers, worker, store and web, wired, started and stopped."""
+
+import signal
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+
+import structlog
+
+from service.can.bus_reader import CanReader
+from service.can.recorder import FrameRecorder
+from service.config import Config
+from service.pipeline.alarm_journaling import Alarms, quantities
+from service.pipeline.axis_monitors import Monitors
+from service.pipeline.checkpointing import Saver
+from service.pipeline.frame_pipeline import Core
+from service.pipeline.intake import BusIntake, Recording
+from service.pipeline.restore_report import losses_in_words
+from service.pipeline.restoring import restore
+from service.pipeline.trend_restoring import restore_trends
+from service.pipeline.warming import CacheFiller
+from service.pipeline.worker import Worker
+from service.store.checkpoints import Checkpoints
+from service.store.journal import Journal
+from service.web.times import now_us
+
+log = structlog.get_logger(__name__)
+
+
+class DaemonFailedError(Exception):
+    """The daemon ended by a fault of its own, which is in the log."""
+
+
+def run_daemon(
+    config: Config,
+    record: Path | None = None,
+    ready: Callable[[str], None] = lambda _url: None,
+    stop: threading.Event | None = None,
+    keeping_up: Callable[[], None] = lambda: None,
+) -> None:
+    """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
+
+    Args:
+        config: the whole configuration.
+        record: frames are also written here, as received.
+        ready: called with the address of the page once it is served and the buses are read.
+        stop: ends the daemon from another thread.
+        keeping_up: called after ``ready`` once the kernel is compiled: from then on frames do not wait.
+
+    Raises:
+        AxisError, DbcError, IngestError: the configuration cannot be used.
+        BusError: a bus cannot be opened.
+        StoreError: the state directory cannot be used.
+        RecordError: the record cannot be written.
+        CannotListenError: the address of the page cannot be listened to.
+        DaemonFailedError: a fault of the program.
+    """
+    stop = stop or threading.Event()
+    with ExitStack() as stack:
+        core = Core(config)
+        compiled = _in_background(config, stack)
+        readers = _open_buses(config, core, stack)
+        worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
+        _stop_on_signals(stop, stack)
+        stack.callback(worker.stop)
+        for reader in readers.values():
+            stack.callback(reader.close)
+
+        def begin(port: int) -> None:
+            for reader in readers.values():
+                reader.start()
+            worker.start()
+            url = f"http://{_shown(config.web.host)}:{port}/"
+            log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
+            ready(url)
+            compiled.add_done_callback(lambda done: None if done.exception() else keeping_up())
+
+        _serve(config, worker, journal, begin, stop)
+        log.info("stopping")
+    if worker.error is not None:
+        raise DaemonFailedError(
+            "a fault in the worker has stopped the daemon; the log says what"
+        ) from worker.error
+    log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+
+
+def _in_background(config: Config, stack: ExitStack) -> Future[None]:
+    """Compile the kernel, or load it from its cache, while the rest starts.
+
+    On monitors of its own: those of the worker are touched by one thread only.
+    """
+    done: Future[None] = Future()
+    filler = CacheFiller()
+    stack.callback(filler.stop)
+
+    def compile_kernel() -> None:
+        try:
+            monitors = Monitors(config.axes)
+            if filler.fill(monitors.shapes):
+                monitors.compile()
+                done.set_result(None)
+        except BaseException as error:
+            done.set_exception(error)
+
+    threading.Thread(target=compile_kernel, name="compiler", daemon=True).start()
+    return done
+
+
+def _open_buses(config: Config, core: Core, stack: ExitStack) -> dict[str, CanReader]:
+    readers = {}
+    for bus in config.bus:
+        readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].keys)
+        reader.open()
+        stack.callback(reader.close)
+    return readers
+
+
+def _worker(
+    config: Config,
+    core: Core,
+    compiled: Future[None],
+    readers: Mapping[str, CanReader],
+    record: Path | None,
+    stack: ExitStack,
+    stop: threading.Event,
+) -> tuple[Worker, Journal]:
+    """The worker over the files of the state directory; they are closed in the reverse order."""
+    recording = Recording(FrameRecorder(record) if record else None)
+    stack.callback(recording.close)
+    journal = Journal(config.service.state_dir / "alarms.sqlite")
+    stack.callback(journal.close)
+    checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
+    stack.callback(checkpoints.close)
+    monitors = core.monitors.by_id
+    restored = restore(monitors, checkpoints, journal, now_us())
+    alarms = Alarms(journal, quantities(monitors))
+    alarms.adopt(restored.open)
+    alarms.record(restored.unrecorded)
+    interval_s = config.service.checkpoint_interval_s
+    trends = core.monitors.trends
+    losses = [*restored.losses, *restore_trends(trends, checkpoints, now_us())]
+    alarms.record(trends.adopt(restored.open, now_us()))
+    messages = (*restored.messages, *losses_in_words(losses))
+    for message in messages:
+        log.warning("start", message=message)
+    saver = Saver(checkpoints, monitors, interval_s, restored.checkpoint_us, now_us, trends=trends)
+    buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
+    worker = Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
+    return worker, journal
+
+
+def _serve(
+    config: Config, worker: Worker, journal: Journal, begin: Callable[[int], None], stop: threading.Event
+) -> None:
+    from service.web.app import create_app
+    from service.web.server import serve
+
+    serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
+
+
+def _stop_on_signals(stop: threading.Event, stack: ExitStack) -> None:
+    """SIGTERM and SIGINT end the daemon in order; the second one ends it at once."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+
+    def restore_handlers() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        stop.set()
+        restore_handlers()
+
+    for number in before:
+        signal.signal(number, on_signal)
+    stack.callback(restore_handlers)
+
+
+def _shown(host: str) -> str:
+    """A host that a browser on this machine can be given."""
+    if host in ("0.0.0.0", "::", ""):
+        return "localhost"
+    return f"[{host}]" if ":" in host else host

@@ -1,0 +1,202 @@
+"""Drives by what a user calls them: a Modelica file, a name of the library, components drawn in the configuration.
+
+Each is read, reduced to its state space and made into the engine's drive once in a process, however many axes have
+it.  What is wrong with a drawing is said with the drawing's own file and line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from monitor_core.drive.structure import Drive, Output
+from monitor_core.modeling.flat import FlatModel, ModelError, Origin
+from monitor_core.modeling.statespace import StateSpace
+from service.config.resources import shipped
+from service.texts.suggestions import did_you_mean
+
+if TYPE_CHECKING:
+    from service.config.schema import AxisConfig
+
+LIBRARY: Mapping[str, str] = MappingProxyType(
+    {f"{count}-mass": f"drives/{count}_mass.mo" for count in ("two", "three", "five")}
+)
+"""The drives that come with the program: name and file."""
+
+SUFFIX = ".mo"
+"""What ends so is a Modelica file, else a name of the library."""
+
+
+class Modelled(NamedTuple):
+    """A drive with the state space that it comes from, and the nominal values that its drawing gives."""
+
+    space: StateSpace
+    drive: Drive
+    values: Mapping[str, float]
+
+
+def state_space_of_file(path: Path, model: str | None = None, output: Output | None = None) -> StateSpace:
+    """The state space of the drive in a Modelica file.
+
+    Args:
+        path: the file.
+        model: which of its models; None where it has one.
+        output: what the sensor measures, where it is not what was drawn.
+
+    Raises:
+        ModelError: the file cannot be read, or what is drawn there is no drive.
+    """
+    return model_of_file(path, model, output).space
+
+
+def state_space_of_library(name: str, output: Output | None = None) -> StateSpace:
+    """The state space of a drive that comes with the program.
+
+    Raises:
+        ModelError: there is none of that name.
+    """
+    return model_of_library(name, None, output).space
+
+
+def state_space_of_drawing(
+    components: Mapping[str, Mapping[str, Any]], output: Output | None = None
+) -> StateSpace:
+    """The state space of components by name: {"motor": {"type": "inertia", "at": "shaft", "J": "Jm"}, ...}.
+
+    Raises:
+        ModelError: they are no drive.
+    """
+    return model_of_drawing(components, output).space
+
+
+def state_space_of_axis(axis: AxisConfig) -> StateSpace:
+    """The state space of the drive of a configured axis, for what is measured there.
+
+    Raises:
+        ModelError: it has none.
+    """
+    return model_of_axis(axis).space
+
+
+def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
+    """The drive of a configured axis, for what is measured there or for the ``output`` given.
+
+    Raises:
+        ModelError: it has none.
+    """
+    m, measured = axis.model, output or axis.output
+    if m.components:
+        return model_of_drawing(m.components, measured)
+    if m.drive in LIBRARY and m.drive_model is None:
+        return _of_python(m.drive, measured)
+    return model_called(m.drive, m.drive_model, measured)
+
+
+def model_called(name: str, model: str | None = None, output: Output | None = None) -> Modelled:
+    """The drive of a file, if the name ends with .mo, or of the library.
+
+    Raises:
+        ModelError: there is none.
+    """
+    if name.endswith(SUFFIX):
+        return model_of_file(Path(name), model, output)
+    return model_of_library(name, model, output)
+
+
+def model_of_file(path: Path, model: str | None = None, output: Output | None = None) -> Modelled:
+    """As ``state_space_of_file``, with the engine's drive."""
+    return _model_of_text(str(path), _text(path), model, output, None)
+
+
+def model_of_library(name: str, model: str | None = None, output: Output | None = None) -> Modelled:
+    """As ``state_space_of_library``, with the engine's drive."""
+    if name not in LIBRARY:
+        hint = did_you_mean(name, LIBRARY)
+        raise ModelError(f'no such drive: {hint}; the name of a Modelica file ends with "{SUFFIX}"')
+    path = shipped(LIBRARY[name])
+    return _model_of_text(path.name, _text(path), model, output, name)
+
+
+def _of_python(name: str, output: Output) -> Modelled:
+    """The same drive of the library as drawn in Python, without values: a daemon need not load the Modelica parser."""
+    from monitor_core.modeling import library
+
+    drawings = {
+        "two-mass": library.two_mass,
+        "three-mass": library.three_mass,
+        "five-mass": library.five_mass,
+    }
+    return _once(name, output, lambda: drawings[name]().flat(), None)
+
+
+def model_of_drawing(components: Mapping[str, Mapping[str, Any]], output: Output | None = None) -> Modelled:
+    """As ``state_space_of_drawing``, with the engine's drive."""
+    tables = [{**table, "name": name} for name, table in components.items()]
+
+    def read() -> FlatModel:
+        from monitor_core.modeling.drawing import from_tables
+
+        return from_tables("drawn", tables, origins=[Origin(name) for name in components]).flat()
+
+    return _once(repr(tables), output, read, None)
+
+
+def _model_of_text(
+    name: str, text: str, model: str | None, output: Output | None, called: str | None
+) -> Modelled:
+    def read() -> FlatModel:
+        from monitor_core.modeling.modelica import Source
+        from monitor_core.modeling.modelica import read as read_modelica
+
+        return read_modelica([Source(name, text)], model)
+
+    return _once((name, text, model), output, read, called)
+
+
+def _text(path: Path) -> str:
+    origin = Origin(file=str(path))
+    try:
+        data = path.read_bytes()
+        return data.decode("utf-8-sig")
+    except OSError as error:
+        raise ModelError(f"cannot read the drawing: {error.strerror}", origin) from None
+    except ValueError as error:
+        if not isinstance(error, UnicodeDecodeError):
+            raise ModelError(
+                "cannot read the drawing: the name of the file holds a zero byte", origin
+            ) from None
+        line = data[: error.start].count(b"\n") + 1
+        raise ModelError(
+            "the file must be UTF-8 text; this line holds other bytes", Origin("", str(path), line)
+        ) from None
+
+
+_known: dict[tuple[object, Output | None], Modelled | ModelError] = {}
+
+
+def _once(key: object, output: Output | None, read: Callable[[], FlatModel], called: str | None) -> Modelled:
+    """The drive of that key, or what is wrong with it, found at the first call."""
+    if (key, output) not in _known:
+        try:
+            _known[key, output] = _model(read(), output, called)
+        except ModelError as error:
+            _known[key, output] = error
+    found = _known[key, output]
+    if isinstance(found, ModelError):
+        raise ModelError(found.problem, found.origin)
+    return found
+
+
+def _model(flat: FlatModel, output: Output | None, called: str | None) -> Modelled:
+    from dataclasses import replace
+
+    from monitor_core.modeling.elimination import eliminate
+    from monitor_core.modeling.numbers import drive_of
+
+    space = eliminate(flat, output)
+    if called is not None:
+        space = replace(space, name=called)
+    values = {p.name: p.value for p in space.drawn if p.value is not None}
+    return Modelled(space, drive_of(space), values)

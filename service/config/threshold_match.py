@@ -1,0 +1,77 @@
+"""Thresholds belong to one monitor: to its nominal values, and to how it estimates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.settings import Settings, Threshold
+from service.config.nominal_file import structure_of
+from service.config.thresholds_file import ThresholdsFile
+
+Entry = bool | float | str | list[float] | list[str]
+_SAME = 1e-6
+"""Relative: numbers are written with ten digits."""
+
+
+def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
+    """What thresholds depend on, by the names of the configuration, but for nominal values."""
+    return {
+        "drive": structure_of(model.drive),
+        "monitor": list(model.monitored),
+        "sizes": [float(v) for v in model.scale * model.unit],
+        "sample_interval_s": settings.interval_s,
+        "forgetting": settings.lam,
+        "innovation_variance": settings.lam0,
+        "gain": [float(k) for k in settings.K],
+        "torque_delay_s": settings.delay_s,
+        "friction_speed_scale": settings.speed_scale,
+        "least_information": settings.floor,
+        "least_excitation": settings.starved,
+        "outlier_limit": settings.outlier,
+        "joint_state": settings.joint,
+        "random_walk": settings.drift,
+    }
+
+
+def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile) -> Settings:
+    """The settings with the thresholds of a file.
+
+    Raises:
+        ValueError: they were made with other nominal values, or for another estimator.
+    """
+    for here, there in ((dict(model.nominal), found.nominal), (made_with(model, settings), found.made_with)):
+        if reason := _difference(here, there):
+            raise ValueError(
+                f"{found.path.name} was made with {reason}: run `axiswatch calibrate` again, or leave out"
+                " thresholds_file"
+            )
+    own = tuple(Threshold(one.alpha_1, one.alpha_2, one.allowance) for one in found.threshold)
+    return replace(settings, thresholds=own)
+
+
+def _difference(here: Mapping[str, object], there: Mapping[str, object]) -> str:
+    """What differs, in words; empty: nothing."""
+    for name, value in here.items():
+        other = there.get(name)
+        if not _alike(value, other):
+            return f"{name} = {_shown(other)}, now it is {_shown(value)}"
+    return ""
+
+
+def _alike(here: object, there: object) -> bool:
+    if isinstance(here, list) and isinstance(there, list):
+        return len(here) == len(there) and all(map(_alike, here, there))
+    if isinstance(here, int | float) and isinstance(there, int | float):
+        return math.isclose(here, there, rel_tol=_SAME, abs_tol=1e-300)
+    return here == there
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_shown, value))}]"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)

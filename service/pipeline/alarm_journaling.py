@@ -1,0 +1,144 @@
+"""Alarms on their way to the journal: only what is on the disk is shown."""
+
+from collections.abc import Callable, Iterable, Mapping
+from time import monotonic
+from typing import NamedTuple
+
+import structlog
+
+from monitor_core.detection.alarm import Episode
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from service.pipeline.axis_change import Change
+from service.store.database import StoreError
+from service.store.journal import Entry, Journal
+from service.texts.alarm_texts import episode_words
+
+RETRY_S = 1.0
+
+log = structlog.get_logger(__name__)
+
+
+class Quantity(NamedTuple):
+    """Unit and nominal value of a parameter, for the journal."""
+
+    unit: str
+    nominal: float
+
+
+def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Quantity]:
+    """Units and nominal values of whatever an alarm may name: monitored parameters, and causes of the bank."""
+    found = {
+        (axis_id, p.name): Quantity(p.unit, float(nominal))
+        for axis_id, monitor in monitors.items()
+        for p, nominal in zip(monitor.model.parameters, monitor.model.theta0, strict=True)
+    }
+    for axis_id, monitor in monitors.items():
+        if monitor.beside is not None:
+            for cause in monitor.beside.causes:
+                nominal, unit, _ = monitor.beside.quantity(cause)
+                found.setdefault((axis_id, cause), Quantity(unit, nominal))
+    return found
+
+
+_Key = tuple[str, str, str, int]  # axis; parameter, direction and time of the first crossing
+
+
+class Alarms:
+    """Writes changes to the journal and knows which alarms are open there.
+
+    What cannot be written waits and is tried again, for ever; it is kept in the order of its events, and only
+    the last change of each alarm is kept, so what waits is bounded by the number of alarms.
+
+    Args:
+        journal: where alarms are kept.
+        quantities: by axis and parameter.
+        clock: seconds, for the time between two tries.
+    """
+
+    def __init__(
+        self,
+        journal: Journal,
+        quantities: Mapping[tuple[str, str], Quantity],
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._journal, self._quantities, self._clock = journal, quantities, clock
+        self._open: dict[_Key, Change] = {}
+        self._waiting: dict[_Key, Change] = {}
+        self._next_try = -RETRY_S
+        self.problem: str | None = None
+        """Why alarms wait, for the operator; None while none wait."""
+
+    def adopt(self, open_alarms: Iterable[Change]) -> None:
+        """Alarms that are open in the journal from an earlier run."""
+        self._open |= {_key(*change): change for change in open_alarms}
+
+    def open(self, axis_id: str) -> tuple[Episode, ...]:
+        """The alarms of an axis that are open in the journal, as they are there."""
+        return tuple(change.episode for key, change in self._open.items() if key[0] == axis_id)
+
+    def record(self, changes: Iterable[Change]) -> None:
+        """Take changes, and write all that wait unless a try has failed just now."""
+        for change in changes:
+            self._waiting[_key(*change)] = change
+        if self._waiting and self._clock() >= self._next_try:
+            self._write()
+
+    def _write(self) -> None:
+        changes = list(self._waiting.values())
+        try:
+            self._journal.record_many([self._entry(change) for change in changes])
+        except StoreError as error:
+            self._next_try = self._clock() + RETRY_S
+            if self.problem is None:
+                log.error("alarms cannot be recorded", reason=str(error), alarms=_words(changes))
+            self.problem = f"{_words(changes)}: cannot be recorded yet, is tried again: {error}"
+            return
+        self._waiting.clear()
+        self.problem = None
+        for change in changes:
+            self._show(change)
+
+    def _show(self, change: Change) -> None:
+        """From now on the alarm is shown as it is in the journal."""
+        key, episode = _key(*change), change.episode
+        before = self._open.pop(key, None)
+        if episode.ended_us is None:
+            self._open[key] = change
+        if episode.ended_us is not None:
+            log.info("alarm ended", **self._facts(change))
+        elif before is None:
+            log.warning("alarm raised", **self._facts(change))
+        elif _name(before.episode) != _name(episode):
+            log.warning("alarm named", **self._facts(change))
+
+    def _entry(self, change: Change) -> Entry:
+        unit, nominal = self._quantities[change.axis_id, change.episode.parameter]
+        return Entry(change.axis_id, unit, nominal, change.episode)
+
+    def _facts(self, change: Change) -> dict[str, object]:
+        e, quantity = change.episode, self._quantities[change.axis_id, change.episode.parameter]
+        return {
+            "axis": change.axis_id,
+            "parameter": e.parameter,
+            "direction": e.direction,
+            "size": e.size,
+            "size_sd": e.size_sd,
+            "nominal": quantity.nominal,
+            "unit": quantity.unit,
+            "stage": e.stage,
+            "causes": {cause.parameter: round(cause.probability, 3) for cause in e.causes},
+            "words": episode_words(e, quantity.nominal, quantity.unit),
+        }
+
+
+def _key(axis_id: str, e: Episode) -> _Key:
+    return axis_id, *e.first, e.raised_us
+
+
+def _name(e: Episode) -> tuple[str, ...]:
+    return e.stage, e.parameter, e.direction, e.doubt
+
+
+def _words(changes: Iterable[Change]) -> str:
+    names = (f"{c.axis_id} {c.episode.parameter} {c.episode.direction}" for c in changes)
+    return f"alarm of {', '.join(dict.fromkeys(names))}"

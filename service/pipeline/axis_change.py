@@ -1,0 +1,12 @@
+"""What the monitors report of an axis."""
+
+from typing import NamedTuple
+
+from monitor_core.detection.alarm import Episode
+
+
+class Change(NamedTuple):
+    """An episode of an axis as it is now: raised, updated or ended."""
+
+    axis_id: str
+    episode: Episode

@@ -1,0 +1,44 @@
+"""From frames to alarms without a clock, a thread or a file."""
+
+from collections.abc import Iterable, Mapping
+
+from service.can.frames import Frame, Sample
+from service.config import Config
+from service.ingest.bus_samples import Ingest
+from service.ingest.table_record import block_of
+from service.pipeline.axis_change import Change
+from service.pipeline.axis_monitors import Monitors
+
+
+class Core:
+    """Ingest of every bus and the monitors of every axis.
+
+    Raises:
+        AxisError: an axis cannot be monitored as configured.
+        DbcError, IngestError: a bus cannot be decoded as configured.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.monitors = Monitors(config.axes)
+        self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self._samples: dict[str, list[Sample]] = {}
+
+    def take(self, bus: str, frames: Iterable[Frame]) -> None:
+        """Frames of a bus, in the order of their receipt; their samples wait for ``run``."""
+        self._keep(self.ingests[bus].feed(frames))
+
+    def run(self) -> list[Change]:
+        """One call of the kernel for each bank, over all samples that wait."""
+        waiting, self._samples = self._samples, {}
+        if not waiting:
+            return []
+        return self.monitors.run({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
+
+    def flush(self) -> None:
+        """The end of the frames: values without a partner are counted; the last samples wait for ``run``."""
+        for ingest in self.ingests.values():
+            self._keep(ingest.flush())
+
+    def _keep(self, samples: Mapping[str, list[Sample]]) -> None:
+        for axis_id, found in samples.items():
+            self._samples.setdefault(axis_id, []).extend(found)

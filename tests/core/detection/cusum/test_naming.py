@@ -1,0 +1,152 @@
+"""The reference experiment, from samples to names: shares named right, onset, size, a second fault, sensors."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import Episode
+from monitor_core.excitation import multisine
+from monitor_core.excitation.reference_experiment import (
+    BAND_HZ,
+    FAULT_AT,
+    INTERVAL_S,
+    TORQUE_RMS,
+    Record,
+    experiments,
+    faulty,
+)
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from tests.core.figures import settings_of
+from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, SEEDS, first_named, histories
+
+
+def test_causes_onsets_and_sizes_of_the_reference_experiment(seed: int) -> None:
+    """+/-20 % in kT, 1/Ja and fm.  Of 600 such runs (100 each) all 579 that were named were named right, 98 % of
+    the intervals held the onset and 91 % of the sizes lay within 1.645 of their standard deviations; of fm 81 to 87 %,
+    see below.  tests/soak/test_naming.py counts more."""
+    records = [
+        experiments(range(seed + 100 * k, seed + 100 * k + SEEDS), {name: factor}, samples=SAMPLES)
+        for k, (name, factor) in enumerate(FAULTS)
+    ]
+    u, y = (np.concatenate([getattr(record, field) for record in records], axis=1) for field in ("u", "y"))
+    said, _ = histories(seed, records[0].t_us.tolist(), u, y)
+    truth = [fault for fault in FAULTS for _ in range(SEEDS)]
+    right, covered, within, steps, crossed = [], [], [], [], []
+    for (name, factor), episodes in zip(truth, said, strict=True):
+        e = first_named(episodes)
+        if e is None:
+            continue
+        right.append(e.parameter == name)
+        crossed.append(e.first[0] == name)
+        if e.parameter != name:
+            continue
+        if e.onset_high_us is not None:
+            covered.append((e.onset_low_us or 0) <= FAULT_AT * H_US <= e.onset_high_us)
+        size = (factor - 1) * MODEL.theta0[MODEL.monitored.index(name)]
+        within.append(abs(e.size - size) < 1.645 * e.size_sd)
+        steps.append(e.kind)
+    print(
+        f"{len(right)} named: right {np.mean(right):.3f}, at the first crossing {np.mean(crossed):.3f}; onset covered"
+        f" {np.mean(covered):.3f}; size within 90 % {np.mean(within):.3f}; steps {steps.count('step')}"
+    )
+    assert len(right) > 0.8 * len(truth)
+    assert np.mean(right) > 0.94
+    assert np.mean(right) >= np.mean(crossed)
+    assert np.mean(covered) > 0.85
+    assert np.mean(within) > 0.74
+    assert "drift" not in steps
+    assert steps.count("step") > 0.8 * len(steps)
+
+
+def test_sizes_of_friction_scatter_as_stated(seed: int) -> None:
+    """With the state that moves with theta, as the daemon has it by default where the memory is as short as here (1.8
+    of the predictor's slowest time constants).  The paper's recursion scatters 1.2 to 1.3 times as much as it says."""
+    records = [
+        experiments(range(seed + 500 * k, seed + 500 * k + 100), {"fm": factor}, samples=SAMPLES)
+        for k, factor in enumerate((1.2, 0.8))
+    ]
+    u, y = (np.concatenate([getattr(record, field) for record in records], axis=1) for field in ("u", "y"))
+    said, _ = histories(seed, records[0].t_us.tolist(), u, y, joint=True)
+    z = []
+    for factor, episodes in zip(np.repeat([1.2, 0.8], 100), said, strict=True):
+        e = first_named(episodes)
+        if e is not None and e.parameter == "fm":
+            z.append((e.size - (factor - 1) * MODEL.nominal["fm"]) / e.size_sd)
+    rms, within = np.sqrt(np.mean(np.square(z))), np.mean(np.abs(z) < 1.645)
+    print(f"{len(z)} sizes of fm: rms error {rms:.2f} of the stated, {within:.3f} within 90 %")
+    assert len(z) > 120
+    assert 0.7 < rms < 1.15
+    assert within > 0.82
+
+
+def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float], W: int = 8) -> Record:
+    """The first after 5 s, the second after 20 s, of 40 s."""
+    rngs = [np.random.default_rng(seed + k) for k in range(W)]
+    N, at = 8000, (FAULT_AT, 4000)
+    u = np.stack([multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS) for rng in rngs], axis=1)
+    drive, values, x, parts = three_mass("speed"), dict(REFERENCE_VALUES), None, []
+    for part, fault in zip(np.split(u, at), ({}, first, second), strict=True):
+        values = faulty(values, fault)
+        y, x = simulate_linear(drive, values, part, INTERVAL_S, x)
+        parts.append(y)
+    noise = np.stack([rng.standard_normal(N) for rng in rngs], axis=1)
+    return Record(np.arange(N, dtype=np.int64) * H_US, u, np.concatenate(parts) + noise)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "open_at_the_end"),
+    [
+        ({"kT": 1.2}, {"1/Ja": 0.8}, {"kT", "1/Ja"}),
+        ({"fm": 1.5}, {"kT": 1.2}, {"fm", "kT"}),
+        ({"kT": 1.2}, {"kT": 1 / 1.2}, set()),
+    ],
+)
+def test_a_second_fault_is_seen_while_the_first_alarm_stands(
+    first: Mapping[str, float], second: Mapping[str, float], open_at_the_end: set[str], seed: int
+) -> None:
+    t_us, u, y = two_faults(seed, first, second)
+    said, monitors = histories(seed, t_us.tolist(), u, y)
+    found = [{e.parameter for e in m.book.open if e.stage == "named"} for m in monitors]
+    alarms = [len({(e.raised_us, e.first) for e in episodes}) for episodes in said]
+    print(f"open at the end {found}, alarms {alarms}")
+    assert sum(f == open_at_the_end for f in found) >= 6
+    assert np.median(alarms) == max(len(open_at_the_end), 1)
+
+
+def opposite(y: Floats) -> Floats:
+    return -y
+
+
+def stuck(y: Floats) -> Floats:
+    return np.zeros_like(y)
+
+
+@pytest.mark.parametrize(("broken", "doubt"), [(opposite, "sign"), (stuck, "still")])
+def test_a_sensor_is_one_alarm_and_no_parameter(
+    broken: Callable[[Floats], Floats], doubt: str, seed: int
+) -> None:
+    t_us, u, y = experiments(range(seed, seed + 8), samples=SAMPLES)
+    y = np.concatenate([y[:FAULT_AT], broken(y[FAULT_AT:])])
+    said, _ = histories(seed, t_us.tolist(), u, y)
+    doubts: list[str] = [e.doubt for episodes in said if (e := first_named(episodes)) is not None]
+    assert len(doubts) >= 7
+    assert doubts.count(doubt) >= 6
+
+
+def test_names_and_onsets_do_not_depend_on_how_samples_are_cut(seed: int) -> None:
+    t_us, u, y = experiments([seed], {"kT": 1.2}, samples=SAMPLES)
+    whole, cut = (AxisMonitor.alone(MODEL, settings_of("speed", seed)) for _ in range(2))
+    expected = whole.run(t_us, u[:, 0], y[:, 0])
+    rng = np.random.default_rng(seed)
+    found: list[Episode] = []
+    for part in np.split(np.arange(SAMPLES), np.sort(rng.integers(0, SAMPLES, 9))):
+        found += cut.run(t_us[part], u[part, 0], y[part, 0])
+        again = AxisMonitor.alone(MODEL, settings_of("speed", seed))
+        again.from_arrays(cut.to_arrays())
+        cut = again
+    assert found == expected
+    assert first_named(found) is not None

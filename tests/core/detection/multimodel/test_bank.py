@@ -1,0 +1,311 @@
+"""The bank of hypotheses as the detector of an axis: from samples to alarms, saved, restored, adopted, looking on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import Cause, Episode, Name
+from monitor_core.detection.multimodel.candidates import OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN
+from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
+from monitor_core.detection.multimodel.hypothesis import HEALTHY
+from monitor_core.detection.multimodel.multimodel_detector import (
+    BankDetector,
+    Limit,
+    Limits,
+    bank_of,
+    guaranteed,
+)
+from monitor_core.detection.multimodel.multimodel_tracker import HypothesisBook
+from monitor_core.detection.multimodel.naming import Share
+from monitor_core.detection.multimodel.quantities import causes_of, quantity_of
+from monitor_core.drive.structure import DELAY
+from monitor_core.excitation.reference_experiment import (
+    FAULT_AT,
+    INTERVAL_S,
+    Record,
+    experiment,
+    reference_model,
+)
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.fleet import Block, Fleet
+from monitor_core.settings import Settings
+from tests.core.cases import BY_NAME
+from tests.core.figures import settings_of
+
+MODEL = reference_model()
+DAY = Limits(86400 / INTERVAL_S)
+ONSET = Onset(4, 3, 5)
+
+
+def quantity(cause: str):  # type: ignore[no-untyped-def]
+    return quantity_of(MODEL, Settings(INTERVAL_S), cause)
+
+
+def share(cause: str, size: float = 0.2, probability: float = 1.0) -> Share:
+    return Share(cause, probability, size, 0.01)
+
+
+def changed(t: int, cause: str, size: float = 0.2) -> Changed:
+    return Changed(t, ONSET, (share(cause, size),))
+
+
+def named(t: int, since: int, *shares: Share) -> Named:
+    return Named(t, since, ONSET, shares, certain=True)
+
+
+def told(book: HypothesisBook) -> list[tuple[int, str, str, str]]:
+    return [(e.raised_us, e.stage, e.parameter, e.direction) for e in book.open]
+
+
+def feed(*events: Event) -> tuple[HypothesisBook, list[list[Episode]]]:
+    book = HypothesisBook(quantity)
+    return book, [book.apply(event) for event in events]
+
+
+# --- the book ----------------------------------------------------------------------------------------
+
+
+def test_an_alarm_is_raised_named_corrected_once_and_ended() -> None:
+    fm, kT = share("fm", 0.2, 0.99), share("kT", 0.1, 0.01)
+    book, said = feed(
+        changed(10, "kT"), named(12, 10, fm, kT), named(20, 10, share("kT", 0.1)), Over(30, 28, "kT")
+    )
+    ((raised,), (first,), (corrected,), (ended,)) = said
+    assert (raised.stage, raised.parameter, raised.onset_us, raised.onset_low_us) == ("changed", "kT", 4, 3)
+    assert (first.stage, first.parameter, first.causes) == (
+        "named",
+        "fm",
+        (Cause("fm", 0.99), Cause("kT", 0.01)),
+    )
+    assert first.size == pytest.approx(0.06 * np.expm1(0.2))
+    assert first.size_sd == pytest.approx(0.06 * np.exp(0.2) * 0.01)
+    assert corrected.past == (Name(12, "changed", "kT", "up"), Name(20, "named", "fm", "up"))
+    assert (ended.ended_us, ended.first, ended.raised_us) == (30, ("kT", "up"), 10)
+    assert book.open == ()
+
+
+def test_what_does_not_last_ends_and_a_cause_that_stands_takes_what_is_more_of_it() -> None:
+    book, said = feed(
+        changed(10, "kT"),
+        named(12, 10, share("kT")),
+        changed(40, "fm", -0.3),
+        named(45, 40, share("kT", 0.4)),
+    )
+    assert told(book) == [(10, "named", "kT", "up")]
+    assert [(e.raised_us, e.ended_us) for e in said[3]] == [(40, 45), (10, None)]
+    assert book.open[0].size == pytest.approx(np.expm1(0.4))
+    assert book.open[0].onset_us == 4
+    (again,) = book.apply(changed(60, "kT", 0.1))
+    assert (again.raised_us, again.crossings) == (10, 2)
+    assert book.apply(Over(70, 60, HEALTHY)) == []
+    assert told(book) == [(10, "named", "kT", "up")]
+    book.apply(changed(80, "fm"))
+    (over,) = book.apply(Over(90, 80, HEALTHY))
+    assert (over.parameter, over.ended_us) == ("fm", 90)
+
+
+def test_another_cause_than_the_one_that_stands_at_first_sight_is_an_alarm_of_its_own() -> None:
+    book, _ = feed(
+        changed(10, "kT"), named(12, 10, share("kT")), changed(40, "kT"), named(45, 40, share("fm"))
+    )
+    assert told(book) == [(10, "named", "kT", "up"), (40, "named", "fm", "up")]
+    book.apply(named(50, 40, share("1/Ja")))
+    assert told(book) == [(10, "named", "kT", "up"), (40, "named", "1/Ja", "up")]
+    assert book.is_open("1/Ja")
+    assert not book.is_open("fm")
+
+
+def test_that_all_is_as_it_was_raises_nothing() -> None:
+    book, said = feed(changed(10, HEALTHY), named(12, 10, share(HEALTHY)), Over(20, 10, HEALTHY))
+    assert (book.open, said) == ((), [[], [], []])
+
+
+# --- quantities --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["paper", "speed-zero-nominals", "speed-skew", "angle-paper"])
+def test_sizes_go_there_and_back(name: str) -> None:
+    model, s = BY_NAME[name].model, BY_NAME[name].settings()
+    for cause in causes_of(model):
+        of = quantity_of(model, s, cause)
+        change, sd = of.change(0.25, 0.01)
+        if np.isfinite(change):
+            assert of.size(change) == pytest.approx(0.25)
+            assert of.change(0.26, 0.01)[0] - change == pytest.approx(sd, rel=0.02)
+            assert of.unit
+    assert quantity_of(model, s, DELAY).change(1.0, 0.0)[0] == pytest.approx(s.interval_s)
+    assert np.isnan(quantity_of(model, s, TORQUE_SIGN).change(np.nan, np.nan)[0])
+    assert np.isnan(quantity_of(model, s, OUTPUT_NOISE).size(-2.0))
+    assert quantity_of(model, s, TORQUE_OFFSET).unit == "N m"
+    with pytest.raises(KeyError):
+        quantity_of(model, s, "nothing")
+
+
+# --- from samples to alarms --------------------------------------------------------------------------
+
+
+def detector(seed: int, limits: Limits = DAY) -> BankDetector:
+    return BankDetector(MODEL, settings_of("speed", seed), limits)
+
+
+def monitor(seed: int, alarms: str = "bank") -> AxisMonitor:
+    settings = settings_of("speed", seed)
+    return AxisMonitor.alone(MODEL, settings, BankDetector(MODEL, settings, DAY), alarms)  # type: ignore[arg-type]
+
+
+def part(rec: Record, start: int, end: int | None = None) -> Record:
+    return Record(rec.t_us[start:end], rec.u[start:end], rec.y[start:end])
+
+
+def swapped(rec: Record) -> Record:
+    return rec._replace(u=np.where(np.arange(len(rec.u)) < FAULT_AT, rec.u, -rec.u))
+
+
+def test_a_parameter_and_a_sensor_are_named_with_onset_and_size(seed: int) -> None:
+    right = []
+    for k in range(seed, seed + 5):
+        watched = monitor(k)
+        watched.run(*experiment(k, {"kT": 0.7}, samples=2600))
+        right.append([(e.parameter, e.direction, e.stage) for e in watched.book.open])
+        if right[-1] == [("kT", "down", "named")]:
+            (e,) = watched.book.open
+            assert e.size == pytest.approx(-0.3, abs=0.1)
+            assert e.causes[0].alike == ("torque scale", "output scale")
+    assert right.count([("kT", "down", "named")]) >= 3
+    names = []
+    for k in range(seed, seed + 5):
+        watched = monitor(k)
+        watched.run(*swapped(experiment(k, samples=2600)))
+        names.append([e.parameter for e in watched.book.open])
+    print(names)
+    assert names.count([TORQUE_SIGN]) >= 3
+
+
+def test_the_detector_that_looks_on_alarms_nobody(seed: int) -> None:
+    rec = experiment(seed, {"1/Ja": 1.5}, samples=2600)
+    quiet, loud = monitor(seed, "cusum"), monitor(seed)
+    said, by_bank = quiet.run(*rec), loud.run(*rec)
+    assert quiet.alarms == "cusum"
+    assert said
+    assert by_bank
+    assert said[0].raised_us != by_bank[0].raised_us
+    for one in (quiet, loud):
+        facts = {d.name: d for d in one.facts().detectors}
+        assert [d.name for d in facts.values() if d.alarms] == [one.alarms]
+        assert facts["cusum"].open == tuple(dict.fromkeys(e.parameter for e in quiet.book.open))
+        assert facts["bank"].open == tuple(dict.fromkeys(e.parameter for e in loud.book.open))
+        assert facts["bank"].open
+        assert quiet.book_of("bank").open == loud.book.open
+    assert quiet.causes == MODEL.monitored
+    assert set(loud.causes) > set(MODEL.monitored)
+
+
+def state(watched: AxisMonitor) -> list[bytes]:
+    assert watched.beside is not None
+    arrays = watched.to_arrays() | {f"beside {k}": v for k, v in watched.beside.to_arrays().items()}
+    return [array.tobytes() for array in arrays.values()]
+
+
+@pytest.mark.parametrize("at", [500, 1040, 1150, 1500])
+def test_a_saved_detector_goes_on(at: int, seed: int) -> None:
+    """Also where something has changed and is not named, or is named and its size is looked for."""
+    rec = experiment(seed, {"1/Ja": 1.3}, samples=2000)
+    whole, first = monitor(seed), monitor(seed)
+    whole.run(*rec)
+    first.run(*part(rec, 0, at))
+    second = monitor(seed)
+    assert second.beside_key == first.beside_key
+    assert first.beside is not None
+    assert second.beside is not None
+    second.from_arrays(first.to_arrays())
+    second.beside.from_arrays(first.beside.to_arrays())
+    second.adopt(first.book.open)  # the journal says the same
+    second.run(*part(rec, at))
+    assert state(second) == state(whole)
+
+
+def test_a_fleet_does_what_its_axes_do(seed: int) -> None:
+    settings = settings_of("speed", seed)
+    rec = experiment(seed, {"kT": 1.3}, samples=1600)
+    fleet = Fleet([MODEL] * 2, [settings] * 2, {1: BankDetector(MODEL, settings, DAY)}, {1: "bank"})
+    events = fleet.run({a: Block(rec.t_us, rec.u, rec.y) for a in (0, 1)})
+    for a, event in events:
+        fleet.monitors[a].apply(event)
+    alone = monitor(seed)
+    alone.run(*rec)
+    assert state(fleet.monitors[1]) == state(alone)
+    assert fleet.monitors[0].beside is None
+    with pytest.raises(ValueError, match="there is none"):
+        Fleet([MODEL], [settings], alarms={0: "bank"})
+
+
+# --- after a restart: the journal is right about what is open ------------------------------------------
+
+
+def repaired(seed: int, broken: int, samples: int) -> tuple[Record, Floats]:
+    """Well again from sample ``broken`` on: the torque is scaled as kT was, exactly."""
+    rec = experiment(seed, samples=samples, fault_at=samples - 1)
+    return rec._replace(u=np.where(np.arange(samples) < broken, rec.u / 1.3, rec.u)), rec.u
+
+
+def test_an_alarm_that_the_bank_has_forgotten_stands_and_ends(seed: int) -> None:
+    """Of kT by +30 %, then well: the adopted alarm is not raised again, and it ends."""
+    rec, _ = repaired(seed, 1500, 4000)
+    fresh = monitor(seed)
+    old = Episode(
+        "kT", "up", 1, 2, 3, None, 0.3, 0.01, 1, "named", (Cause("kT", 1.0),), "", None, None, "", ()
+    )
+    fresh.adopt([old])
+    before = fresh.run(*part(rec, 0, 1500))
+    assert [e.parameter for e in before if e.raised_us != 2] == []
+    assert [e.raised_us for e in fresh.book.open] == [2]
+    fresh.run(*part(rec, 1500))
+    assert 2 not in [e.raised_us for e in fresh.book.open]
+
+
+def test_an_alarm_without_a_name_gets_one_or_ends(seed: int) -> None:
+    """Its evidence is lost: the bank looks at it for three memories."""
+    rec = experiment(seed, samples=1500)
+    old = Episode("fm", "up", 1, 2, 2, None, 0.01, 0.01, 1)
+    fresh = monitor(seed)
+    fresh.adopt([old])
+    said = fresh.run(*rec)
+    assert [(e.raised_us, e.ended_us is not None) for e in said if e.raised_us == 2] == [(2, True)]
+
+
+def test_a_sensor_fault_that_was_open_stands(seed: int) -> None:
+    rec = experiment(seed, samples=1500)
+    sign = replace(Episode(TORQUE_SIGN, "up", 1, 2, 2, None, np.nan, np.nan, 1), stage="named")
+    fresh = monitor(seed)
+    fresh.adopt([sign])
+    fresh.run(rec.t_us, -rec.u, rec.y)
+    assert [e.raised_us for e in fresh.book.open] == [2]
+
+
+# --- limits ------------------------------------------------------------------------------------------
+
+
+def test_limits_of_a_record_say_which_hypotheses_there_are(seed: int) -> None:
+    own = (Limit("kT", 0.2, 9.0, 0.01, ("torque scale",)), Limit(TORQUE_SIGN, np.nan, 8.0))
+    bank = bank_of(MODEL, settings_of("speed", seed), Limits(1e6, own))
+    assert bank.causes == ("kT", TORQUE_SIGN)
+    assert bank.hypotheses[0].alike == ("torque scale",)
+    with pytest.raises(ValueError, match="limits of nothing, which the axis does not have"):
+        detector(seed, Limits(1e6, (Limit("nothing", 0.2, 9.0),)))
+
+
+def test_the_guaranteed_run_length() -> None:
+    assert guaranteed(50, 1e6) == pytest.approx(np.log(5e7))
+
+
+def test_where_there_can_be_no_bank(seed: int) -> None:
+    case = BY_NAME["angle-paper"]
+    both = replace(case.model, drive=case.drive("angle").with_speed())
+    with pytest.raises(ValueError, match="one output"):
+        BankDetector(both, case.settings(), DAY)
+    with pytest.raises(ValueError, match="not stable"):
+        BankDetector(case.model, replace(case.settings(), K=()), DAY)
+    with pytest.raises(ValueError, match="apart"):
+        BankDetector(MODEL, replace(settings_of("speed", seed), untold=(("kT", "fm"),)), DAY)

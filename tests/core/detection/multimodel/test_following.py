@@ -1,0 +1,162 @@
+"""A bank whose axis has nominal values that vary: it is quiet while they are followed, and names faults beside them."""
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from monitor_core.calibration.catch import Fault
+from monitor_core.calibration.catch_by_bank import catch_by_bank
+from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.hypotheses import bank_limits
+from monitor_core.detection.multimodel.events import Changed, Named
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.multimodel_detector import BankDetector, Limits, guaranteed
+from monitor_core.detection.multimodel.scheduled_hypotheses import FOLLOWED
+from monitor_core.excitation import multisine
+from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TORQUE_RMS
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.fleet import Block, Fleet
+from tests.core.calibration.healthy_axes import OUTPUT_NOISE, TORQUE_NOISE, plant
+
+SECONDS, PIECE = 60, 50
+N = round(SECONDS / INTERVAL_S)
+T = 1_000_000 + np.arange(N, dtype=np.int64) * round(INTERVAL_S * 1e6)
+OF = plant(0.0)
+KT, LOAD, FM = 0, 1, 2
+
+
+def axis(rng: np.random.Generator, shift: Floats, faults: dict[str, float], at: int) -> tuple[Floats, Floats]:
+    """u and y of an axis whose theta is off by ``shift`` (N, p), and from a sample on by these factors, too."""
+    u = multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS)
+    acting, outputs, x = u + TORQUE_NOISE * rng.standard_normal(N), [], None
+    for k in range(0, N, PIECE):
+        values = OF.model.values(OF.model.theta0 + shift[k])
+        values = REFERENCE_VALUES | values
+        values |= {name: values[name] * factor for name, factor in faults.items() if k >= at}
+        y, x = simulate_linear(OF.model.drive, values, acting[k : k + PIECE, np.newaxis], INTERVAL_S, x)
+        outputs.append(y[:, 0])
+    return u, np.concatenate(outputs) + OUTPUT_NOISE * rng.standard_normal(N)
+
+
+def course(column: int, by: float, turns: float = 0.5) -> Floats:
+    """A parameter goes away from nominal and back, by a part of its size; or so many times."""
+    shift = np.zeros((N, len(OF.model.scale)))
+    steps = PIECE * (np.arange(N) // PIECE)
+    shift[:, column] = by * OF.model.scale[column] * np.sin(2 * np.pi * turns * steps / N)
+    return shift
+
+
+def bank(samples: float = 720_000.0) -> HypothesisBank:
+    many = len(HypothesisBank(OF.model, OF.settings).hypotheses)
+    return HypothesisBank(OF.model, OF.settings, h=guaranteed(many, samples))
+
+
+@pytest.mark.parametrize(
+    ("column", "by", "turns"), [(FM, -0.5, 0.5), (LOAD, 0.3, 10.0)], ids=["warms up", "reaches out"]
+)
+def test_what_conditions_do_is_no_fault(column: int, by: float, turns: float, seed: int) -> None:
+    """Friction that falls by half with the temperature, a load that depends on the pose: alarms without following."""
+    rng = np.random.default_rng(seed)
+    shift = course(column, by, turns)
+    u, y = axis(rng, shift, {}, N)
+    assert not bank().run(T, u, y, shift=shift)
+    assert any(isinstance(event, Changed) for event in bank().run(T, u, y))
+
+
+def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
+    """A torque constant that falls by a quarter where friction is down by half."""
+    rng = np.random.default_rng(seed)
+    shift, at = course(FM, -0.5), N // 2
+    u, y = axis(rng, shift, {"kT": 0.75}, at)
+    events = bank().run(T, u, y, shift=shift)
+    named = [event for event in events if isinstance(event, Named)]
+    print([event.shares[0] for event in events if isinstance(event, Changed | Named)])
+    assert T[at] < named[0].time_us < T[at] + 5_000_000
+    assert named[0].shares[0].cause == "kT"
+    size = named[1].shares[0]  # when it is known better
+    assert abs(size.size - np.log(0.75)) < 0.05 + 4 * size.size_sd
+
+
+def test_steps_too_small_to_be_followed_change_nothing(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    u, y = axis(rng, np.zeros((N, 3)), {}, N)
+    small = 0.4 * FOLLOWED * OF.model.scale * np.ones((N, 1))
+    (_, plain), (_, moved) = bank().run_traced(T, u, y), bank().run_traced(T, u, y, shift=small)
+    assert np.array_equal(plain.g, moved.g, equal_nan=True)
+
+
+def test_in_pieces_and_saved_it_does_the_same(seed: int) -> None:
+    """Also where the conditions are told only now and then: what is not known holds, and is not tested."""
+    rng = np.random.default_rng(seed)
+    shift = course(FM, -0.5)
+    u, y = axis(rng, shift, {"kT": 1.3}, 3 * N // 4)
+    shift[N // 4 : N // 3] = np.nan
+    whole = bank()
+    events, trace = whole.run_traced(T, u, y, shift=shift)
+    assert np.isnan(trace.llr[N // 4 : N // 3]).all()
+    assert events
+    one, said = bank(), []
+    for k in range(0, N, 1777):
+        here = slice(k, k + 1777)
+        said += one.run(T[here], u[here], y[here], shift=shift[here])
+        other = bank()
+        other.from_arrays(one.to_arrays())
+        one = other
+    assert repr(said) == repr(events)  # sizes that a cause does not have are not equal to themselves
+    assert one.moved == whole.moved
+    assert np.array_equal(one.memory.sums, whole.memory.sums)
+
+
+def test_a_saved_state_of_before_has_nominal_values_that_do_not_move() -> None:
+    arrays = {name: array for name, array in bank().to_arrays().items() if name != "moved"}
+    again = bank()
+    again.from_arrays(arrays)
+    assert again.moved == (0, 0, 0)
+    with pytest.raises(ValueError, match="moved of shape"):
+        again.from_arrays(arrays | {"moved": np.zeros(2)})
+
+
+def test_wrong_shapes_are_refused() -> None:
+    with pytest.raises(ValueError, match="shift of shape"):
+        bank().run(T, np.zeros(N), np.zeros(N), shift=np.zeros((N, 2)))
+
+
+def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
+    """Both detectors of an axis follow the same nominal values."""
+    rng = np.random.default_rng(seed)
+    shift = course(FM, -0.5)
+    u, y = axis(rng, shift, {}, N)
+
+    def beside() -> BankDetector:
+        return BankDetector(OF.model, OF.settings, Limits(720_000.0))
+
+    assert not AxisMonitor.alone(OF.model, OF.settings, beside(), "bank").run(T, u, y, shift=shift)
+    events = []
+    for seen in (None, lambda *_: None):
+        fleet = Fleet([OF.model], [OF.settings], {0: beside()}, {0: "bank"})
+        events += fleet.run({0: Block(T, u, y, shift)}, None, seen)
+    assert not [event for _, event in events if isinstance(event, Changed)]
+
+
+def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
+    """Followed, thresholds are those of an axis that does not vary, and faults anywhere in the record are found."""
+    rng = np.random.default_rng(seed)
+    shift, still = course(FM, -0.5), np.zeros((N, 3))
+    limits = []
+    for moved, told in ((shift, shift), (shift, still), (still, still)):
+        u, y = axis(np.random.default_rng(seed), moved, {}, N)
+        one = Samples("r", T, u, y, told)
+        limits.append(bank_limits(OF.model, OF.settings, [one], 12_000.0, rng, 100_000).own)
+        if moved is told is shift:
+            faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
+            caught = catch_by_bank(OF.model, OF.settings, limits[0], one, faults, 6, 5.0)
+    h = [float(np.median([one.h for one in own])) for own in limits]
+    allowed = [sum(one.allowance for one in own if one.cause == "fm") for own in limits]
+    for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):
+        print(f"{what}: h {height:.1f}, allowance of fm {own:.2f}")
+    assert h[0] < 1.5 * h[2]
+    assert allowed[0] < 1.5 * allowed[2] + 0.05
+    assert allowed[1] > allowed[0] + 0.2
+    assert all((one.delay_s < 5.0).all() for one in caught)

@@ -1,0 +1,242 @@
+"""The bank of hypotheses: each predicts as the recursion does at its parameters; blocks, saving, gates, outliers."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.multimodel.candidates import TORQUE_SCALE, TORQUE_STUCK, change
+from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import split_name
+from monitor_core.excitation.reference_experiment import Record
+from monitor_core.kernel.predictors import FARTHEST
+from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.settings import Settings
+from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
+
+SAMPLES = 150
+seeds = st.integers(0, 2**32 - 1)
+law = settings(deadline=None, max_examples=12)
+
+
+def held(model: AxisModel, s: Settings, rec: Record) -> Floats:
+    """Innovations (N,) of the recursion whose theta does not move."""
+    certain = tuple(1e-30 * model.scale**2)
+    bank = Bank([model], [replace(s, P0=certain, lam=1 - 1e-12)])
+    _, trace = bank.run_traced(*as_columns(rec))
+    return np.asarray(trace.eps[:, 0])
+
+
+def predicted(model: AxisModel, s: Settings, of: Hypothesis, rec: Record) -> Floats:
+    _, trace = HypothesisBank(model, s, [of]).run_traced(*rec)
+    return np.asarray(trace.eps[:, 0])
+
+
+def nearly_equal(rec: Record) -> bool:
+    """An interval that is not the nominal one is taken for it."""
+    return bool((abs(np.diff(rec.t_us) - 5000) == 1).any())
+
+
+def changes(case: Case, rng: np.random.Generator) -> Hypothesis:
+    factors = {
+        name: float(rng.uniform(0.7, 1.4)) for name in rng.choice(list(case.values), 3) if name != "delay"
+    }
+    return Hypothesis("some", factors=factors)
+
+
+@law
+@given(seed=seeds, case=st.sampled_from(CASES), jitter=st.sampled_from([0.0, 0.3]))
+def test_a_hypothesis_predicts_as_the_recursion_at_its_parameters(
+    seed: int, case: Case, jitter: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    of = changes(case, rng)
+    rec = record(seed, case, SAMPLES, jitter=jitter, gaps=1)
+    assume(not nearly_equal(rec))
+    s = case.settings(settle_s=0.0)
+    nominal = {name: v * of.factors.get(name, 1.0) for name, v in case.model.nominal.items()}
+    alone = replace(case.model, nominal=nominal, bounds={})
+    expected, found = held(alone, s, rec), predicted(case.model, s, of, rec)
+    both = np.isfinite(expected)
+    assert both.sum() > SAMPLES / 2
+    np.testing.assert_allclose(found[both], expected[both], rtol=1e-6, atol=1e-7 * np.abs(rec.y).max())
+
+
+@law
+@given(seed=seeds, case=st.sampled_from(CASES), jitter=st.sampled_from([0.0, 0.3]))
+def test_a_distorted_signal_is_that_of_the_recursion_with_the_signal_put_right(
+    seed: int, case: Case, jitter: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    rec, s = record(seed, case, SAMPLES, jitter=jitter, gaps=1), case.settings(settle_s=0.0)
+    assume(not nearly_equal(rec))
+    torque, output = (Distortion(float(rng.uniform(-2, -0.5)), float(rng.normal())) for _ in range(2))
+    of = Hypothesis("some", torque=torque, output=output)
+    right = Record(rec.t_us, torque.scale * rec.u + torque.offset, (rec.y - output.offset) / output.scale)
+    expected, found = output.scale * held(case.model, s, right), predicted(case.model, s, of, rec)
+    both = np.isfinite(expected)
+    size = abs(output.scale) * np.abs(right.y).max()
+    np.testing.assert_allclose(found[both], expected[both], rtol=1e-6, atol=1e-7 * size)
+
+
+@law
+@given(
+    seed=seeds, case=st.sampled_from(CASES), jitter=st.sampled_from([0.0, 0.3]), share=st.floats(-1.0, 1.0)
+)
+def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, share: float) -> None:
+    """Early by d is late by an interval less d of the torque of the next sample, at equal intervals."""
+    if "delay" in case.values or (jitter and share < 0):
+        return
+    s = case.settings(settle_s=0.0, delay_s=0.0)
+    rec = record(seed, case, SAMPLES, jitter=jitter)
+    assume(not nearly_equal(rec))
+    rec.u[:3] = 0.0  # both start alike
+    early = share < 0
+    late = replace(s, delay_s=(share + early) * s.interval_s)
+    expected = held(case.model, late, Record(rec.t_us, np.append(rec.u[1:], 0.0) if early else rec.u, rec.y))
+    found = predicted(case.model, s, Hypothesis("delay", delay_s=share * s.interval_s), rec)
+    np.testing.assert_allclose(found[2:-1], expected[2:-1], rtol=1e-6, atol=1e-7 * np.abs(rec.y).max())
+
+
+def test_nearly_equal_intervals_are_taken_as_they_are(seed: int) -> None:
+    case = CASES[1]
+    rec = record(seed, case, SAMPLES)
+    s, of = case.settings(settle_s=0.0), Hypothesis("some", factors={"Jm": 1.2})
+    jitter = np.random.default_rng(seed).integers(0, 2, SAMPLES)
+    a = predicted(case.model, s, of, rec)
+    b = predicted(case.model, s, of, Record(rec.t_us + 2 * jitter, rec.u, rec.y))
+    assert 0 < np.nanmax(abs(a - b)) < 1e-2 * np.abs(rec.y).max()
+
+
+def lively(case: Case, h: float = 3.0) -> HypothesisBank:
+    """Low thresholds, a short memory: much happens in few samples."""
+    s = case.settings(lam=0.9, settle_s=0.05, outlier=6.0)
+    return HypothesisBank(case.model, s, few(case.name), h=h, sure=0.6)
+
+
+@cache
+def few(name: str) -> tuple[Hypothesis, ...]:
+    model, s = BY_NAME[name].model, BY_NAME[name].settings()
+    causes = (*model.monitored, TORQUE_SCALE)
+    some = [change(model, s, cause, size) for cause in causes for size in (-0.2, 0.2)]
+    return (*some, Hypothesis("output stuck", frozen=True), change(model, s, TORQUE_STUCK, 1.0))
+
+
+def state(bank: HypothesisBank) -> list[bytes]:
+    return [(array + 0).tobytes() for array in bank.to_arrays().values()]
+
+
+@law
+@given(
+    seed=seeds,
+    case=st.sampled_from(CASES),
+    cuts=st.lists(st.integers(0, SAMPLES), max_size=4),
+    saved=st.booleans(),
+)
+def test_blocks_may_end_anywhere_and_a_saved_bank_goes_on(
+    seed: int, case: Case, cuts: list[int], saved: bool
+) -> None:
+    rec = record(seed, case, SAMPLES, jitter=0.3 * (seed % 2), gaps=1, true=drawn(case, seed))
+    whole, parts = lively(case), lively(case)
+    expected, found = whole.run(*rec), []
+    for start, stop in pairwise([0, *sorted(cuts), SAMPLES]):
+        found += parts.run(rec.t_us[start:stop], rec.u[start:stop], rec.y[start:stop])
+        if saved:
+            again = lively(case)
+            again.from_arrays({name: array.copy() for name, array in parts.to_arrays().items()})
+            parts = again
+    assert repr(found) == repr(expected)
+    assert state(parts) == state(whole)
+
+
+def drawn(case: Case, seed: int) -> dict[str, float]:
+    """Values of the plant, which a monitor may have to find changed."""
+    rng = np.random.default_rng(seed)
+    monitored = [split_name(name)[0] for name in case.model.monitored]
+    return {
+        name: v * (rng.uniform(0.6, 1.6) if name in monitored else 1.0) for name, v in case.values.items()
+    }
+
+
+def test_a_state_that_does_not_fit_is_refused() -> None:
+    one, other = (lively(case) for case in (CASES[0], CASES[5]))
+    with pytest.raises(ValueError, match="does not fit"):
+        one.from_arrays(other.to_arrays())
+    arrays = one.to_arrays() | {"standing": np.array([[99.0, 0.1]])}
+    with pytest.raises(ValueError, match="these hypotheses do not have"):
+        one.from_arrays(arrays)
+    with pytest.raises(KeyError):
+        one.from_arrays({})
+
+
+@pytest.mark.parametrize("h", [0.0, -1.0, np.ones(3)])
+def test_thresholds_that_do_not_fit_are_refused(h: float | Floats) -> None:
+    case = CASES[0]
+    with pytest.raises(ValueError, match=r"h > 0|broadcast"):
+        HypothesisBank(case.model, case.settings(), [Hypothesis("some")] * 2, h=h)
+
+
+def test_a_closed_gate_tests_nothing(seed: int) -> None:
+    case = CASES[0]
+    rec, bank = record(seed, case, SAMPLES), lively(case, np.inf)
+    gate = np.arange(SAMPLES) < SAMPLES // 2
+    _, trace = bank.run_traced(*rec, gate)
+    assert np.isfinite(trace.llr[SAMPLES // 2 - 5]).any()
+    assert np.isnan(trace.llr[gate.argmin() :]).all()
+    assert np.isfinite(trace.eps[gate.argmin() :]).all()
+
+
+def test_a_lone_outlier_is_no_evidence(seed: int) -> None:
+    case = CASES[0]
+    rec, bank = record(seed, case, SAMPLES), lively(case, np.inf)
+    rec.y[100] += 1000.0
+    _, trace = bank.run_traced(*rec)
+    assert np.isnan(trace.llr[100]).all()
+    assert np.isfinite(trace.llr[101, :-2]).all()
+
+
+def test_an_outlier_may_be_the_first_sample(seed: int) -> None:
+    """As if the bank had started with the fourth sample, which is the third that disagrees with the first."""
+    case = CASES[0]
+    rec, late = record(seed, case, SAMPLES), lively(case, np.inf)
+    rec.y[0] += 100.0
+    _, found = lively(case, np.inf).run_traced(*rec)
+    _, expected = late.run_traced(rec.t_us[3:], rec.u[3:], rec.y[3:])
+    np.testing.assert_array_equal(found.eps[4:], expected.eps[1:])
+
+
+def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> None:
+    """A gain of its own that is none for this axis: it starts anew again and again, and does not alarm."""
+    case = BY_NAME["speed-skew"]
+    s, other = case.settings(), Hypothesis("other", factors={"Jm": 1.3})
+    wild = Hypothesis("wild", K=tuple(-30.0 * np.array(s.gain(len(case.model.drive.states)))))
+    rec = record(seed, case, 2000)
+    alone, beside = (HypothesisBank(case.model, s, of) for of in ([other], [other, wild]))
+    (_, expected), (_, found) = (bank.run_traced(*rec) for bank in (alone, beside))
+    most = FARTHEST * np.sqrt(s.lam0)
+    started_anew = (abs(found.eps[1:-1, 1]) > 1e-3 * most) & (abs(found.eps[2:, 1]) < 1e-6 * most)
+    assert started_anew.sum() > 3
+    assert np.nanmax(abs(found.eps[:, 1])) <= most
+    for of in ("eps", "llr", "g"):
+        np.testing.assert_array_equal(getattr(found, of)[:, 0], getattr(expected, of)[:, 0])
+    assert found.g[:, 1].max() < 20.0
+
+
+def test_a_drive_with_two_outputs_is_refused() -> None:
+    case = CASES[0]
+    both = replace(case.model, drive=case.drive("angle").with_speed())
+    with pytest.raises(ValueError, match="two outputs"):
+        HypothesisBank(both, case.settings(), [Hypothesis("some")])
+
+
+def test_a_predictor_that_is_not_stable_is_refused() -> None:
+    case = BY_NAME["angle-paper"]
+    with pytest.raises(ValueError, match="not stable"):
+        HypothesisBank(case.model, replace(case.settings(), K=()), [Hypothesis("some")])

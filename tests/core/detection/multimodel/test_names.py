@@ -1,0 +1,224 @@
+"""What the bank of hypotheses says on the reference experiment, with fresh seeds: when, what, how much, since when."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from monitor_core.arrays import Floats
+from monitor_core.detection.multimodel.candidates import (
+    OUTPUT_NOISE,
+    OUTPUT_SCALE,
+    OUTPUT_SIGN,
+    OUTPUT_STUCK,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
+    TORQUE_SIGN,
+    TORQUE_STUCK,
+)
+from monitor_core.detection.multimodel.detection_limit import least_delay
+from monitor_core.detection.multimodel.events import Changed, Named, Over
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
+from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.drive.structure import DELAY
+from monitor_core.excitation.reference_experiment import (
+    FAULT_AT,
+    INTERVAL_S,
+    Record,
+    experiment,
+    faulty,
+    reference_model,
+)
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.settings import Settings
+from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s
+
+H_FOR_A_DAY = 17.6
+"""One false alarm of the reference experiment's bank a day; make bench measures it."""
+BY_LUCK = 1e-6
+SEEDS = 60
+
+
+@pytest.fixture(scope="module")
+def bank(seed: int) -> HypothesisBank:
+    return bank_of("speed", H_FOR_A_DAY, seed)
+
+
+# Shares of 3000 seeds each: named right 0.99 at least, missed 0.02 at most; the median is 1.1 to 1.3 times the limit.
+@pytest.mark.parametrize("factor", [1.2, 0.8])
+@pytest.mark.parametrize(("name", "missed"), [("kT", 1e-3), ("1/Ja", 1e-3), ("fm", 0.02)])
+def test_faults_are_found_near_the_limit_and_named_right(
+    name: str, missed: float, factor: float, bank: HypothesisBank, seed: int
+) -> None:
+    fault = {name: factor}
+    found = delays(bank, fault, range(seed + 3000, seed + 3000 + SEEDS))
+    limit = limit_s(fault, range(seed, seed + 100), DAY)
+    print(f"{fault}: limit {limit:.2f} s, {found}")
+    assert binom.sf(SEEDS * (1 - found.right_named) - 1.5, SEEDS, 0.01) > BY_LUCK
+    assert binom.sf(SEEDS * found.missed - 0.5, SEEDS, missed) > BY_LUCK
+    assert found.early <= 1
+    # Of 60 delays that scatter by two thirds of their median the median scatters by a ninth.
+    assert np.median(found.alarm) < 2.0 * limit
+
+
+def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank, seed: int) -> None:
+    """However sure one seems: kT half as large again would be another cause, at once, in 3 of 40; it is in 1 of 400."""
+    slowest = round(1e6 * slowest_time_constant(bank.model, bank.settings.gain(5), INTERVAL_S))
+    wrong = []
+    for k in range(seed, seed + 20):
+        bank.reset()
+        events = bank.run(*experiment(k, {"kT": 1.5}, samples=2000))
+        changed, named = (next(e for e in events if isinstance(e, kind)) for kind in (Changed, Named))
+        assert isinstance(named, Named)
+        assert named.time_us - changed.time_us >= slowest
+        assert named.certain
+        wrong += [named.shares[0].cause] if named.shares[0].cause != "kT" else []
+    assert len(wrong) <= 1, wrong
+
+
+def test_what_no_size_fits_well_is_not_called_noise(bank: HypothesisBank, seed: int) -> None:
+    """Between two sizes, and far beyond what is clipped: it looks like a lost torque for some memories, in 9 of 100."""
+    names = []
+    for k in range(seed, seed + 120):
+        bank.reset()
+        events = bank.run(*experiment(k, {"kT": 2.0}, samples=2400))
+        names.append(next(e.shares[0].cause for e in events if isinstance(e, Named)))
+    wrong = [name for name in names if name != "kT"]
+    print(f"named wrong {wrong} of {len(names)}")
+    assert len(wrong) <= 4  # 2 of 600 are
+
+
+def test_no_detector_is_faster_than_the_limit(seed: int) -> None:
+    """The figures of the literature for this experiment, 0.39, 0.29 s, by sums of other records."""
+    assert limit_s({"kT": 1.2}, range(seed, seed + 200), DAY) == pytest.approx(0.40, abs=0.03)
+    assert limit_s({"1/Ja": 1.2}, range(seed, seed + 200), DAY) == pytest.approx(0.29, abs=0.03)
+    ones, zeros = np.ones((50, 2)), np.zeros((50, 2))
+    assert least_delay(zeros, ones, 0.5, math.exp(9.5)) == 10
+    assert least_delay(zeros, ones, 0.5, math.exp(99.0)) == math.inf
+
+
+def test_onset_and_size_are_within_their_intervals(bank: HypothesisBank, seed: int) -> None:
+    """Stated: 90 of 100 onsets at least; a size within two of its standard deviations 95."""
+    inside, sizes = [], []
+    for k in range(seed, seed + SEEDS):
+        bank.reset()
+        rec = experiment(k, {"kT": 1.2}, samples=1900)
+        named = [e for e in bank.run(*rec) if isinstance(e, Named)]
+        if not named:
+            continue
+        onset, share = named[-1].onset, named[-1].shares[0]
+        true_us = rec.t_us[FAULT_AT]
+        inside.append(onset.earliest_us <= true_us <= onset.latest_us + 5000)
+        sizes.append((share.size - math.log(1.2)) / share.size_sd)
+    print(
+        f"onset in its interval {np.mean(inside):.3f}, size: mean {np.mean(sizes):.2f}, sd {np.std(sizes):.2f}"
+    )
+    assert len(inside) > 0.9 * SEEDS
+    assert binom.cdf(sum(inside), len(inside), 0.9) > BY_LUCK
+    assert np.mean(np.abs(sizes) < 4) > 0.85
+
+
+def stuck(rec: Record) -> Record:
+    return Record(rec.t_us, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.u, rec.u[FAULT_AT]), rec.y)
+
+
+def frozen(rec: Record) -> Record:
+    return Record(rec.t_us, rec.u, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.y, rec.y[FAULT_AT]))
+
+
+def torque(change: Callable[[Floats], Floats]) -> Callable[[Record], Record]:
+    """The measured torque from the fault on."""
+    return lambda rec: Record(rec.t_us, np.append(rec.u[:FAULT_AT], change(rec.u)[FAULT_AT:]), rec.y)
+
+
+def late(rec: Record) -> Record:
+    return torque(lambda u: np.append(u[1:], 0.0))(rec)
+
+
+def early(rec: Record) -> Record:
+    return torque(lambda u: np.append(0.0, u[:-1]))(rec)
+
+
+def noisy(rec: Record) -> Record:
+    more = np.random.default_rng(1).normal(0, 2, len(rec.y))
+    return Record(rec.t_us, rec.u, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.y, rec.y + more))
+
+
+SENSOR_FAULTS = {
+    TORQUE_STUCK: stuck,
+    OUTPUT_STUCK: frozen,
+    TORQUE_SIGN: torque(lambda u: -u),
+    "kT": torque(lambda u: u / 1.3),
+    DELAY: late,
+    f"{DELAY} back": early,
+    TORQUE_OFFSET: torque(lambda u: u - 0.15),
+    OUTPUT_NOISE: noisy,
+}
+
+
+@pytest.mark.parametrize("fault", SENSOR_FAULTS)
+def test_faults_of_sensors_are_named(fault: str, bank: HypothesisBank, seed: int) -> None:
+    names = []
+    for k in range(seed, seed + 5):
+        bank.reset()
+        rec = SENSOR_FAULTS[fault](experiment(k, samples=2500))
+        named = [e for e in bank.run(*rec) if isinstance(e, Named)]
+        names.append(named[-1].shares[0].cause if named else "")
+    print(f"{fault}: {names}")
+    assert sum(name == fault.removesuffix(" back") for name in names) >= 3
+
+
+def test_causes_that_make_the_same_data_are_said_to() -> None:
+    found = default_hypotheses(reference_model(), Settings(INTERVAL_S))
+    alike = {of.cause: of.alike for of in found}
+    assert set(alike["kT"]) == {TORQUE_SCALE, OUTPUT_SCALE}
+    assert alike[TORQUE_SIGN] == (OUTPUT_SIGN,)
+    assert alike["1/Ja"] == alike["fm"] == ()
+    assert not {TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_SIGN} & set(alike)
+
+
+def test_a_second_change_is_seen_and_the_end_of_both(bank: HypothesisBank, seed: int) -> None:
+    """kT from 5 s, 1/Ja, too, from 60 s, all well from 120 s; the naming of each is right in 99 of 100."""
+    right = 0
+    for k in range(seed, seed + 3):
+        bank.reset()
+        rec = two_faults(k)
+        events = bank.run(*rec)
+        at = [(e.time_us * 1e-6, e.shares[0].cause) for e in events if isinstance(e, Named)]
+        over = [e.cause for e in events if isinstance(e, Over)]
+        print(at, over)
+        first = any(t < 15 and name == "kT" for t, name in at)
+        second = any(60 < t < 70 and name == "1/Ja" for t, name in at)
+        right += first and second and not bank.standing
+    assert right >= 1
+
+
+def two_faults(seed: int) -> Record:
+    """The reference axis, whose parameters change three times."""
+    healthy = experiment(seed, samples=36000, fault_at=35000)
+    values = [
+        REFERENCE_VALUES,
+        faulty(REFERENCE_VALUES, {"kT": 1.2}),
+        faulty(REFERENCE_VALUES, {"kT": 1.2, "1/Ja": 1.2}),
+        REFERENCE_VALUES,
+    ]
+    x, parts = None, []
+    for held, (a, b) in zip(values, ((0, 1000), (1000, 12000), (12000, 24000), (24000, 36000)), strict=True):
+        y, x = simulate_linear(three_mass("speed"), held, healthy.u[a:b, np.newaxis], INTERVAL_S, x)
+        parts.append(y[:, 0])
+    noise = np.random.default_rng(seed).standard_normal(36000)
+    return Record(healthy.t_us, healthy.u, np.concatenate(parts) + noise)
+
+
+def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> None:
+    """At h = 8 there are false alarms, one in a quarter of a minute; none of them may stand for ever."""
+    bank = bank_of("speed", 8.0, seed)
+    events = bank.run(*experiment(seed, samples=60_000, fault_at=50_000))
+    changed, over = (sum(isinstance(e, kind) for e in events) for kind in (Changed, Over))
+    print(f"{changed} alarms, {over} over")
+    assert changed > 3
+    assert over >= changed / 2
+    assert len(bank.standing) <= 2

@@ -1,0 +1,51 @@
+"""Shares and sizes, of evidence made by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from monitor_core.detection.multimodel.hypothesis import Hypothesis
+from monitor_core.detection.multimodel.naming import Causes
+
+HYPOTHESES = (
+    Hypothesis("kT", 0.1, alike=("torque scale",)),
+    Hypothesis("delay", 1.0),
+    Hypothesis("kT", -0.1, alike=("torque scale", "output scale")),
+    Hypothesis("delay", 2.0),
+    Hypothesis("noise", weight=0.1),
+    Hypothesis("delay", 3.0),
+)
+
+
+def parabola(size: float, top: float, sd: float, height: float) -> float:
+    return height - (size - top) ** 2 / (2 * sd**2)
+
+
+def test_shares_sizes_and_what_is_alike() -> None:
+    """Of kT the evidence is a parabola through 0 at 0, and two sizes of either sign tell it with that."""
+    of_kT = {size: parabola(size, 0.04, 0.1, 0.08) for size in (0.1, -0.1)}
+    of_delay = {size: parabola(size, 1.8, 0.7, 1.0) for size in (1.0, 2.0, 3.0)}
+    evidence = np.array([of_kT[0.1], of_delay[1.0], of_kT[-0.1], of_delay[2.0], 2.0, of_delay[3.0]])
+    found = {share.cause: share for share in Causes(HYPOTHESES).shares(evidence)}
+    assert (found["kT"].size, found["kT"].size_sd) == pytest.approx((0.04, 0.1))
+    assert (found["delay"].size, found["delay"].size_sd) == pytest.approx((1.8, 0.7))
+    assert math.isnan(found["noise"].size)
+    assert found["kT"].alike == ("torque scale", "output scale")
+    assert found["delay"].alike == ()
+    weighed = {
+        "kT": np.exp(list(of_kT.values())).sum() / 2,
+        "delay": np.exp(list(of_delay.values())).sum() / 3,
+        "noise": 0.1 * math.exp(2.0),
+    }
+    for cause, weight in weighed.items():
+        assert found[cause].probability == pytest.approx(weight / sum(weighed.values()))
+    assert list(found) == sorted(weighed, key=lambda cause: -weighed[cause])
+
+
+def test_overwhelming_evidence_is_no_overflow() -> None:
+    first, *others = Causes(HYPOTHESES).shares(np.array([0.0, 5e3, 0.0, 1e4, 0.0, 5e3]))
+    assert (first.cause, first.probability) == ("delay", 1.0)
+    assert [share.probability for share in others] == [0.0, 0.0]

@@ -1,0 +1,93 @@
+"""What stands in a bank: causes join, are added up, end, and go through a save; what may change goes on from them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from monitor_core.detection.multimodel.active_faults import REST, SECOND, Standing
+from monitor_core.detection.multimodel.candidates import candidates
+from monitor_core.detection.multimodel.hypothesis import HEALTHY
+from monitor_core.detection.multimodel.naming import Share
+from tests.core.calibration.healthy_axes import plant
+
+OF = plant(0.0)
+HYPOTHESES = candidates(OF.model, OF.settings)
+
+
+@pytest.fixture
+def standing() -> Standing:
+    return Standing(OF.model, OF.settings, HYPOTHESES)
+
+
+def share(cause: str, size: float, size_sd: float = 0.01) -> Share:
+    return Share(cause, 1.0, size, size_sd)
+
+
+def likeliest(cause: str, size: float) -> int:
+    """The hypothesis of a cause that is nearest a size."""
+    own = [k for k, of in enumerate(HYPOTHESES) if of.cause == cause]
+    return min(own, key=lambda k: abs(HYPOTHESES[k].size - size))
+
+
+def join(standing: Standing, cause: str, size: float) -> None:
+    standing.join(share(cause, size), HYPOTHESES[likeliest(cause, size)])
+
+
+def test_nothing_stands_at_first_and_all_may_change(standing: Standing) -> None:
+    now, *changes, back = standing.lanes()
+    assert not standing
+    assert (now.cause, dict(now.factors)) == (HEALTHY, {})
+    assert tuple(changes) == HYPOTHESES
+    assert back.weight < 1e-200
+
+
+def test_what_may_change_goes_on_from_what_stands(standing: Standing) -> None:
+    """kT 20 % larger: so it is in each lane but that of the way back, and other causes are less likely beside it."""
+    join(standing, "kT", math.log(1.2))
+    now, *changes, back = standing.lanes()
+    assert now.factors["kT"] == pytest.approx(1.2)
+    for of, before in zip(changes, HYPOTHESES, strict=True):
+        assert of.factors["kT"] == pytest.approx(1.2 * before.factors.get("kT", 1.0))
+        assert of.weight == (before.weight if of.cause == "kT" else SECOND * before.weight)
+    assert "kT" not in back.factors
+    assert back.cause == "kT"
+    assert back.size == pytest.approx(-math.log(1.2))
+
+
+def test_changes_of_one_cause_add_up_and_end_together(standing: Standing) -> None:
+    join(standing, "kT", 0.2)
+    join(standing, "kT", 0.1)
+    assert len(standing) == 1
+    (whole,) = standing.whole_of((share("kT", 0.05),))
+    assert whole.size == pytest.approx(0.35)
+    assert standing.ended(share("kT", -0.3 * (1 - REST / 2))) == ["kT"]
+    assert standing.ended(share("kT", -0.3 * (1 - 1.5 * REST))) == []
+    assert standing.ended(share("fm", -0.3)) == []
+
+
+def test_all_as_it_was_ends_all(standing: Standing) -> None:
+    join(standing, "kT", 0.2)
+    join(standing, "fm", 0.5)
+    assert standing.ended(share(HEALTHY, math.nan)) == ["kT", "fm"]
+    standing.end("kT")
+    standing.end("kT")
+    assert len(standing) == 1
+    standing.clear()
+    assert not standing
+
+
+def test_it_goes_through_a_save(standing: Standing) -> None:
+    join(standing, "kT", 0.2)
+    join(standing, "fm", 0.5)
+    other = Standing(OF.model, OF.settings, HYPOTHESES)
+    other.from_array(standing.to_array())
+    assert other.lanes() == standing.lanes()
+
+
+def test_a_cause_that_these_hypotheses_do_not_have(standing: Standing) -> None:
+    join(standing, "kT", 0.2)
+    before = standing.lanes()
+    with pytest.raises(ValueError, match="do not have"):
+        standing.from_array(np.array([[float(len(standing.causes)), 0.2]]))
+    assert standing.lanes() == before

@@ -1,0 +1,105 @@
+"""Alarms are on the disk before they are shown, whatever the disk says."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from monitor_core.detection.alarm import Episode
+from service.pipeline.alarm_journaling import RETRY_S, Alarms, Quantity
+from service.pipeline.axis_change import Change
+from service.store import database
+from service.store.journal import Journal
+
+AXIS = "cell.axis1"
+QUANTITIES = {(AXIS, "fm"): Quantity("N m s/rad", 0.06), (AXIS, "kT"): Quantity("1", 1.0)}
+
+
+def episode(
+    parameter: str = "fm", crossings: int = 1, ended_us: int | None = None, raised_us: int = 20
+) -> Episode:
+    return Episode(parameter, "up", 10, raised_us, raised_us + crossings, ended_us, 0.02, 0.001, crossings)
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "alarms.sqlite"
+
+
+@pytest.fixture
+def journal(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Journal]:
+    monkeypatch.setattr(database, "BUSY_TIMEOUT_S", 0.02)
+    journal = Journal(path)
+    yield journal
+    journal.close()
+
+
+def test_an_alarm_is_shown_from_its_record_to_its_end(journal: Journal) -> None:
+    alarms = Alarms(journal, QUANTITIES)
+    alarms.record([Change(AXIS, episode())])
+    assert alarms.open(AXIS) == (episode(),)
+    alarms.record([Change(AXIS, episode(crossings=2))])
+    assert alarms.open(AXIS) == (episode(crossings=2),)
+    alarms.record([Change(AXIS, episode(crossings=2, ended_us=50))])
+    assert alarms.open(AXIS) == ()
+    (found,), total = journal.query()
+    assert (total, found.nominal, found.unit, found.ended_us, found.crossings) == (
+        1,
+        0.06,
+        "N m s/rad",
+        50,
+        2,
+    )
+
+
+def test_what_the_disk_refuses_is_not_shown_said_and_written_later_in_order(
+    path: Path, journal: Journal
+) -> None:
+    clock = Clock()
+    alarms = Alarms(journal, QUANTITIES, clock)
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    alarms.record([Change(AXIS, episode())])
+    assert alarms.open(AXIS) == ()
+    assert "alarm of cell.axis1 fm up: cannot be recorded yet, is tried again" in str(alarms.problem)
+    assert "locked" in str(alarms.problem)
+    # It ends and another one begins before the disk is there again.
+    alarms.record([Change(AXIS, episode(ended_us=50))])
+    alarms.record([Change(AXIS, episode(raised_us=70)), Change(AXIS, episode("kT", raised_us=80))])
+    other.execute("ROLLBACK")
+    other.close()
+    alarms.record([])
+    assert journal.query()[1] == 0, "no second try so soon"
+    clock.now += RETRY_S
+    alarms.record([])
+    assert alarms.problem is None
+    assert alarms.open(AXIS) == (episode(raised_us=70), episode("kT", raised_us=80))
+    found = {(a.parameter, a.raised_us, a.ended_us) for a in journal.query()[0]}
+    assert found == {("fm", 20, 50), ("fm", 70, None), ("kT", 80, None)}
+
+
+def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journal: Journal) -> None:
+    alarms = Alarms(journal, QUANTITIES)
+    alarms.record([Change(AXIS, episode())])
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    alarms.record([Change(AXIS, episode(ended_us=50))])
+    assert alarms.open(AXIS) == (episode(),)
+    other.close()
+
+
+def test_alarms_of_the_last_run_are_open(journal: Journal) -> None:
+    alarms = Alarms(journal, QUANTITIES)
+    alarms.adopt([Change(AXIS, episode())])
+    assert alarms.open(AXIS) == (episode(),)
+    assert alarms.open("cell.axis2") == ()

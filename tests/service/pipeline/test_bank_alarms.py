@@ -1,0 +1,175 @@
+"""The bank of hypotheses in the daemon: faults of axes and of sensors named, in the journal, over a restart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from monitor_core.detection.alarm import Episode
+from service.can.encode import FrameEncoder
+from service.can.frames import Frame
+from service.config import Config
+from service.config.schema_watching import DetectorConfig
+from service.pipeline.alarm_journaling import Alarms, quantities
+from service.pipeline.axis_change import Change
+from service.pipeline.checkpointing import Saver, bank_id
+from service.pipeline.frame_pipeline import Core
+from service.pipeline.restore_report import losses_in_words
+from service.pipeline.restoring import restore
+from service.simulation.robot import Fault, SimulatedRobot
+from service.store.checkpoints import Checkpoints
+from service.store.journal import Journal
+from service.texts.alarm_texts import episode_words
+from tests.service.pipeline.robots import START_US, demo
+
+BROKEN_S, ENDS_S = 12.0, 20.0
+BLOCK_S = 0.5
+FAULTS = (Fault("demo.axis1", {"kT": 0.8}, BROKEN_S), Fault("demo.axis2", {"fm": 1.4}, BROKEN_S))
+SWAPPED = "demo.axis3"
+
+
+def watched(folder: Path, axes: int = 3, **detector: object) -> Config:
+    """The demo, whose axes alarm by the bank of hypotheses."""
+    config = demo(folder, axes)
+    own = DetectorConfig.model_validate({"kind": "bank", "budget_s": 86400.0, **detector})
+    changed = tuple(axis.model_copy(update={"detector": own}) for axis in config.robot[0].axis)
+    robot = config.robot[0].model_copy(update={"axis": changed})
+    return config.model_copy(update={"robot": (robot,)})
+
+
+def frames(config: Config, seed: int) -> Iterator[list[Frame]]:
+    """Blocks of frames of a robot whose third axis measures its torque with the wrong sign from some time on."""
+    encoder, block, ends_s = FrameEncoder(config, config.bus[0].name), list[Frame](), BLOCK_S
+    for moment in SimulatedRobot(config, seed, FAULTS).moments():
+        if moment.time_s >= ends_s:
+            yield block
+            block, ends_s = [], ends_s + BLOCK_S
+        if moment.time_s >= ENDS_S:
+            return
+        readings = dict(moment.readings)
+        if moment.time_s >= BROKEN_S:
+            readings[SWAPPED] = readings[SWAPPED]._replace(torque=-readings[SWAPPED].torque)
+        t_us = START_US + round(moment.time_s * 1e6)
+        block += [
+            Frame(t_us, f.key.can_id, f.key.extended, f.data) for f in encoder.encode(readings, moment.number)
+        ]
+
+
+class Run(NamedTuple):
+    """A daemon without clock, threads and buses: its core, its journal, its checkpoints."""
+
+    core: Core
+    alarms: Alarms
+    saver: Saver
+    messages: tuple[str, ...]
+
+    def take(self, block: list[Frame]) -> list[Change]:
+        self.core.take("can0", block)
+        changes = self.core.run()
+        self.alarms.record(changes)
+        return changes
+
+    def open(self, axis_id: str) -> list[Episode]:
+        return list(self.alarms.open(axis_id))
+
+
+def start(config: Config, journal: Journal, checkpoints: Checkpoints) -> Run:
+    core = Core(config)
+    restored = restore(core.monitors.by_id, checkpoints, journal, START_US)
+    alarms = Alarms(journal, quantities(core.monitors.by_id))
+    alarms.adopt(restored.open)
+    alarms.record(restored.unrecorded)
+    saver = Saver(checkpoints, core.monitors.by_id, 60.0, None, lambda: START_US)
+    return Run(core, alarms, saver, (*restored.messages, *losses_in_words(restored.losses)))
+
+
+def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
+    tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
+) -> None:
+    config = watched(tmp_path)
+    whole = list(frames(config, seed))
+    straight = Core(config)
+    for block in whole:
+        straight.take("can0", block)
+        straight.run()
+    run, half = start(config, journal, checkpoints), round((BROKEN_S + 1) / BLOCK_S)
+    for block in whole[:half]:
+        run.take(block)
+    run.saver.save()
+    again = start(config, journal, checkpoints)
+    assert again.messages == ()
+    again.core.ingests = run.core.ingests  # the sample clocks go on, as if nothing had happened
+    for block in whole[half:]:
+        again.take(block)
+    # Coulomb friction alone tells the second names from the first.
+    expected = {
+        "demo.axis1": ("kT", "output scale"),
+        "demo.axis2": ("fm",),
+        SWAPPED: ("torque sign", "output sign"),
+    }
+    for axis_id, names in expected.items():
+        assert run.open(axis_id), "raised before the restart"
+        (e,) = again.open(axis_id)
+        assert e.parameter in names
+        assert e.stage == "named"
+        assert repr(straight.monitors.by_id[axis_id].book.open) == repr((e,))  # sizes may be NaN
+        assert BROKEN_S - 1 < (e.onset_us - START_US) * 1e-6 < BROKEN_S + 1
+        assert journal.query(axis=axis_id)[1] == 1
+        (alarm,) = journal.query(axis=axis_id)[0]
+        assert alarm.causes == e.causes
+    sizes = {axis_id: again.open(axis_id)[0].size for axis_id in expected}
+    assert sizes["demo.axis1"] == pytest.approx(-0.2, abs=0.06)
+    assert sizes["demo.axis2"] == pytest.approx(0.024, abs=0.01)
+    words = episode_words(again.open(SWAPPED)[0], 0.0, "1")
+    assert re.match("the measured (torque|motion) has changed its sign", words)
+    facts = again.core.monitors.by_id["demo.axis1"].facts()
+    assert [d.name for d in facts.detectors if d.alarms] == ["bank"]
+    assert {d.name for d in facts.detectors if d.open} == {"cusum", "bank"}
+
+
+def test_a_damaged_state_of_the_bank_is_set_aside_and_the_estimates_go_on(
+    tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
+) -> None:
+    config = watched(tmp_path)
+    run = start(config, journal, checkpoints)
+    for block in list(frames(config, seed))[:10]:
+        run.take(block)
+    run.saver.save()
+    monitor = run.core.monitors.by_id["demo.axis1"]
+    assert monitor.beside is not None
+    broken = monitor.beside.to_arrays() | {"memory_x": monitor.beside.to_arrays()["memory_x"][:2]}
+    checkpoints.save(bank_id("demo.axis1"), monitor.beside_key, broken, START_US)
+    checkpoints.save(bank_id("demo.axis2"), "another version", monitor.beside.to_arrays(), START_US)
+    again = start(config, journal, checkpoints)
+    broken_state, other_version = again.messages
+    assert broken_state.startswith("demo.axis1: part of its checkpoint is not used")
+    assert "does not fit this version" in broken_state
+    assert other_version.startswith("demo.axis2: part of its checkpoint is not used")
+    for message in again.messages:
+        assert message.endswith("anew begin the evidence of the bank of hypotheses")
+    for axis_id, found in again.core.monitors.by_id.items():
+        assert found.facts().samples == run.core.monitors.by_id[axis_id].facts().samples > 0
+
+
+def test_open_alarms_of_the_other_detector_are_taken_over(
+    tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
+) -> None:
+    """The configuration is changed while an alarm is open: the same alarm stays open, and is not raised again."""
+    whole = list(frames(watched(tmp_path), seed))
+    first = start(watched(tmp_path, kind="cusum"), journal, checkpoints)
+    for block in whole[: round((ENDS_S - 3) / BLOCK_S)]:
+        first.take(block)
+    first.saver.save()
+    (before,) = first.open("demo.axis2")
+    assert (before.parameter, before.stage) == ("fm", "named")
+    second = start(watched(tmp_path), journal, checkpoints)
+    second.core.ingests = first.core.ingests
+    for block in whole[round((ENDS_S - 3) / BLOCK_S) :]:
+        second.take(block)
+    assert [(e.raised_us, e.parameter) for e in second.open("demo.axis2")] == [(before.raised_us, "fm")]
+    third = start(watched(tmp_path, kind="cusum"), journal, checkpoints)
+    assert [e.raised_us for e in third.open("demo.axis2")] == [before.raised_us]

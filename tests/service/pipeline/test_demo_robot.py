@@ -1,0 +1,68 @@
+"""The simulated robot of the demo under the demo's settings: quiet while healthy, each fault named."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from service.pipeline.axis_change import Change
+from service.pipeline.frame_pipeline import Core
+from service.simulation.robot import Fault, FaultError, SimulatedRobot
+from tests.service.pipeline.robots import blocks, demo
+
+FAULT_S = 20.0
+
+
+def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Fault]) -> list[Change]:
+    """The first change of every alarm."""
+    config = demo(folder, axes)
+    core = Core(config)
+    found: dict[tuple[str, str, str], Change] = {}
+    for block in blocks(config, seconds, seed, faults):
+        core.take("can0", block)
+        for change in core.run():
+            found.setdefault((change.axis_id, change.episode.parameter, change.episode.direction), change)
+    core.flush()
+    assert all(sum(core.ingests["can0"].axis_dropped(axis.id).values()) == 0 for axis in config.axes)
+    return list(found.values())
+
+
+def test_healthy_axes_are_quiet(tmp_path: Path, seed: int) -> None:
+    assert alarms(tmp_path, 6, 60.0, seed, []) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "direction"), [("fm", 1.3, "up"), ("kT", 0.9, "down"), ("1/Ja", 1.1, "up")]
+)
+def test_a_fault_is_found_and_named(
+    tmp_path: Path, seed: int, name: str, factor: float, direction: str
+) -> None:
+    fault = Fault("demo.axis2", {name: factor}, FAULT_S)
+    found = alarms(tmp_path, 2, FAULT_S + 10, seed, [fault])
+    first = found[0]
+    assert (first.axis_id, first.episode.parameter, first.episode.direction) == (
+        "demo.axis2",
+        name,
+        direction,
+    )
+    assert {change.axis_id for change in found} == {"demo.axis2"}
+    assert first.episode.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
+    nominal = demo(tmp_path).axes[1].config.model.nominal
+    change = (factor - 1) * (1 / nominal["Ja"] if name == "1/Ja" else nominal[name])
+    assert 0 < first.episode.size / change < 1.5
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (Fault("demo.axis9", {"fm": 1.3}, 1), "there is no axis demo.axis9; there is demo.axis1, demo.axis2"),
+        (Fault("demo.axis1", {"fn": 1.3}, 1), "no parameter 'fn' in axis demo.axis1; there is Jm, Jg"),
+        (Fault("demo.axis1", {"Jm": -1.0}, 1), "inertia of the motor must be finite and greater than zero"),
+        (Fault("demo.axis1", {"1/Ja": 0.0}, 1), "fault: "),
+    ],
+)
+def test_an_impossible_fault_is_said(tmp_path: Path, fault: Fault, message: str) -> None:
+    with pytest.raises(FaultError, match=re.escape(message)):
+        SimulatedRobot(demo(tmp_path), faults=[fault])

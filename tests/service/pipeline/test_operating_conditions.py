@@ -1,0 +1,267 @@
+"""Operating conditions from the frames to the alarms: live, replayed from a CAN log, and from a table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from service.can.encode import FrameEncoder
+from service.can.frames import Frame
+from service.can.recorder import FrameRecorder
+from service.commands.main import app
+from service.config import Config, load
+from service.ingest.log_record import LogRecord
+from service.pipeline.axis_monitors import Monitors
+from service.pipeline.frame_pipeline import Core
+from service.simulation.robot import Fault, SimulatedRobot
+from tests.service.pipeline.robots import DEMO, START_US
+
+LENGTH_S = 40.0
+FAULT_S = 30.0
+FEW = 80
+"""Samples that have another fate, of some thousands."""
+STATE = 1024  # the message of mode and temperature
+
+CONDITIONS = """
+[[robot.axis.signal]]
+name = "temperature"
+message = "RobotState"
+signal = "Temperature1"
+column = "warm"
+[[robot.axis.signal]]
+name = "mode"
+message = "RobotState"
+signal = "Mode"
+column = "mode"
+maximum_age_s = 0.5
+[[robot.axis.signal]]
+name = "angle2"
+axis = "axis2"
+factor = 0.5
+[[robot.axis.gate]]
+signal = "mode"
+equals = [2, 3]
+"""
+VARYING = """
+[[robot.axis.model.varying]]
+parameter = "fm"
+signal = "temperature"
+slope = -0.0012
+reference = 40.0
+range = [20.0, 60.0]
+[[robot.axis.model.varying]]
+parameter = "Ja"
+signal = "cos(angle2)"
+slope = 15.0
+reference = 0.9
+"""
+
+
+def robot(folder: Path) -> Path:
+    """The first two axes of the demo; the first one follows the temperature and the angle of the second."""
+    text = DEMO.read_text(encoding="utf-8")
+    head, *axes = text.split("[[robot.axis]]\n")
+    one, two = (axis.replace("virtual", "socketcan") for axis in axes[:2])
+    one = one.replace("[robot.axis.model]\n", f"{CONDITIONS}\n[robot.axis.model]\n", 1)
+    one = one.replace("[robot.axis.estimator]\n", f"{VARYING}\n[robot.axis.estimator]\n", 1)
+    one = one.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "torque"', 1)
+    one = one.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "angle"', 1)
+    two = two.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "angle2"', 1)
+    two = two.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "torque2"', 1)
+    dbc = (DEMO.parent / "demo.dbc").read_text(encoding="utf-8")
+    shared = (DEMO.parent / "robot.dbc").read_text(encoding="utf-8")
+    state = shared[shared.index("BO_ 1024") : shared.index("\n\n", shared.index("BO_ 1024"))]
+    at = dbc.index("CM_ ")
+    (folder / "demo.dbc").write_text(f"{dbc[:at]}{state}\n\n{dbc[at:]}", encoding="utf-8")
+    (folder / "robot.toml").write_text("[[robot.axis]]\n".join([head, one, two]), encoding="utf-8")
+    return folder / "robot.toml"
+
+
+def without_following(file: Path) -> Config:
+    other = file.with_name("still.toml")
+    other.write_text(file.read_text(encoding="utf-8").replace(VARYING, ""), encoding="utf-8")
+    return load(other, {})
+
+
+def frames_of(
+    config: Config, seed: int, faults: Sequence[Fault] = (), length_s: float = LENGTH_S
+) -> list[Frame]:
+    encoder, found = FrameEncoder(config, "can0"), list[Frame]()
+    for moment in SimulatedRobot(config, seed, faults).moments():
+        if moment.time_s >= length_s:
+            return found
+        t_us = START_US + round(moment.time_s * 1e6)
+        found += [
+            Frame(t_us + 40 * n, *f.key, f.data)
+            for n, f in enumerate(encoder.encode(moment.readings, moment.number))
+        ]
+    raise AssertionError("a robot without an end")
+
+
+def live(config: Config, frames: Sequence[Frame], every: int = 237) -> tuple[Core, set[tuple[str, str, str]]]:
+    """The daemon's core over blocks of frames, and the alarms that it raised."""
+    core, raised = Core(config), set[tuple[str, str, str]]()
+    for k in range(0, len(frames), every):
+        core.take("can0", frames[k : k + every])
+        raised |= {(c.axis_id, c.episode.parameter, c.episode.direction) for c in core.run()}
+    core.flush()
+    return core, raised
+
+
+def counters(monitors: Monitors) -> Mapping[str, int]:
+    return monitors.by_id["demo.axis1"].facts().counters
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return robot(tmp_path_factory.mktemp("conditions"))
+
+
+@pytest.fixture(scope="module")
+def healthy(file: Path, seed: int) -> list[Frame]:
+    return frames_of(load(file, {}), seed)
+
+
+@pytest.fixture(scope="module")
+def broken(file: Path, seed: int) -> list[Frame]:
+    return frames_of(load(file, {}), seed + 1, [Fault("demo.axis1", {"fm": 1.4}, FAULT_S)])
+
+
+def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: list[Frame]) -> None:
+    core, raised = live(load(file, {}), healthy)
+    assert raised == set()
+    facts = core.monitors.by_id["demo.axis1"].facts()
+    _, Ja, fm = facts.parameters
+    assert facts.counters["gated"] <= 1, "the first, before another axis has sent"
+    assert fm.nominal != pytest.approx(0.06, rel=0.1)
+    assert Ja.nominal != pytest.approx(1 / 95.713576, rel=1e-6)
+    assert abs(fm.estimate - fm.nominal) < 6 * fm.standard_deviation
+    _, still = live(without_following(file), healthy)
+    assert ("demo.axis1", "fm", "down") in still
+
+
+def test_a_fault_is_found_while_the_nominal_value_moves(file: Path, broken: list[Frame]) -> None:
+    core, raised = live(load(file, {}), broken)
+    assert {alarm[:2] for alarm in raised} == {("demo.axis1", "fm")}
+    (fm,) = (p for p in core.monitors.by_id["demo.axis1"].facts().parameters if p.name == "fm")
+    assert fm.estimate / fm.nominal > 1.15
+
+
+def replayed(file: Path, *records: Path) -> dict[str, Any]:
+    words = ["replay", "--config", str(file), *map(str, records), "--json", "-"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    (found, *_) = json.loads(result.stdout)["axes"]
+    return dict(found)
+
+
+def test_a_log_replays_what_was_live_to_the_last_bit(file: Path, broken: list[Frame], tmp_path: Path) -> None:
+    log, config = tmp_path / "today.log", load(file, {})
+    with FrameRecorder(log) as recorder:
+        recorder.write("can0", broken)
+    core, _ = live(config, broken)
+    again = Monitors(config.axes)
+    for step in LogRecord(log, config).steps():
+        again.run(step.samples)
+    for axis_id, monitor in core.monitors.by_id.items():
+        for one, other in zip(
+            monitor.bank.column(monitor.axis),
+            again.by_id[axis_id].bank.column(again.by_id[axis_id].axis),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(one, other)
+    found = replayed(file, log)
+    assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
+    fm = found["parameters"][2]
+    assert fm["nominal"] == core.monitors.by_id["demo.axis1"].facts().parameters[2].nominal
+    assert found["counters"] == dict(counters(core.monitors))
+
+
+def test_a_table_says_the_same(file: Path, broken: list[Frame], tmp_path: Path) -> None:
+    """The samples of the log with their signals as columns, which are held where a cell is empty."""
+    config = load(file, {})
+    core, rows = Core(config), ["t,torque,angle,torque2,angle2,warm,mode"]
+    step = core.ingests["can0"].feed(broken)
+    before: list[float] = []
+    for one, two in zip(step["demo.axis1"], step["demo.axis2"], strict=True):
+        temperature, mode, _ = one.signals
+        new = [temperature, mode] != before
+        before = [temperature, mode] if new else before
+        rows.append(
+            f"{one.t_us / 1e6:.6f},{one.torque!r},{one.motion!r},{two.torque!r},{two.motion!r},"
+            f"{temperature if new else ''},{mode}"
+        )
+    table = tmp_path / "today.csv"
+    table.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    found = replayed(file, table)
+    live_core, _ = live(config, broken)
+    assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
+    for one, p in zip(
+        found["parameters"], live_core.monitors.by_id["demo.axis1"].facts().parameters, strict=True
+    ):
+        # Not to the last bit: in a row of the table the other axis is where it was on the bus a sample later.
+        assert one["estimate"] == pytest.approx(p.estimate, rel=0.02)
+
+
+def with_state(frames: Sequence[Frame], change: Mapping[str, Any]) -> list[Frame]:
+    """The frames, of which those of the robot's state have another mode between two times, or are missing."""
+    found = []
+    for frame in frames:
+        since_s = (frame.t_us - START_US) / 1e6
+        if frame.can_id == STATE and change["from"] <= since_s < change["to"]:
+            if change["mode"] is None:
+                continue
+            frame = frame._replace(data=bytes([change["mode"]]) + frame.data[1:])
+        found.append(frame)
+    return found
+
+
+def test_nothing_is_learned_in_another_mode(file: Path, broken: list[Frame]) -> None:
+    frames = with_state(broken, {"from": 22.0, "to": LENGTH_S, "mode": 1})
+    core, raised = live(load(file, {}), frames)
+    assert raised == set(), "the fault is behind the gate"
+    assert counters(core.monitors)["gated"] == pytest.approx((LENGTH_S - 22.0) * 200, abs=FEW)
+    assert core.monitors.waits_for("demo.axis1") == "mode = 1"
+    assert core.monitors.waits_for("demo.axis2") == ""
+    open_again, raised = live(load(file, {}), with_state(broken, {"from": 22.0, "to": 32.0, "mode": 1}))
+    assert ("demo.axis1", "fm", "up") in raised
+    assert open_again.monitors.waits_for("demo.axis1") == ""
+
+
+def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[Frame]) -> None:
+    core, raised = live(load(file, {}), with_state(broken, {"from": 22.0, "to": LENGTH_S, "mode": None}))
+    assert raised == set()
+    # The mode is believed for half a second, the temperature for ten, so the gate closes first.
+    assert counters(core.monitors)["gated"] == pytest.approx((LENGTH_S - 22.5) * 200, abs=FEW)
+    assert core.monitors.waits_for("demo.axis1") == "mode is not known"
+
+
+def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> None:
+    frames = with_state(healthy[:4000], {"from": 3.0, "to": 5.0, "mode": None})
+    columns = []
+    for every in (1, 237, len(frames)):
+        core, _ = live(load(file, {}), frames, every)
+        monitor = core.monitors.by_id["demo.axis1"]
+        columns.append(monitor.bank.column(monitor.axis))
+    for floats, ints in columns[1:]:
+        np.testing.assert_array_equal(floats, columns[0][0])
+        np.testing.assert_array_equal(ints, columns[0][1])
+
+
+def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:
+    """Whichever its place is in the bank that it shares."""
+    frames, config = with_state(healthy[:9000], {"from": 5.0, "to": 7.0, "mode": 1}), load(file, {})
+    (one,) = config.robot
+    turned = config.model_copy(update={"robot": (one.model_copy(update={"axis": one.axis[::-1]}),)})
+    cores = [live(each, frames)[0] for each in (config, turned)]
+    for axis_id, gated in (("demo.axis1", 400), ("demo.axis2", 0)):
+        first, second = (core.monitors.by_id[axis_id] for core in cores)
+        assert first.facts().counters["gated"] == pytest.approx(gated, abs=FEW * bool(gated))
+        for floats in zip(first.bank.column(first.axis), second.bank.column(second.axis), strict=True):
+            np.testing.assert_array_equal(*floats)

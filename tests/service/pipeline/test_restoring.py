@@ -1,0 +1,191 @@
+"""After a restart: estimates from the checkpoint, open alarms from the journal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.detection.alarm import Calm, Crossing, Episode, Name
+from monitor_core.monitoring.axis_monitor import AxisMonitor
+from service.pipeline.axis_change import Change
+from service.pipeline.axis_monitors import Monitors
+from service.pipeline.checkpointing import Saver
+from service.pipeline.frame_pipeline import Core
+from service.pipeline.restore_report import ESTIMATES
+from service.pipeline.restoring import Restored, restore
+from service.store.checkpoints import Checkpoints
+from service.store.journal import Journal
+from tests.service.pipeline.robots import blocks, demo
+
+NOW_US = 1_760_000_100_000_000
+AXIS = "demo.axis1"
+OPEN = Episode("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
+
+
+@pytest.fixture
+def monitors(tmp_path: Path) -> dict[str, AxisMonitor]:
+    return dict(Monitors(demo(tmp_path, 2).axes).by_id)
+
+
+def fresh(tmp_path: Path) -> dict[str, AxisMonitor]:
+    return dict(Monitors(demo(tmp_path, 2).axes).by_id)
+
+
+def save(monitors: dict[str, AxisMonitor], checkpoints: Checkpoints) -> None:
+    Saver(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
+
+
+def again(
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
+) -> tuple[dict[str, AxisMonitor], Restored]:
+    monitors = fresh(tmp_path)
+    return monitors, restore(monitors, checkpoints, journal, NOW_US)
+
+
+def test_estimates_go_on_bit_for_bit(
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int
+) -> None:
+    config = demo(tmp_path, 2)
+    whole, cut = Core(config), Core(config)
+    frames = list(blocks(config, 4.0, seed))
+    half = len(frames) // 2
+    for block in frames:
+        whole.take("can0", block)
+    for block in frames[:half]:
+        cut.take("can0", block)
+    whole.run()
+    cut.run()
+    save(dict(cut.monitors.by_id), checkpoints)
+    later = Core(config)
+    restored = restore(later.monitors.by_id, checkpoints, journal, NOW_US)
+    assert (restored.checkpoint_us, restored.messages, restored.open) == (NOW_US, (), ())
+    later.ingests = cut.ingests  # the sample clocks go on, as if nothing had happened
+    for block in frames[half:]:
+        later.take("can0", block)
+    later.run()
+    for axis_id, monitor in whole.monitors.by_id.items():
+        for found, expected in zip(_state(later.monitors.by_id[axis_id]), _state(monitor), strict=True):
+            np.testing.assert_array_equal(found, expected)
+
+
+def _state(monitor: AxisMonitor) -> tuple[np.ndarray, np.ndarray]:
+    arrays = monitor.to_arrays()
+    return arrays["floats"], arrays["ints"]
+
+
+def test_nothing_saved_is_no_message(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> None:
+    _, restored = again(tmp_path, checkpoints, journal)
+    assert restored == Restored(None, (), (), ())
+
+
+def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    monitors[AXIS].bank.state.calm[:] = 10**6  # healthy for long when it was saved
+    save(monitors, checkpoints)
+    journal.record(AXIS, "N m s/rad", 0.06, OPEN)
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert restored.open == (Change(AXIS, OPEN),)
+    assert found[AXIS].book.open == (OPEN,)
+    assert found["demo.axis2"].book.open == ()
+    assert list(found[AXIS].bank.state.calm[:, 0]) == [10**6, 10**6, 0]
+    (ended,) = found[AXIS].apply(Calm("fm", 99))
+    assert (ended.raised_us, ended.ended_us) == (OPEN.raised_us, 99)
+
+
+def test_an_alarm_that_ended_after_the_checkpoint_stays_ended(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    monitors[AXIS].adopt([OPEN])
+    save(monitors, checkpoints)
+    journal.record(AXIS, "N m s/rad", 0.06, replace(OPEN, ended_us=40))
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert (restored.open, restored.unrecorded) == ((), ())
+    assert found[AXIS].book.open == ()
+
+
+def test_the_journal_is_newer_than_the_checkpoint(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    monitors[AXIS].adopt([OPEN])
+    save(monitors, checkpoints)
+    newer = replace(OPEN, updated_us=60, crossings=9)
+    journal.record(AXIS, "N m s/rad", 0.06, newer)
+    found, _ = again(tmp_path, checkpoints, journal)
+    assert found[AXIS].book.open == (newer,)
+    (updated,) = found[AXIS].apply(Crossing("fm", "up", 70, 65, 0.02, 0.001))
+    assert updated.crossings == 10
+
+
+def test_an_alarm_that_got_another_name_after_the_checkpoint_is_the_same(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    monitors[AXIS].adopt([OPEN])
+    save(monitors, checkpoints)
+    named = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))
+    journal.record(AXIS, "N m s/rad", 0.06, OPEN)
+    journal.record(AXIS, "1", 1.0, named)
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert restored.unrecorded == ()
+    assert found[AXIS].book.open == (named,)
+    journal.record(AXIS, "1", 1.0, replace(named, ended_us=50))
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert (restored.open, restored.unrecorded, found[AXIS].book.open) == ((), (), ())
+
+
+def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    monitors[AXIS].adopt([OPEN])
+    save(monitors, checkpoints)
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert restored.unrecorded == (Change(AXIS, OPEN),)
+    assert found[AXIS].book.open == (OPEN,)
+
+
+def test_a_checkpoint_of_another_model_is_set_aside_and_said(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    monitors[AXIS].start_from(np.array([1.1, 0.01, 0.07]))
+    save(monitors, checkpoints)
+    config = demo(tmp_path, 2)
+    axis = config.robot[0].axis[0]
+    nominal = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.061}})
+    other = axis.model_copy(update={"model": nominal})
+    robot = config.robot[0].model_copy(update={"axis": (other, config.robot[0].axis[1])})
+    changed = Monitors(config.model_copy(update={"robot": (robot,)}).axes).by_id
+    restored = restore(changed, checkpoints, journal, NOW_US)
+    assert restored.messages == ()
+    (loss,) = restored.losses
+    assert (loss.axis_id, loss.what) == (AXIS, ESTIMATES)
+    assert changed[AXIS].facts().parameters[2].estimate == pytest.approx(0.061)
+    assert [aside.axis for aside in checkpoints.kept_aside()] == [AXIS]
+    assert restored.checkpoint_us == NOW_US  # that of the other axis
+
+
+def test_arrays_of_another_shape_are_set_aside(
+    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+) -> None:
+    arrays = monitors[AXIS].to_arrays()
+    checkpoints.save(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)}, NOW_US)
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert "does not fit this version" in restored.losses[0].reason
+    assert len(checkpoints.kept_aside()) == 1
+    assert found[AXIS].facts().samples == 0
+
+
+def test_alarms_of_what_is_no_longer_monitored(
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
+) -> None:
+    journal.record(AXIS, "N m", 0.08, replace(OPEN, parameter="fc"))
+    journal.record("demo.axis7", "1", 1.0, replace(OPEN, parameter="kT"))
+    found, restored = again(tmp_path, checkpoints, journal)
+    assert restored.messages == (
+        "demo.axis1: the alarm of fc was ended: that is no longer monitored",
+        "demo.axis7 is no longer configured, but has open alarms in the journal",
+    )
+    assert found[AXIS].book.open == ()
+    assert journal.query(active=True)[1] == 1

@@ -1,0 +1,221 @@
+"""Slow histories in the daemon: fed, saved, put back, and the alarms about limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monitor_core.detection.alarm import Episode, Reach
+from monitor_core.trend.entries import Reading
+from service.config import Config
+from service.pipeline.alarm_journaling import Alarms, quantities
+from service.pipeline.axis_change import Change
+from service.pipeline.axis_monitors import Monitors
+from service.pipeline.checkpointing import Saver
+from service.pipeline.restore_report import HISTORY
+from service.pipeline.restoring import restore
+from service.pipeline.trend_restoring import restore_trends
+from service.pipeline.trend_tracking import Trends
+from service.store.checkpoints import Checkpoints
+from service.store.journal import Journal
+from tests.service.pipeline.robots import START_US, demo
+
+AXIS = "demo.axis1"
+HOUR_S = 3600.0
+NOW_US = START_US + 10**12
+
+
+@pytest.fixture
+def checkpoints(tmp_path: Path) -> Iterator[Checkpoints]:
+    checkpoints = Checkpoints(tmp_path / "checkpoints.sqlite")
+    yield checkpoints
+    checkpoints.close()
+
+
+def limited(
+    folder: Path, limits: dict[str, tuple[float, ...]], axes: int = 2, hour_s: float = HOUR_S
+) -> Config:
+    """The demo's configuration with limits of its first axis."""
+    config = demo(folder, axes)
+    changed = []
+    for k, axis in enumerate(config.robot[0].axis):
+        model = axis.model.model_copy(update={"limits": limits if k == 0 else {}})
+        trend = axis.trend.model_copy(update={"interval_s": hour_s})
+        changed.append(axis.model_copy(update={"model": model, "trend": trend}))
+    return config.model_copy(update={"robot": (config.robot[0].model_copy(update={"axis": tuple(changed)}),)})
+
+
+def readings(hours: int, per_hour: float, seed: int, others: bool = True) -> list[Reading]:
+    """Twelve readings an hour; fm begins at its nominal value and drifts by that part of it each hour."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(12 * hours):
+        fm = 0.06 * (1 + per_hour * k / 12) + 0.0015 * rng.normal()
+        value = (1 + 0.02 * rng.normal(), 0.01 + 1e-4 * rng.normal(), fm)
+        t_us = START_US + k * 300_000_000
+        found.append(Reading(t_us, value, (4e-4, 1e-8, 2.25e-6), (others, others, True), 300.0, 0.05))
+    return found
+
+
+def feed(trends: Trends, some: Sequence[Reading], most: int | None = None) -> list[Change]:
+    changes = []
+    for reading in some:
+        trends.take(AXIS, reading)
+        changes += trends.look(most)
+    return changes
+
+
+def fm(trends: Trends) -> tuple[str, ...]:
+    return tuple(r.state for r in trends.of(AXIS)[2].reaches)
+
+
+def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path, seed: int) -> None:
+    """By half in 500 h: it is foretold fourteen days, 336 h, before."""
+    trends = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
+    changes = feed(trends, readings(360, 0.001, seed, others=False))
+    assert len({c.episode.raised_us for c in changes}) == 1
+    first, last = changes[0].episode, changes[-1].episode
+    assert (first.kind, first.stage, first.parameter, first.direction) == ("forecast", "named", "fm", "up")
+    raised_h = (first.raised_us - START_US) / 3.6e9
+    assert (
+        119 < raised_h < 180
+    )  # sooner than 164 h, most often: it is the lower end of the interval that counts
+    (reach,), day_us = last.reaches, 86_400_000_000
+    assert reach.high_us is not None
+    assert reach.low_us - day_us < START_US + 500 * 3_600_000_000 < reach.high_us + day_us
+    assert last.size == pytest.approx(0.06 * 0.36, rel=0.1)
+    assert last.ended_us is None
+    assert trends.of("demo.axis2")[2].trend is None
+
+
+def test_what_is_steady_raises_none_and_shows_a_far_limit(tmp_path: Path, seed: int) -> None:
+    trends = Monitors(limited(tmp_path, {"fm": (0.03, 0.09)}).axes).trends
+    assert feed(trends, readings(130, 0.0, seed, others=False)) == []
+    assert len(fm(trends)) == 2
+    assert "beyond" not in fm(trends)
+
+
+def test_a_limit_of_ja_is_one_of_its_reciprocal(tmp_path: Path) -> None:
+    config = limited(tmp_path, {"Ja": (150.0,)})
+    trends = Monitors(config.axes).trends
+    feed(trends, readings(125, 0.0, 1))
+    (reach,) = trends.of(AXIS)[1].reaches
+    assert (reach.name, reach.unit, reach.limit, reach.above) == ("Ja", "kg m^2", 150.0, True)
+
+
+def test_not_observed_is_not_counted(tmp_path: Path) -> None:
+    trends = Monitors(limited(tmp_path, {}).axes).trends
+    for reading in readings(30, 0.0, 2):
+        trends.take(AXIS, reading._replace(known=(True, False, True)))
+    trends.look()
+    assert [len(p.entries) for p in trends.of(AXIS)] == [30, 0, 30]
+
+
+def save(trends: Trends, monitors: Monitors, checkpoints: Checkpoints) -> None:
+    Saver(checkpoints, monitors.by_id, 60.0, None, lambda: NOW_US, trends=trends).save()
+
+
+def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
+    tmp_path: Path, checkpoints: Checkpoints, seed: int
+) -> None:
+    config = limited(tmp_path, {"fm": (0.09,)})
+    course = readings(140, 0.0005, seed)
+    whole = Monitors(config.axes).trends
+    feed(whole, course, 0)
+    whole.look()
+    cut = Monitors(config.axes)
+    feed(cut.trends, course[:1000], 0)
+    save(cut.trends, cut, checkpoints)
+    feed(cut.trends, course[1000:1100], 0)
+    save(cut.trends, cut, checkpoints)  # only what has changed
+    feed(cut.trends, course[1100:1200], 0)  # lost with the process
+    later = Monitors(config.axes).trends
+    assert restore_trends(later, checkpoints, NOW_US) == []
+    feed(later, course[1100:], 0)
+    later.look()
+    for a, b in zip(later.of(AXIS), whole.of(AXIS), strict=True):
+        assert a.entries == b.entries
+        assert a.trend is not None
+        assert b.trend is not None
+        assert (a.trend.level, a.trend.slope, a.reaches) == (b.trend.level, b.trend.slope, b.reaches)
+
+
+def test_damage_is_told_counted_and_kept_aside(tmp_path: Path, checkpoints: Checkpoints) -> None:
+    monitors = Monitors(limited(tmp_path, {}).axes)
+    feed(monitors.trends, readings(30, 0.0, 1), 0)
+    save(monitors.trends, monitors, checkpoints)
+    (part,) = [p for _, p in monitors.trends.to_load() if p.name == f"{AXIS} fm (history)"]
+    checkpoints.save(part.name, part.key, {"entries": np.ones((3, 6))}, NOW_US)
+    later = Monitors(limited(tmp_path, {}).axes).trends
+    (loss,) = restore_trends(later, checkpoints, NOW_US)
+    assert (loss.axis_id, loss.what, loss.of) == (AXIS, HISTORY, "fm")
+    assert later.lost == {AXIS: 1, "demo.axis2": 0}
+    later.look()
+    assert [len(p.entries) for p in later.of(AXIS)] == [30, 30, 0]
+    assert [aside.axis for aside in checkpoints.kept_aside()] == [part.name]
+
+
+def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(
+    tmp_path: Path, checkpoints: Checkpoints
+) -> None:
+    config = limited(tmp_path, {})
+    monitors = Monitors(config.axes)
+    feed(monitors.trends, readings(30, 0.0, 1), 0)
+    save(monitors.trends, monitors, checkpoints)
+    axis = config.robot[0].axis[0]
+    estimator = axis.estimator.model_copy(update={"memory_s": 3.0})
+    assert restore_trends(_with(config, estimator=estimator), checkpoints, NOW_US) == []
+    model = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.07}})
+    other = _with(config, model=model)
+    lost = restore_trends(other, checkpoints, NOW_US)
+    assert [loss.of for loss in lost] == ["kT", "1/Ja", "fm", ""]  # and what was being gathered
+
+
+def _with(config: Config, **changed: object) -> Trends:
+    robot = config.robot[0]
+    axes = (robot.axis[0].model_copy(update=changed), *robot.axis[1:])
+    return Monitors(
+        config.model_copy(update={"robot": (robot.model_copy(update={"axis": axes}),)}).axes
+    ).trends
+
+
+FORECAST = Episode(
+    "fm", "up", 5, 20, 30, None, 0.02, 0.001, 1, "named", kind="forecast",
+    reaches=(Reach("fm", "N m s/rad", 0.09, True, "ahead", 40, 90),),
+)  # fmt: skip
+
+
+def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
+    tmp_path: Path, checkpoints: Checkpoints
+) -> None:
+    """Neither in the journal, nor by the monitor that finds it there after a restart."""
+    journal = Journal(tmp_path / "alarms.sqlite")
+    monitors = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes)
+    alarms = Alarms(journal, quantities(monitors.by_id))
+    change = Episode("fm", "up", 10, 40, 50, None, 0.03, 0.001, 2)
+    alarms.record([Change(AXIS, FORECAST), Change(AXIS, change)])
+    found, total = journal.query(AXIS)
+    assert total == 2
+    assert [a.kind for a in found] == ["", "forecast"]
+    assert found[1].reaches == FORECAST.reaches
+    restored = restore(monitors.by_id, checkpoints, journal, NOW_US)
+    assert monitors.by_id[AXIS].book.open == (change,)
+    assert monitors.trends.adopt(restored.open, NOW_US) == []
+    without = Monitors(demo(tmp_path, 2).axes).trends
+    (ended,) = without.adopt(restored.open, NOW_US)
+    assert (ended.episode.kind, ended.episode.ended_us) == ("forecast", NOW_US)
+    journal.close()
+
+
+def test_an_alarm_about_a_limit_goes_on_after_a_restart_and_ends_when_it_is_far(
+    tmp_path: Path, seed: int
+) -> None:
+    trends = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
+    assert trends.adopt([Change(AXIS, FORECAST)], NOW_US) == []
+    changes = feed(trends, readings(125, 0.0, seed, others=False))
+    assert changes[0].episode.raised_us == FORECAST.raised_us
+    assert changes[-1].episode.ended_us is not None
+    assert len([c for c in changes if c.episode.ended_us is not None]) == 1

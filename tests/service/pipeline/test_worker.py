@@ -1,0 +1,172 @@
+"""The worker with real monitors, a real journal and real checkpoints; only the frames are there from the start."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+
+import pytest
+from structlog.testing import capture_logs
+
+from monitor_core.monitoring.facts import Status
+from service.can.frames import Frame
+from service.can.recorder import FrameRecorder
+from service.config import Config
+from service.pipeline import worker as worker_module
+from service.pipeline.alarm_journaling import Alarms, quantities
+from service.pipeline.checkpointing import Saver
+from service.pipeline.frame_pipeline import Core
+from service.pipeline.intake import BusIntake, Recording
+from service.pipeline.worker import COMPILING, Worker
+from service.simulation.robot import Fault
+from service.store.checkpoints import Checkpoint, Checkpoints
+from service.store.journal import Journal
+from tests.service.pipeline.robots import Waiting, blocks, demo
+
+NOW_US = 1_760_000_100_000_000
+
+
+class Bench:
+    """A worker and all that it needs."""
+
+    def __init__(
+        self, folder: Path, config: Config, reader: Waiting, recorder: FrameRecorder | None = None
+    ) -> None:
+        self.core = Core(config)
+        self.journal = Journal(folder / "alarms.sqlite")
+        self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
+        self.compiled: Future[None] = Future()
+        self.failed = threading.Event()
+        monitors = self.core.monitors.by_id
+        self.recording = Recording(recorder)
+        self.worker = Worker(
+            config,
+            self.core,
+            [BusIntake("can0", reader, self.core.ingests["can0"], self.recording)],
+            self.recording,
+            Alarms(self.journal, quantities(monitors)),
+            Saver(self.checkpoints, monitors, config.service.checkpoint_interval_s, None, lambda: NOW_US),
+            self.compiled,
+            lambda: NOW_US,
+            ["said at the start"],
+            self.failed.set,
+        )
+
+    def close(self) -> None:
+        self.journal.close()
+        self.checkpoints.close()
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
+    """Twelve seconds of two axes; after six, the friction of the first has doubled."""
+    config = demo(tmp_path_factory.mktemp("frames"), 2)
+    fault = Fault("demo.axis1", {"fm": 2.0}, 6.0)
+    return [frame for block in blocks(config, 12.0, seed, [fault]) for frame in block]
+
+
+@pytest.fixture
+def bench(tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    monkeypatch.setattr(worker_module, "MOST_FRAMES", 40)  # many blocks
+    bench = Bench(tmp_path, demo(tmp_path, 2, history_interval_s=1.0), Waiting(frames))
+    yield bench
+    bench.close()
+
+
+def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
+    bench.compiled.set_result(None)
+    bench.worker.start()
+    seen = set()
+    while sum(axis.facts.samples for axis in bench.worker.snapshot.axes) < 4800:
+        assert not bench.failed.is_set()
+        shown = bench.worker.snapshot.axes[0]
+        for e in shown.open_episodes:
+            recorded, _ = bench.journal.query("demo.axis1", e.parameter, active=True)
+            assert [a.raised_us for a in recorded] == [e.raised_us]
+            seen.add(e.parameter)
+        alarmed = {p.name for p in shown.facts.parameters if p.status is Status.ALARM}
+        assert alarmed == {e.parameter for e in shown.open_episodes}
+    bench.worker.stop()
+    assert "fm" in seen | {e.parameter for e in bench.worker.snapshot.axes[0].open_episodes}
+    assert bench.worker.error is None
+
+
+def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[Frame]) -> None:
+    bench.compiled.set_result(None)
+    bench.worker.start()
+    bench.worker.stop()
+    last = bench.worker.snapshot
+    assert [axis.facts.samples for axis in last.axes] == [2400, 2400]
+    assert (last.buses[0].frames, last.buses[0].up, last.checkpoint_us) == (len(frames), True, NOW_US)
+    assert sum(last.processing.counts) > 1
+    assert last.messages == ("said at the start",)
+    for axis_id, monitor in bench.core.monitors.by_id.items():
+        found = bench.checkpoints.load(axis_id, monitor.key, NOW_US)
+        assert isinstance(found, Checkpoint)
+        assert (found.arrays["floats"] == monitor.to_arrays()["floats"]).all()
+
+
+def test_history_has_a_point_each_interval(bench: Bench) -> None:
+    bench.compiled.set_result(None)
+    bench.worker.start()
+    bench.worker.stop()
+    points = bench.worker.snapshot.axes[0].history.points
+    steps = [(b.time_us - a.time_us) / 1e6 for a, b in itertools.pairwise(points)]
+    assert len(points) >= 2
+    assert min(steps) >= 1.0
+
+
+def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
+    bench: Bench, frames: Sequence[Frame]
+) -> None:
+    first = bench.worker.snapshot
+    bench.worker.start()
+    while bench.worker.snapshot is first:
+        assert not bench.failed.is_set()
+    assert COMPILING in bench.worker.snapshot.messages
+    assert bench.worker.snapshot.axes[0].facts.samples == 0
+    bench.compiled.set_result(None)
+    bench.worker.stop()
+    assert bench.worker.snapshot.axes[0].facts.samples == 2400
+
+
+def test_a_fault_of_the_worker_is_told(bench: Bench) -> None:
+    bench.compiled.set_exception(RuntimeError("no compiler"))
+    bench.worker.start()
+    assert bench.failed.wait(20)
+    bench.worker.stop()
+    assert isinstance(bench.worker.error, RuntimeError)
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
+    tmp_path: Path, frames: Sequence[Frame]
+) -> None:
+    recorder = FrameRecorder(tmp_path / "frames.log")
+    full = os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, recorder._file.fileno())
+    os.close(full)
+    bench = Bench(tmp_path, demo(tmp_path, 2), Waiting(frames), recorder)
+    bench.compiled.set_result(None)
+    bench.worker.start()
+    bench.worker.stop()
+    with capture_logs() as logs:
+        bench.recording.close()
+    bench.close()
+    assert logs == []  # it has been said
+    assert bench.worker.error is None
+    assert "recording has ended: cannot write" in bench.worker.snapshot.messages[0]
+    assert bench.worker.snapshot.axes[0].facts.samples == 2400
+
+
+def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: Bench, tmp_path: Path) -> None:
+    bench.compiled.set_result(None)
+    bench.checkpoints.close()
+    bench.worker.start()
+    bench.worker.stop()
+    assert bench.worker.error is None
+    assert bench.worker.snapshot.checkpoint_us is None
+    assert "the state of the monitors cannot be saved" in bench.worker.snapshot.messages[0]
