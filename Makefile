@@ -30,8 +30,9 @@ test: $(READY) ## everything that CI checks: lint, tests, tests on real SocketCA
 bench: $(READY) ## measure: kernel, compile time, daemon, the paper's figures (two minutes)
 	@$(BIN)/python -m pytest -m bench tests/bench $(ARGS)
 
-soak: $(READY) ## the long runs (some hours; ARGS="-k mismatch" chooses)
-	@$(BIN)/python -m pytest -m soak tests/soak $(ARGS)
+soak: $(READY) ## the long runs with a fresh seed (some hours; ARGS="-k mismatch" chooses)
+	@AXISWATCH_SOAK=1 AXISWATCH_SEED=$${AXISWATCH_SEED:-$$($(PYTHON) -c 'import secrets; print(secrets.randbits(32))')} \
+	  $(BIN)/python -m pytest -m soak tests/soak $(ARGS)
 
 lint: $(READY) ## ruff and mypy
 	@$(BIN)/ruff check .

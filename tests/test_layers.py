@@ -42,6 +42,19 @@ _REGISTRIES = ["pypi" + ".org", "python" + "hosted", "registry.npm" + "js", "deb
 LEAK = re.compile(r"(?<![\w.~$})-])/(?:" + _HOMES_OF_USERS + ")/|" + "|".join(map(re.escape, _REGISTRIES)))
 
 
+# --- one direction: each package imports only from those above it in its list ---------------------------
+
+LAYERS = (
+    *("monitor_core.arrays", "monitor_core.samples", "monitor_core.kernel", "monitor_core.drive"),
+    *("monitor_core.modeling", "monitor_core.excitation", "monitor_core.settings", "monitor_core.trend"),
+    *("monitor_core.detection", "monitor_core.monitoring", "monitor_core.identification"),
+    *("monitor_core.calibration", "monitor_core"),
+    *("service", "service.texts", "service.config", "service.can", "service.ingest"),
+    *("service.identification", "service.calibration", "service.store", "service.pipeline"),
+    *("service.web", "service.reports", "service.simulation", "service.commands"),
+)
+
+
 def python_files(folder: str) -> list[Path]:
     return sorted((ROOT / folder).rglob("*.py"))
 
@@ -88,6 +101,35 @@ def test_library_is_imported_only_at_home() -> None:
         if not relative(path).startswith(HOMES.get(name.split(".")[0], ""))
     ]
     assert strays == []
+
+
+STILL_UPWARD = {
+    ("monitor_core.detection", "monitor_core.monitoring"),
+    ("service.config", "service.can"),
+    ("monitor_core.trend", "monitor_core.detection"),
+    ("service.can", "service.ingest"),
+    ("monitor_core.drive", "monitor_core.settings"),
+}
+"""Imports against the direction that are still to be removed; empty when the layout is finished."""
+
+
+def layer_of(module: str) -> str:
+    """The first two parts of a module's name; the core's face, ``monitor_core`` itself, is a layer of its own."""
+    return ".".join(module.split(".")[:2])
+
+
+def test_imports_go_one_way() -> None:
+    upward = {
+        (layer_of(relative(path)[: -len(".py")].replace("/", ".").removesuffix(".__init__")), layer_of(name))
+        for folder in ("monitor_core", "service")
+        for path in python_files(folder)
+        for _, name in imports_of(path)
+        if name.split(".")[0] in ("monitor_core", "service")
+    }
+    rank = {layer: place for place, layer in enumerate(LAYERS)}
+    unlisted = {layer for edge in upward for layer in edge} - set(rank)
+    assert unlisted == set()
+    assert {(a, b) for a, b in upward if rank[a] < rank[b]} == STILL_UPWARD
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,6 @@
 # Lint, then two pytest runs: the tests that run anywhere, then those marked `vcan`, inside with-vcan.sh, where real
 # SocketCAN devices exist. Where those cannot be had: a failure with CI=true, else they are skipped.
 #
-# Many tests draw their numbers from a fresh seed and hold a statistic against a limit, which now and then a seed
-# crosses by chance. If only such tests failed, they have three more seeds, and one failure more is a failure. A
-# run with a given AXISWATCH_SEED has no second look.
-
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
 PYTEST=(.venv/bin/python -m pytest)
@@ -16,17 +12,6 @@ NOTHING_RAN=5 # pytest's exit status
 
 # Tests start the program some two hundred times: not each of these processes should compile all sources again.
 unset PYTHONDONTWRITEBYTECODE
-
-again() { # the failures that chance may have brought, with three fresh seeds
-  [ -s "$AXISWATCH_TO_CONFIRM" ] || return 1
-  local seen=$AXISWATCH_TO_CONFIRM.seen attempt
-  mv "$AXISWATCH_TO_CONFIRM" "$seen"
-  echo
-  echo "FAILED WITH ONE SEED, see above; these count if one of three fresh seeds fails them, too:"
-  cat "$seen"
-  for attempt in 1 2 3; do "${PYTEST[@]}" -q "@$seen" || return 1; done
-  echo "passed with three fresh seeds: taken for chance. Seen often, the limit or the code is wrong."
-}
 
 # The virtual kernel shows modification times in whole seconds, by which numba knows its compiled kernels: with whole
 # seconds on both sides the second run need not compile again what the first has.
@@ -47,14 +32,10 @@ fi
 make --no-print-directory lint || { kill $(jobs -p) 2>/dev/null; exit 1; }
 wait
 
-# Side by side; the seed is the same in all processes. More than four would only crowd each other's daemons.
+# Side by side.  More than four processes would only crowd each other's daemons.
 mkdir -p .cache
-export AXISWATCH_TO_CONFIRM=$PWD/.cache/failed-by-chance
-rm -f "$AXISWATCH_TO_CONFIRM"
 "${PYTEST[@]}" --numprocesses auto --maxprocesses 4 --dist worksteal "$@"
 main=$?
-if [ "$main" = 1 ] && [ -z "${AXISWATCH_SEED:-}" ] && again; then main=0; fi
-unset AXISWATCH_TO_CONFIRM
 
 echo
 echo "SocketCAN tests, on vcan0 and vcan1:"

@@ -15,6 +15,9 @@ from service.can.decode import FrameKey
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 
+Bus = can.BusABC
+"""An open bus of any interface."""
+
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
 _SEND_TIMEOUT_S = 1.0
 

@@ -8,10 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import can
 import numpy as np
 
-from service.can.bus import send
+from service.can.bus import Bus, send
 from service.can.decode import FrameKey
 from service.can.encode import FrameEncoder, Values
 from service.can.log_files import LOG_SUFFIXES
@@ -71,7 +70,7 @@ def encode_table(record: Record, config: Config) -> Iterator[PlayFrame]:
 
 
 def play_frames(
-    buses: Mapping[str, can.BusABC],
+    buses: Mapping[str, Bus],
     frames: Iterable[PlayFrame],
     speed: float = 1.0,
     stop: threading.Event | None = None,

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from monitor_core.excitation.reference_experiment import INTERVAL_S, experiment, reference_model
-from monitor_core.seeding import steady_state_p
+from monitor_core.monitoring.initial_covariance import steady_state_p
 from monitor_core.settings import Settings
 from tests.core.figures import Outcome, homecoming, outcome, settings_of, steady_p
 

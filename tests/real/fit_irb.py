@@ -18,7 +18,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.seeding import steady_state_p
+from monitor_core.monitoring.initial_covariance import steady_state_p
 from monitor_core.settings import Settings
 from tests.real.irb import Record, model_and_settings, noises, read
 
