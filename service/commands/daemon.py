@@ -25,7 +25,7 @@ from service.pipeline.warming import CacheFiller
 from service.pipeline.worker import Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
-from service.web.times import now_us
+from service.texts.timestamps import now_us
 
 log = structlog.get_logger(__name__)
 

@@ -20,8 +20,8 @@ from service.pipeline.axis_change import Change
 from service.pipeline.axis_monitors import Monitors
 from service.pipeline.trend_tracking import ParameterTrend
 from service.texts.alarm_texts import episode_words
+from service.texts.timestamps import iso, maybe_iso
 from service.texts.trend_texts import reach_words, trend_words
-from service.web.times import iso, maybe_iso
 
 Json = dict[str, Any]
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from service.reports.words import plain
-from service.web.times import iso
+from service.texts.timestamps import iso
 
 _DATED_US = 10**15
 """In 2001: times before are those of a record without dates."""

@@ -6,54 +6,58 @@ from fastapi import APIRouter, Path, Query
 from pydantic import AwareDatetime
 
 from service.pipeline.snapshot import AxisSnapshot
+from service.texts.timestamps import microseconds
 from service.web import models, views
-from service.web.app_state import World
-from service.web.errors import NotKnownError
-from service.web.times import microseconds
+from service.web.app_state import AppState
+from service.web.error_responses import UnknownResourceError
 
 _NOT_FOUND: dict[int | str, dict[str, Any]] = {
-    404: {"model": models.Problem, "description": "There is no such one"}
+    404: {"model": models.Problem, "description": "It does not exist"}
 }
 _NO_JOURNAL: dict[int | str, dict[str, Any]] = {
     503: {"model": models.Problem, "description": "The alarm journal cannot be read"}
 }
 _LARGEST_ID = 2**63 - 1
 
-Limit = Annotated[int, Query(ge=1, le=1000, description="at most so many")]
-Offset = Annotated[int, Query(ge=0, le=_LARGEST_ID, description="without the first so many")]
-Points = Annotated[int, Query(ge=1, le=100_000, description="at most so many points, the last ones")]
-Entries = Annotated[int, Query(ge=1, le=10_000, description="at most so many entries, neighbours merged")]
+Limit = Annotated[int, Query(ge=1, le=1000, description="maximum number")]
+Offset = Annotated[int, Query(ge=0, le=_LARGEST_ID, description="number to skip")]
+Points = Annotated[
+    int, Query(ge=1, le=100_000, description="maximum number of points; the last ones are returned")
+]
+Entries = Annotated[
+    int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
+]
 Moment = Annotated[
     AwareDatetime | None, Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z")
 ]
 
 
-def router(world: World) -> APIRouter:
-    """The routes."""
+def router(state: AppState) -> APIRouter:
+    """The routes below /api/v1."""
     api = APIRouter(prefix="/api/v1")
-    api.include_router(_axes(world), tags=["axes"])
-    api.include_router(_alarms(world), tags=["alarms"])
+    api.include_router(_axes(state), tags=["axes"])
+    api.include_router(_alarms(state), tags=["alarms"])
 
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
         """Version, readiness with reasons, buses, messages for the operator."""
-        return views.service(world.snapshot(), world.now_us())
+        return views.service(state.snapshot(), state.now_us())
 
     return api
 
 
-def _axes(world: World) -> APIRouter:
+def _axes(state: AppState) -> APIRouter:
     api = APIRouter()
 
     @api.get("/axes", summary="All axes")
     def axes() -> models.Axes:
-        """All axes with estimates, CUSUMs, counters and model: one request shows everything."""
-        return views.axes(world.snapshot(), world.now_us())
+        """All axes with estimates, CUSUMs, counters and model in one answer."""
+        return views.axes(state.snapshot(), state.now_us())
 
     @api.get("/axes/{axis}", summary="One axis", responses=_NOT_FOUND)
     def axis(axis: str) -> models.Axis:
-        """One axis, named robot.axis."""
-        return views.axis(_axis(world, axis), world.now_us())
+        """One axis, by its id robot.axis."""
+        return views.axis(_axis(state, axis), state.now_us())
 
     @api.get("/axes/{axis}/history", summary="History of an axis", responses=_NOT_FOUND)
     def history(
@@ -62,37 +66,37 @@ def _axes(world: World) -> APIRouter:
         since: Moment = None,
         limit: Points = 3600,
     ) -> models.History:
-        """The last points of an axis later than since, oldest first, in columns."""
-        found = _axis(world, axis, parameter)
+        """The last points of an axis after since, oldest first, in columns."""
+        found = _axis(state, axis, parameter)
         return views.history(found, parameter, microseconds(since), limit)
 
-    @api.get("/axes/{axis}/trend", summary="Slow course of an axis", responses=_NOT_FOUND)
+    @api.get("/axes/{axis}/trend", summary="Long-term trend of an axis", responses=_NOT_FOUND)
     def trend(
         axis: str,
         parameter: Annotated[str | None, Query(description="only this one; default: all")] = None,
         points: Entries = 1200,
     ) -> models.Trend:
-        """Whether the parameters drift, when they reach their limits, and the means over hours that tell it."""
-        return views.trend(_axis(world, axis, parameter), parameter, points)
+        """Drift of the parameters, when they reach their limits, and the hourly means behind it."""
+        return views.trend(_axis(state, axis, parameter), parameter, points)
 
     return api
 
 
-def _alarms(world: World) -> APIRouter:
+def _alarms(state: AppState) -> APIRouter:
     api = APIRouter()
 
     @api.get("/alarms", summary="Alarms", responses=_NO_JOURNAL)
     def alarms(
-        axis: Annotated[str | None, Query(description="of this axis, named robot.axis")] = None,
-        parameter: Annotated[str | None, Query(description="of this parameter")] = None,
+        axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
+        parameter: Annotated[str | None, Query(description="only of this parameter")] = None,
         active: Annotated[bool | None, Query(description="true: not ended; false: ended")] = None,
         since: Moment = None,
         until: Moment = None,
         limit: Limit = 100,
         offset: Offset = 0,
     ) -> models.Alarms:
-        """Alarms raised from since on and before until, the last raised first."""
-        found, total = world.journal.query(
+        """Alarms raised at or after since and before until, latest first."""
+        found, total = state.journal.query(
             axis, parameter, active, microseconds(since), microseconds(until), limit, offset
         )
         return models.Alarms(total=total, limit=limit, offset=offset, alarms=[views.alarm(a) for a in found])
@@ -100,10 +104,10 @@ def _alarms(world: World) -> APIRouter:
     @api.get("/alarms/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: Annotated[int, Path(alias="id", ge=1, le=_LARGEST_ID)]) -> models.Alarm:
         """One alarm of the journal."""
-        found = world.journal.get(alarm_id)
+        found = state.journal.get(alarm_id)
         if found is None:
-            latest, total = world.journal.query(limit=10)
-            raise NotKnownError(
+            latest, total = state.journal.query(limit=10)
+            raise UnknownResourceError(
                 f"no alarm {alarm_id}; the journal holds {total}", [str(a.id) for a in latest]
             )
         return views.alarm(found)
@@ -111,13 +115,13 @@ def _alarms(world: World) -> APIRouter:
     return api
 
 
-def _axis(world: World, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
-    """The axis, which monitors that parameter."""
-    snapshot = world.snapshot()
+def _axis(state: AppState, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
+    """The axis of that id, checked to monitor ``parameter`` if one is given."""
+    snapshot = state.snapshot()
     found = snapshot.axis(axis_id)
     if found is None:
-        raise NotKnownError(f"there is no axis {axis_id!r}", [axis.id for axis in snapshot.axes])
+        raise UnknownResourceError(f"there is no axis {axis_id!r}", [axis.id for axis in snapshot.axes])
     names = [p.name for p in found.facts.parameters]
     if parameter is not None and parameter not in names:
-        raise NotKnownError(f"{axis_id} has no monitored parameter {parameter!r}", names)
+        raise UnknownResourceError(f"{axis_id} has no monitored parameter {parameter!r}", names)
     return found

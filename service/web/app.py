@@ -1,4 +1,4 @@
-"""The web application: REST, probes and metrics, pages."""
+"""The web application: REST API, health and metrics, pages."""
 
 from collections.abc import Callable
 
@@ -6,9 +6,9 @@ from fastapi import FastAPI
 
 from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal
-from service.web import api, errors, pages, probes
-from service.web.app_state import VERSION, World
-from service.web.times import now_us
+from service.texts.timestamps import now_us
+from service.web import api, error_responses, health, pages
+from service.web.app_state import VERSION, AppState
 
 DESCRIPTION = """\
 Condition monitoring of robot axes: estimated physical parameters, their deviation from the commissioned
@@ -19,14 +19,14 @@ on the motor side of the gear unless a description says otherwise; a number that
 def create_app(
     snapshot: Callable[[], Snapshot], journal: Journal, now_us: Callable[[], int] = now_us
 ) -> FastAPI:
-    """The application over the newest snapshot and the journal; ``now_us`` is the clock for ages."""
-    world = World(snapshot, journal, now_us)
-    # FastAPI's own documentation pages load their scripts from another host; pages.py has one that does not.
+    """Build the application on the newest snapshot and the journal; ``now_us`` is the clock for ages."""
+    state = AppState(snapshot, journal, now_us)
+    # FastAPI's own documentation pages load scripts from another host; pages.py serves one that does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
-    app.include_router(api.router(world))
-    app.include_router(probes.router(world))
+    app.include_router(api.router(state))
+    app.include_router(health.router(state))
     app.include_router(pages.router())
     app.mount("/static", pages.files())
-    app.add_middleware(pages.SafeHeaders)
-    errors.add_handlers(app)
+    app.add_middleware(pages.SecurityHeaders)
+    error_responses.add_handlers(app)
     return app

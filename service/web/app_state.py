@@ -1,4 +1,4 @@
-"""What the web sees of the daemon: the newest snapshot, the journal and a clock, all read only."""
+"""The part of the daemon that the web reads: the newest snapshot, the journal and a clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,14 +6,14 @@ from importlib.metadata import version
 
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.journal import Journal
-from service.web.times import now_us
+from service.texts.timestamps import now_us
 
 VERSION = version("axiswatch")
 
 
 @dataclass(frozen=True, slots=True)
-class World:
-    """``snapshot`` gives the newest snapshot; it must be cheap and may be called from any thread."""
+class AppState:
+    """``snapshot`` returns the newest snapshot; it must be cheap and may be called from any thread."""
 
     snapshot: Callable[[], Snapshot]
     journal: Journal
@@ -21,10 +21,10 @@ class World:
 
 
 def age_s(t_us: int, now_us: int) -> float:
-    """Time since ``t_us`` in seconds; a clock that is ahead of this one gives 0."""
+    """Time since ``t_us`` [s]; 0 if ``t_us`` comes from a clock that is ahead of this one."""
     return max(0, now_us - t_us) / 1e6
 
 
 def sample_age_s(axis: AxisSnapshot, now_us: int) -> float | None:
-    """Age of the last sample of an axis in seconds, None before the first."""
+    """Age of the last sample of an axis [s]; None before the first sample."""
     return None if axis.facts.time_us is None else age_s(axis.facts.time_us, now_us)

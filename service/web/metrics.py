@@ -1,4 +1,4 @@
-"""Prometheus metrics, built from the newest snapshot at each scrape."""
+"""Prometheus metrics, built from the newest snapshot at each scrape (prometheus_client's custom collector)."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,10 +16,10 @@ from prometheus_client.exposition import choose_encoder
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
-from monitor_core.detection.alarm import DIRECTIONS, Direction, Stage
+from monitor_core.detection.alarm import DIRECTIONS, Direction, Reach, Stage
 from monitor_core.monitoring.facts import DetectorFacts, Observation, ParameterFacts
+from monitor_core.trend.trend import Trend
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
-from service.web import trend_metrics
 from service.web.app_state import VERSION, age_s, sample_age_s
 
 _Series = tuple[tuple[str, ...], float]
@@ -27,17 +27,17 @@ _UNIT = "in the parameter's SI unit"
 
 
 def registry(snapshot: Callable[[], Snapshot], now_us: Callable[[], int]) -> CollectorRegistry:
-    """The metrics of the daemon, with those of its process."""
-    found = CollectorRegistry()
-    found.register(SnapshotCollector(snapshot, now_us))
-    ProcessCollector(registry=found)
-    return found
+    """The metrics of the daemon and of its process."""
+    collectors = CollectorRegistry()
+    collectors.register(SnapshotCollector(snapshot, now_us))
+    ProcessCollector(registry=collectors)
+    return collectors
 
 
-def render(found: CollectorRegistry, accept: str) -> tuple[bytes, str]:
-    """Body and content type of a scrape, in the format that its Accept header asks for."""
+def render(collectors: CollectorRegistry, accept: str) -> tuple[bytes, str]:
+    """Body and content type of a scrape, in a format that the Accept header allows."""
     encoder, content_type = choose_encoder(accept)
-    return encoder(found), content_type
+    return encoder(collectors), content_type
 
 
 class SnapshotCollector(Collector):
@@ -47,19 +47,19 @@ class SnapshotCollector(Collector):
         self._snapshot, self._now_us = snapshot, now_us
 
     def collect(self) -> Iterator[Metric]:
-        """The families, one moment for all of them."""
+        """All metric families, from one snapshot."""
         snapshot, now_us = self._snapshot(), self._now_us()
         yield InfoMetricFamily("axiswatch_build", "Version of axiswatch.", value={"version": VERSION})
         yield from _parameters(snapshot.axes)
         yield from _detectors(snapshot.axes)
         yield from _axes(snapshot.axes, now_us)
-        yield from trend_metrics.families(snapshot.axes)
+        yield from _trends(snapshot.axes)
         yield from _buses(snapshot)
         yield from _service(snapshot, now_us)
 
 
 def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
-    """Gauges of every monitored parameter; most are in its unit, which /api/v1/axes tells."""
+    """Gauges of every monitored parameter; most are in its unit, which /api/v1/axes states."""
 
     def gauge(name: str, words: str, value: Callable[[ParameterFacts], float]) -> Metric:
         series = (((axis.id, p.name), value(p)) for axis in axes for p in axis.facts.parameters)
@@ -98,8 +98,8 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
     yield gauge("parameter_p_diagonal", p_ii, lambda p: p.p_diagonal)
     yield gauge(
         "parameter_observed",
-        "What the last samples say of the parameter: 1 as much as at commissioning, 0.5 less, 0 nothing; then its "
-        "estimate is the last that was observed.",
+        "Observability of the parameter in the last samples: 1 as at commissioning, 0.5 weak, 0 not observed; then "
+        "the estimate is the last that was observed.",
         lambda p: _OBSERVED[p.observation],
     )
     yield both(
@@ -109,13 +109,11 @@ def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
     )
     yield gauge("cusum_threshold", f"Threshold h of both CUSUMs, {_UNIT} times samples.", lambda p: p.h)
     yield alarm("alarm_active", "1 while an alarm is open, else 0.")
-    yield alarm(
-        "alarm_named", "1 while an alarm is open and the evidence for its name is in, else 0.", "named"
-    )
+    yield alarm("alarm_named", "1 while an alarm is open and has been named, else 0.", "named")
     causes = {axis.id: _causes(axis) for axis in axes}
     yield _gauge(
         "alarm_probability",
-        "Probability of each parameter to be the cause of an open alarm that has been named, else 0.",
+        "Probability that the parameter is the cause of a named open alarm, else 0.",
         ("axis", "parameter"),
         (((axis.id, cause), causes[axis.id].get(cause, 0.0)) for axis in axes for cause in axis.causes),
     )
@@ -134,7 +132,7 @@ def _is_open(axis: AxisSnapshot, parameter: str, direction: str, *stages: Stage)
 
 
 def _causes(axis: AxisSnapshot) -> dict[str, float]:
-    """Probabilities of the causes of its alarms, the largest where a parameter is among those of several."""
+    """Probability of each cause; the largest one where several alarms name it."""
     found: dict[str, float] = {}
     for e in axis.open_episodes:
         for name, probability, _ in e.causes:
@@ -143,7 +141,7 @@ def _causes(axis: AxisSnapshot) -> dict[str, float]:
 
 
 def _detectors(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
-    """What each detector says, whether or not its alarms are those of the axis."""
+    """Evidence of each detector, whether or not it raises the alarms."""
 
     def gauge(name: str, words: str, value: Callable[[DetectorFacts], float]) -> Metric:
         series = (((a.id, d.name), value(d)) for a in axes for d in a.facts.detectors)
@@ -151,7 +149,7 @@ def _detectors(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
 
     yield gauge(
         "detector_alarms",
-        "1 of the detector whose alarms count, 0 of one that looks on.",
+        "1 for the detector that raises the alarms, 0 for one that runs in shadow mode.",
         lambda d: float(d.alarms),
     )
     yield gauge(
@@ -173,15 +171,15 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
     )
     yield _gauge(
         "axis_gated",
-        "1 while operating conditions forbid to learn from the samples, else 0.",
+        "1 while operating conditions exclude the samples from estimation, else 0.",
         ("axis",),
         (((a.id,), float(bool(a.gated_by))) for a in axes),
     )
     yield _counter("samples", "Samples received.", ("axis",), (((a.id,), a.facts.samples) for a in axes))
     yield _counter(
         "samples_by_fate",
-        "What became of the samples; starved: nothing to learn; gated: operating conditions forbid it; "
-        "projected: used, an estimate was held in its bounds.",
+        "Samples by what was done with them; starved: too little excitation; gated: excluded by operating "
+        "conditions; projected: used, and an estimate was held within its bounds.",
         ("axis", "fate"),
         _by_reason((a.id, a.facts.counters) for a in axes),
     )
@@ -193,24 +191,83 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
     )
     yield _counter(
         "clock_restarts",
-        "How often the time line of the samples began anew: the controller restarted, or a clock was set.",
+        "Restarts of the time base of the samples: the controller restarted, or a clock was set.",
         ("axis", "cause"),
         _by_reason((a.id, a.clock) for a in axes),
     )
     yield _gauge(
         "stamp_scatter_seconds",
-        "Standard deviation of time of receipt minus time of the sample, in seconds; where the times of receipt are "
-        "those of the samples, of the intervals, over the root of two.",
+        "Standard deviation of receipt time minus sample time, in seconds; where the receipt time is the sample "
+        "time, that of the intervals divided by the square root of two.",
         ("axis",),
         (((a.id,), a.stamps.scatter_s) for a in axes if a.stamps.scatter_s is not None),
     )
-    # +Inf before the first sample: the rule that finds a silent axis also finds one that was never heard.
+    # +Inf before the first sample: the rule for a silent axis then also covers one that was never received.
     ages = [(a.id, sample_age_s(a, now_us)) for a in axes]
     yield _gauge(
         "last_sample_age_seconds",
         "Time since the last sample, in seconds; +Inf before the first.",
         ("axis",),
         (((axis,), math.inf if age is None else age) for axis, age in ages),
+    )
+
+
+def _trends(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
+    """Slope, its standard deviation, the probability of a drift, and the times at which limits are reached."""
+
+    def gauge(name: str, words: str, value: Callable[[Trend], float]) -> Metric:
+        series = (((a.id, p.name), value(p.trend)) for a in axes for p in a.trends if p.trend is not None)
+        return _gauge(name, words, ("axis", "parameter"), series)
+
+    per_second = "in the parameter's SI unit per second; absent until enough is known"
+    yield gauge("parameter_slope", f"Long-term drift, {per_second}.", lambda t: t.slope)
+    yield gauge(
+        "parameter_slope_standard_deviation",
+        f"Standard deviation of the long-term drift, {per_second}.",
+        lambda t: t.slope_sd,
+    )
+    yield gauge(
+        "parameter_drift_probability",
+        "Probability of a long-term drift of the parameter; absent until enough is known.",
+        lambda t: t.probability["drift"] + t.probability["both"],
+    )
+    reaches = [(a, p, p.trend, r) for a in axes for p in a.trends if p.trend is not None for r in p.reaches]
+    yield _gauge(
+        "limit_reached_seconds",
+        "Time from the last entry of the long-term history until a limit is reached, in seconds: lower (low) and "
+        "upper (high) end of the 90 % interval; negative where it has been reached; no upper end where it is open.",
+        ("axis", "parameter", "limit", "bound"),
+        (
+            ((a.id, r.name, _side(r), bound), (t_us - t.time_us) / 1e6)
+            for a, _, t, r in reaches
+            for bound, t_us in (("low", r.low_us), ("high", r.high_us))
+            if t_us is not None
+        ),
+    )
+    yield _gauge(
+        "limit_alarm_active",
+        "1 while an alarm is active because a limit will be reached soon, or has been, else 0.",
+        ("axis", "parameter", "limit"),
+        (((a.id, r.name, _side(r)), float(_is_limit_alarm_open(a, p.name, r))) for a, p, _, r in reaches),
+    )
+    yield _counter(
+        "histories_lost",
+        "Long-term histories that could not be restored at the start: damaged, or of another model.",
+        ("axis",),
+        (((a.id,), a.histories_lost) for a in axes),
+    )
+
+
+def _side(reach: Reach) -> str:
+    return "upper" if reach.above else "lower"
+
+
+def _is_limit_alarm_open(axis: AxisSnapshot, parameter: str, reach: Reach) -> bool:
+    return any(
+        (limit.name, limit.above) == (reach.name, reach.above)
+        for e in axis.open_episodes
+        if e.kind == "forecast" and e.parameter == parameter
+        for limit in e.reaches
     )
 
 

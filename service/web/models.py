@@ -1,4 +1,4 @@
-"""Bodies of the REST answers.  Units are in the descriptions; a number that is not finite is null."""
+"""Bodies of the REST answers.  The descriptions state the units; a number that is not finite is null."""
 
 import math
 from typing import Annotated, Literal
@@ -20,7 +20,7 @@ Direction = Literal["up", "down"]
 
 
 class Body(BaseModel):
-    """A body: complete, unchangeable."""
+    """Base of all bodies: immutable, no unknown fields."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -39,9 +39,9 @@ class Parameter(Body):
     unit: str = Field(description="SI unit; 1 for a ratio")
     meaning: str
     nominal: Number = Field(
-        description="commissioned value, in the parameter's unit; where it follows operating conditions, that of now"
+        description="commissioned value, in the parameter's unit; the present one where it follows operating conditions"
     )
-    estimate: Number = Field(description="value now, in the parameter's unit; null where it is invalid")
+    estimate: Number = Field(description="present value, in the parameter's unit; null where it is invalid")
     standard_deviation: Number = Field(description="of the estimate, in the parameter's unit")
     p_diagonal: Number = Field(description="P_ii of the recursion: variance = lambda_0 P_ii / (1 + lambda)")
     cusum: Cusum
@@ -49,17 +49,17 @@ class Parameter(Body):
         description="h, in the parameter's unit times samples: an alarm when g exceeds it"
     )
     tolerance: Number = Field(
-        description="nu, in the parameter's unit: deviation per sample that is tolerated"
+        description="nu, in the parameter's unit: deviation per sample that does not increase g"
     )
     status: Status = Field(
         description="waiting: no sample yet; settling: the predictor has just (re)started; "
-        "seeding: the initial uncertainty is being found; tracking; weakly observed, not observed: the axis moves "
-        "too little, or too uniformly, to say much, or anything, of it; "
+        "seeding: P(0) is being determined; tracking; weakly observed, not observed: the present motion contains "
+        "little or no information about it; "
         "invalid: the model does not hold, there is no estimate; alarm: an alarm is active"
     )
     observation: Observation = Field(
-        description="what the last samples say of it, beside those at commissioning; while it is not observed the "
-        "estimate is the last that was, and its CUSUM waits"
+        description="information in the last samples relative to commissioning; while it is not observed, the "
+        "estimate is the last observed one and its CUSUM is frozen"
     )
 
 
@@ -82,38 +82,34 @@ class Model(Body):
 
 
 class Stamps(Body):
-    """How far the time stamps of an axis scatter."""
+    """Scatter of the time stamps of an axis."""
 
     clock: Literal["receipt", "cyclic", "counter"] = Field(
-        description="that gives the times of the samples: receipt, the controller's cycle as fitted, or its counter"
+        description="source of the sample times: receipt, the fitted cycle of the controller, or its counter"
     )
     scatter_s: Number = Field(
-        description="standard deviation of time of receipt minus time of the sample [s]; for receipt, of the "
-        "intervals, over the root of two; null: not known yet"
+        description="standard deviation of receipt time minus sample time [s]; for receipt, that of the "
+        "intervals divided by the square root of two; null: not known yet"
     )
     interval_s: Number = Field(
-        description="sample interval of the controller by the clock here [s]; null: not known yet"
+        description="sample interval of the controller by the clock of this machine [s]; null: not known yet"
     )
 
 
 class Detector(Body):
-    """What a detector says of an axis now."""
+    """Present evidence of a detector."""
 
-    name: DetectorName = Field(
-        description="cusum: the tests of each parameter; bank: hypotheses side by side"
-    )
-    alarms: bool = Field(description="its alarms are those of the axis; else it only looks on")
+    name: DetectorName = Field(description="cusum: tests of the estimates; bank: parallel models")
+    alarms: bool = Field(description="true: it raises the alarms of the axis; false: it runs in shadow mode")
     leading: str | None = Field(
-        description="what is nearest its threshold, a parameter or another cause; null: nothing yet"
+        description="the cause nearest to its threshold, a parameter or a sensor fault; null: none yet"
     )
-    evidence: Number = Field(description="of that, test statistic over threshold")
-    open: list[str] = Field(
-        description="names of the alarms that are open by what it says, whether they count or not"
-    )
+    evidence: Number = Field(description="test statistic of that cause divided by its threshold")
+    open: list[str] = Field(description="open alarms of this detector")
 
 
 class Axis(Body):
-    """An axis now."""
+    """The present state of an axis."""
 
     id: str = Field(description="robot.axis")
     robot: str
@@ -124,20 +120,18 @@ class Axis(Body):
     parameters: list[Parameter]
     innovation_variance: Number = Field(description="running lambda_0, in the square of innovation_unit")
     innovation_unit: str = Field(description="unit of the output: rad or rad/s")
-    samples: int = Field(description="samples received since the start, whatever became of them")
-    confounded: list[str] = Field(description="what cannot be told apart, or is not observed, now: in words")
+    samples: int = Field(description="samples received since the start, used or not")
+    confounded: list[str] = Field(description="sentences on parameters that are not observed now")
     gated_by: str | None = Field(
-        description="which operating condition forbids to learn from the last sample, e.g. mode = 2; null: none does"
+        description="operating condition that excluded the last sample, e.g. mode = 2; null: none"
     )
     counters: dict[str, int] = Field(
-        description="what became of the samples, number by fate; gated: operating conditions forbade to learn from them"
+        description="number of samples by what was done with them; gated: excluded by operating conditions"
     )
     dropped: dict[str, int] = Field(
-        description="decoded values that did not become a sample, number by reason"
+        description="number of decoded values that did not become a sample, by reason"
     )
-    clock: dict[str, int] = Field(
-        description="how often the time line of the samples began anew, number by cause"
-    )
+    clock: dict[str, int] = Field(description="restarts of the time base of the samples, by cause")
     stamps: Stamps
     detectors: list[Detector]
     model: Model
@@ -146,17 +140,17 @@ class Axis(Body):
 class Axes(Body):
     """All axes at one moment."""
 
-    taken: Time = Field(description="when the worker reported this, UTC")
+    taken: Time = Field(description="when the worker published this, UTC")
     axes: list[Axis]
 
 
-class Course(Body):
-    """The course of a parameter, a column each; a row for each entry of time."""
+class ParameterHistory(Body):
+    """History of a parameter in columns; one row for each entry of ``time``."""
 
     name: str
     unit: str
-    nominal: Number = Field(description="now, in the parameter's unit")
-    nominals: list[Number] = Field(description="then, in the parameter's unit")
+    nominal: Number = Field(description="present value, in the parameter's unit")
+    nominals: list[Number] = Field(description="at each time, in the parameter's unit")
     estimate: list[Number] = Field(description="in the parameter's unit")
     standard_deviation: list[Number] = Field(description="in the parameter's unit")
     cusum_up: list[Number] = Field(description="in the parameter's unit times samples")
@@ -164,92 +158,92 @@ class Course(Body):
 
 
 class History(Body):
-    """The last points of an axis, oldest first."""
+    """The last points of the history of an axis, oldest first."""
 
     axis: str
     time: list[Time] = Field(description="UTC")
-    parameters: list[Course]
+    parameters: list[ParameterHistory]
 
 
 class Reach(Body):
     """When a limit is reached."""
 
-    name: str = Field(description="what has the limit: the parameter, or its reciprocal")
+    name: str = Field(description="the limited quantity: the parameter, or its reciprocal")
     limit: Number = Field(description="in unit")
     unit: str = Field(description="1 for a ratio")
-    above: bool = Field(description="true: it must stay below; false: above")
+    above: bool = Field(description="true: an upper limit; false: a lower limit")
     state: Literal["ahead", "open", "far", "beyond"] = Field(
-        description="ahead: it is reached between low and high with a probability of 90 %; open: after low, perhaps "
-        "never; far: not in sight, not before low; beyond: it was reached between low and high"
+        description="ahead: reached between low and high with a probability of 90 %; open: after low, perhaps "
+        "never; far: not before low, the end of the forecast; beyond: it was reached between low and high"
     )
-    low: Time = Field(description="UTC; before it with a probability of 5 %")
+    low: Time = Field(description="UTC; reached earlier with a probability of 5 %")
     high: Time | None = Field(
-        description="UTC; after it with a probability of 5 %; null: the interval is open"
+        description="UTC; reached later with a probability of 5 %; null: the interval is open"
     )
     words: str = Field(
-        description="the same in words, counted from the last entry, or from when the alarm was updated"
+        description="the same as a sentence, relative to the last entry or to the last update of the alarm"
     )
 
 
 class Drift(Body):
-    """What the slow history of a parameter says."""
+    """Result of the trend analysis of a parameter."""
 
-    time: Time = Field(description="of the last entry that was looked at, UTC")
-    since: Time = Field(description="of the first, UTC")
-    steady: Number = Field(description="probability that it has not changed")
+    time: Time = Field(description="last entry that was used, UTC")
+    since: Time = Field(description="first entry that was used, UTC")
+    steady: Number = Field(description="probability that the parameter is steady")
     drift: Number = Field(description="probability that it drifts, from the beginning or since some time")
-    step: Number = Field(description="probability that it changed at once")
-    both: Number = Field(description="probability that it changed at once, and drifts since")
-    level: Number = Field(description="now, in the parameter's unit")
+    step: Number = Field(description="probability that it stepped")
+    both: Number = Field(description="probability that it stepped and has drifted since")
+    level: Number = Field(description="present level, in the parameter's unit")
     level_sd: Number = Field(description="its standard deviation")
-    slope_per_day: Number = Field(description="of all these possibilities, in the parameter's unit per day")
+    slope_per_day: Number = Field(description="averaged over these models, in the parameter's unit per day")
     slope_per_day_sd: Number = Field(description="its standard deviation")
     scatter: Number = Field(
-        description="standard deviation of an entry about its course, in the parameter's unit"
+        description="standard deviation of an entry about the trend, in the parameter's unit"
     )
 
 
-class SlowCourse(Body):
-    """The slow course of a parameter, a column each, oldest first: means over hours of operation, later of days."""
+class LongTermHistory(Body):
+    """Long-term history of a parameter in columns, oldest first: means over hours of operation, later over days."""
 
     name: str
     unit: str
     nominal: Number = Field(description="commissioned value, in the parameter's unit")
     words: str
-    drift: Drift | None = Field(description="null: too little is known yet")
+    drift: Drift | None = Field(description="null: too few entries yet")
     limits: list[Reach]
     time: list[Time] = Field(description="middle of each entry, UTC")
     mean: list[Number] = Field(
-        description="in the parameter's unit; where its nominal value follows conditions, at those of reference"
+        description="in the parameter's unit; at the reference conditions where its nominal value is scheduled"
     )
-    standard_deviation: list[Number] = Field(description="of the mean, by P: at least so much")
-    operating_s: list[Number] = Field(description="time in operation in which it was observed [s]")
+    standard_deviation: list[Number] = Field(description="of the mean, from P: a lower bound")
+    operating_s: list[Number] = Field(description="operating time in which it was observed [s]")
 
 
 class Trend(Body):
-    """The slow courses of an axis."""
+    """Long-term trends of an axis."""
 
     axis: str
-    interval_s: Number = Field(description="time in operation of a whole entry [s]")
-    lost: int = Field(description="histories that could not be put back at the start")
-    parameters: list[SlowCourse]
+    interval_s: Number = Field(description="operating time of a complete entry [s]")
+    lost: int = Field(description="histories that could not be restored at the start")
+    parameters: list[LongTermHistory]
 
 
 class Cause(Body):
-    """What may have changed."""
+    """A possible cause of an alarm."""
 
-    parameter: str = Field(description="or a fault of a sensor, e.g. torque sign")
+    parameter: str = Field(description="a monitored parameter, or a sensor fault, e.g. torque sign")
     probability: Number = Field(
-        description="of all single causes; of the CUSUM tests, with odds of 8 to 1 for the first that crossed; below"
-        " 0.01 it is left out"
+        description="among all single causes; CUSUM tests: with prior odds of 8 to 1 for the first that crossed; causes"
+        " below 0.01 are left out"
     )
     alike: list[str] = Field(
-        default=[], description="causes that make the same data: it is this one or one of those"
+        default=[], description="causes that produce the same data and cannot be distinguished from this one"
     )
 
 
 class PastName(Body):
-    """What an alarm was called before."""
+    """An earlier name of an alarm."""
 
     until: Time = Field(description="UTC")
     stage: Stage
@@ -258,61 +252,63 @@ class PastName(Body):
 
 
 class Alarm(Body):
-    """An alarm: one from the first crossing of the threshold until the parameter is back at nominal."""
+    """An alarm, from the first crossing of the threshold until the parameter is back at nominal."""
 
     id: int
     axis: str
     parameter: str = Field(
-        description="the best name there is now; causes tells how sure it is. A monitored parameter, or, where the bank"
-        " of hypotheses alarms, a fault of a sensor: torque or output scale, sign, offset or stuck, torque lost, output"
+        description="the most probable name now; causes states how certain it is. A monitored parameter, or, from"
+        " the multi-model detector, a sensor fault: torque or output scale, sign, offset or stuck, torque lost, output"
         " noise, delay"
     )
     direction: Direction
     stage: Stage = Field(
-        description="changed: something has, the parameter is the first that crossed; named: the evidence is in, "
-        "three memory lengths after the first crossing"
+        description="changed: something has changed, parameter is the first that crossed; named: enough evidence was "
+        "collected, three memory lengths after the first crossing"
     )
     causes: list[Cause] = Field(
-        description="what may have changed, the likeliest first; empty before it is named"
+        description="possible causes, most probable first; empty before the alarm is named"
     )
     doubt: Doubt = Field(
         description="why it may be none of the causes; several: no single parameter explains it; model: the model no "
-        "longer holds, as if a sensor were wrong; sign: as if torque or motion had changed its sign; still: no motion "
+        "longer holds, as with a sensor fault; sign: torque or motion seems to have changed its sign; still: no motion "
         "follows the torque; empty: no doubt"
     )
     kind: Kind = Field(
-        description="step or drift; empty: it cannot be told, or not yet; forecast: no change, but a slow drift that "
-        "is about to reach a limit, or has"
+        description="step or drift; empty: unknown, or not known yet; forecast: a long-term drift that will reach a "
+        "limit soon, or has reached it"
     )
-    reaches: list[Reach] = Field(description="of a forecast: the limit, and when it is reached")
-    words: str = Field(description="the alarm in a sentence, e.g. the torque frame is 0.5 ms late: ..")
-    active: bool = Field(description="it has not ended")
+    reaches: list[Reach] = Field(description="of a forecast: the limit and when it is reached")
+    words: str = Field(description="the alarm as a sentence, e.g. the torque frame is 0.5 ms late: ..")
+    active: bool = Field(description="true: it has not ended")
     unit: str = Field(description="of nominal, size and size_sd; 1 for a ratio")
     nominal: Number = Field(description="commissioned value, in unit")
     size: Number = Field(
-        description="estimate - nominal when it was updated, in unit; null where the cause has no size"
+        description="estimate - nominal at the last update, in unit; null where the cause has no size"
     )
     size_sd: Number = Field(description="standard deviation of the size, in unit")
     onset: Time = Field(
-        description="when it changed, UTC: the likeliest time; before it is named the last time the CUSUM was zero"
+        description="most probable time of the change, UTC; before it is named the last time that g was zero"
     )
     onset_low: Time | None = Field(
-        description="it changed after this with a probability of 95 %, UTC; null: not told yet, or earlier than is told"
+        description="it changed later with a probability of 95 %, UTC; null: not known yet, or before the evidence"
     )
     onset_high: Time | None = Field(
-        description="it changed before this with a probability of 95 %, UTC; null: not told yet"
+        description="it changed earlier with a probability of 95 %, UTC; null: not known yet"
     )
     raised: Time = Field(description="when the threshold was crossed for the first time, UTC")
     updated: Time = Field(description="when it was crossed for the last time, UTC")
-    ended: Time | None = Field(description="when the deviation had been tolerable for long enough, UTC")
+    ended: Time | None = Field(
+        description="when the deviation had been tolerable for three memory lengths, UTC"
+    )
     crossings: int = Field(description="number of times a threshold was crossed")
-    past: list[PastName] = Field(description="what the alarm was called before, the first name first")
+    past: list[PastName] = Field(description="earlier names of the alarm, oldest first")
 
 
 class Alarms(Body):
-    """A page of the alarm journal, the last raised first."""
+    """A page of the alarm journal, latest first."""
 
-    total: int = Field(description="alarms that fit the filters")
+    total: int = Field(description="alarms that match the filters")
     limit: int
     offset: int
     alarms: list[Alarm]
@@ -323,21 +319,21 @@ class Bus(Body):
 
     name: str
     up: bool
-    state: str = Field(description="up, or why not")
+    state: str = Field(description="up, or the reason why not")
     frames: int = Field(description="frames received")
-    dropped: dict[str, int] = Field(description="frames dropped, number by reason")
+    dropped: dict[str, int] = Field(description="number of dropped frames, by reason")
 
 
 class Service(Body):
     """The daemon itself."""
 
     version: str
-    ready: bool = Field(description="all buses are up and all axes get samples")
+    ready: bool = Field(description="all buses are up and all axes receive samples")
     reasons: list[str] = Field(description="why it is not ready")
-    messages: list[str] = Field(description="for the operator, e.g. that a checkpoint was set aside")
+    messages: list[str] = Field(description="for the operator, e.g. that a checkpoint was quarantined")
     started: Time = Field(description="UTC")
-    taken: Time = Field(description="when the worker reported this, UTC")
-    checkpoint: Time | None = Field(description="when the monitors were last saved, UTC")
+    taken: Time = Field(description="when the worker published this, UTC")
+    checkpoint: Time | None = Field(description="when the monitors were saved last, UTC")
     buses: list[Bus]
 
 
@@ -352,11 +348,11 @@ class Readiness(Body):
     """Whether all axes are being monitored."""
 
     ready: bool
-    reasons: list[str] = Field(description="why not")
+    reasons: list[str] = Field(description="why not every axis is monitored")
 
 
 class Problem(Body):
-    """What is wrong with the request, or with the daemon."""
+    """An error of the request, or of the daemon."""
 
     detail: str
-    known: list[str] = Field(default=[], description="what there is instead")
+    known: list[str] = Field(default=[], description="existing resources")

@@ -39,7 +39,7 @@ def files() -> StaticFiles:
     return StaticFiles(directory=STATIC)
 
 
-class SafeHeaders:
+class SecurityHeaders:
     """Adds headers to every answer that forbid the browser all that the pages do not need."""
 
     def __init__(self, app: ASGIApp) -> None:

@@ -1,4 +1,4 @@
-"""Snapshots and alarms as bodies of answers."""
+"""Snapshots and alarms converted to the bodies of answers."""
 
 import math
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, S
 from service.pipeline.trend_tracking import ParameterTrend
 from service.store import journal
 from service.texts.alarm_texts import episode_words
+from service.texts.timestamps import iso, maybe_iso
 from service.texts.trend_texts import reach_words, trend_words
 from service.web import models
 from service.web.app_state import VERSION, sample_age_s
 from service.web.health import reasons_not_ready
-from service.web.times import iso, maybe_iso
 
 OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 
@@ -82,21 +82,21 @@ def _model(a: AxisSnapshot) -> models.Model:
 def history(
     a: AxisSnapshot, parameter: str | None = None, since_us: int | None = None, limit: int = 3600
 ) -> models.History:
-    """The last ``limit`` points of an axis later than ``since_us``; of one parameter or of all."""
+    """The last ``limit`` points of an axis after ``since_us``, of one parameter or of all."""
     points = [point for point in a.history.points if since_us is None or point.time_us > since_us][-limit:]
     return models.History(
         axis=a.id,
         time=[iso(point.time_us) for point in points],
         parameters=[
-            _course(p, i, points)
+            _history(p, i, points)
             for i, p in enumerate(a.facts.parameters)
             if parameter is None or p.name == parameter
         ],
     )
 
 
-def _course(p: ParameterFacts, i: int, points: Sequence[HistoryPoint]) -> models.Course:
-    return models.Course(
+def _history(p: ParameterFacts, i: int, points: Sequence[HistoryPoint]) -> models.ParameterHistory:
+    return models.ParameterHistory(
         name=p.name,
         unit=p.unit,
         nominal=p.nominal,
@@ -109,18 +109,18 @@ def _course(p: ParameterFacts, i: int, points: Sequence[HistoryPoint]) -> models
 
 
 def trend(a: AxisSnapshot, parameter: str | None = None, points: int = 1200) -> models.Trend:
-    """The slow courses of an axis, each of so many entries at most."""
+    """Long-term trends of an axis, each with at most ``points`` entries."""
     return models.Trend(
         axis=a.id,
         interval_s=a.trends[0].hour_s if a.trends else None,
         lost=a.histories_lost,
-        parameters=[_slow(p, points) for p in a.trends if parameter is None or p.name == parameter],
+        parameters=[_long_term(p, points) for p in a.trends if parameter is None or p.name == parameter],
     )
 
 
-def _slow(p: ParameterTrend, points: int) -> models.SlowCourse:
+def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
     entries, now_us = thinned(p.entries, points), p.entries[-1].end_us if p.entries else 0
-    return models.SlowCourse(
+    return models.LongTermHistory(
         name=p.name,
         unit=p.unit,
         nominal=p.nominal,

@@ -14,6 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from service.pipeline.snapshot import Snapshot
 from service.web.app_state import VERSION
 from service.web.metrics import SnapshotCollector
+from tests import golden
 
 GOLDEN = Path(__file__).with_name("metrics.golden")
 OPENMETRICS = "application/openmetrics-text; version=1.0.0"
@@ -49,7 +50,7 @@ def values(text: str) -> dict[tuple[str, ...], float]:
 
 def test_metrics_are_as_in_the_golden_file(stage: Stage) -> None:
     text = own(stage).replace(f'{{version="{VERSION}"}}', '{version="VERSION"}')
-    assert text == GOLDEN.read_text(encoding="utf-8")
+    golden.check(text, GOLDEN)
 
 
 def test_a_forecast_is_no_alarm_of_a_change(stage: Stage) -> None:

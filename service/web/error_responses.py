@@ -1,4 +1,4 @@
-"""Requests that cannot be answered: a body that says what is wrong and what there is instead."""
+"""Answers to requests that fail: a body with the reason and the resources that exist."""
 
 from collections.abc import Iterable
 
@@ -10,19 +10,19 @@ from service.store.database import StoreError
 from service.web.models import Problem
 
 
-class NotKnownError(Exception):
-    """There is no such thing; ``known`` are those that there are."""
+class UnknownResourceError(Exception):
+    """The resource does not exist; ``known`` lists those that do."""
 
-    def __init__(self, what: str, known: Iterable[str]) -> None:
-        self.problem = Problem(detail=what, known=list(known))
-        super().__init__(what)
+    def __init__(self, detail: str, known: Iterable[str]) -> None:
+        self.problem = Problem(detail=detail, known=list(known))
+        super().__init__(detail)
 
 
 def add_handlers(app: FastAPI) -> None:
-    """Let the app answer with a Problem."""
+    """Answer with a ``Problem`` body on these errors."""
 
-    @app.exception_handler(NotKnownError)
-    async def not_known(_: Request, error: NotKnownError) -> JSONResponse:
+    @app.exception_handler(UnknownResourceError)
+    async def not_known(_: Request, error: UnknownResourceError) -> JSONResponse:
         return _answer(404, error.problem)
 
     @app.exception_handler(StoreError)
