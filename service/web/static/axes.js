@@ -40,7 +40,7 @@ function makeCard(axis) {
       el("thead", { role: "rowgroup" }, el("tr", { role: "row" }, ...COLUMNS.map(([name, kind]) => head(name, kind)))),
       el("tbody", { role: "rowgroup" }, ...rows.map((row) => row.node)),
     ),
-    el("ul", { className: "trends", "data-axis": axis.id, "aria-label": `Slow course of ${axis.id}`, hidden: true }),
+    el("ul", { className: "trends", "data-axis": axis.id, "aria-label": `Long-term trend of ${axis.id}`, hidden: true }),
   );
   function show(now) {
     const alarmed = now.parameters.some((p) => p.status === "alarm") || now.detectors.some((d) => d.alarms && d.open.length > 0);
@@ -66,7 +66,7 @@ function describe(axis) {
   const parts = [`${axis.model.drive}, ${axis.model.output}`, `bus ${axis.bus}`, `${count(axis.samples)} samples`];
   if (axis.samples > used) parts.push(`${count(axis.samples - used)} not used`);
   if (lost > 0) parts.push(`${count(lost)} values dropped`);
-  if (axis.gated_by !== null) parts.push(`nothing is learned: ${axis.gated_by}`);
+  if (axis.gated_by !== null) parts.push(`estimation paused: ${axis.gated_by}`);
   parts.push(...axis.detectors.map(detectorOf).filter((words) => words !== ""), ...axis.confounded);
   return parts.join(" · ");
 }

@@ -1,4 +1,4 @@
-// Asks the daemon once a second and shows what it answers, or since when it does not.
+// Polls the daemon once a second and shows its answers, or since when there are none.
 
 import { showAlarms } from "./alarms.js";
 import { showAxes } from "./axes.js";
@@ -62,15 +62,15 @@ function showLost(error) {
   by("reasons").hidden = true;
   const since = `No answer since ${moment(answered ?? lostSince)}`;
   const why = error instanceof TypeError || error.name === "TimeoutError" ? "" : ` (${error.message})`;
-  text(by("lost"), `${since}${why}. ${answered ? "What is shown below is from then." : ""}`);
+  text(by("lost"), `${since}${why}. ${answered ? "The values below are from that time." : ""}`);
   document.title = "no answer – axiswatch";
 }
 
 async function watch() {
-  // A page in the background asks nothing; it catches up when it is looked at.
+  // A page in the background does not poll; it updates as soon as it is visible.
   if (!document.hidden) await refresh();
   setTimeout(watch, EVERY_MS);
 }
 
-text(by("zone"), `Times are of this browser (${zone()}); the API tells UTC.`);
+text(by("zone"), `Times are in the time zone of this browser (${zone()}); the API uses UTC.`);
 watch();

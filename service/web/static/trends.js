@@ -1,4 +1,4 @@
-// The slow course of each parameter below its axis: a line in words, and a picture of the last weeks.
+// The long-term trend of each parameter below its axis: a sentence, and a plot of the last weeks.
 
 import { el, text } from "./dom.js";
 
@@ -7,7 +7,7 @@ const POINTS = 120;
 const [WIDTH, HEIGHT] = [120, 28];
 const asked = new Map(); // when, by axis
 
-/** Asks for the slow courses of the axes that are shown, once a minute, and shows them. */
+/** Fetches and shows the long-term trends of the visible axes, once a minute. */
 export async function showTrends(axes, ask) {
   for (const { id } of axes) {
     if (Date.now() - (asked.get(id) ?? -Infinity) < EVERY_MS) continue;
@@ -27,7 +27,7 @@ function row(p) {
   return el("li", {}, picture(p), words);
 }
 
-/** The means in time, with the nominal value as a line. */
+/** Plot of the means over time, with the nominal value as a line. */
 function picture(p) {
   const times = p.time.map((t) => Date.parse(t));
   const [low, high] = [Math.min(...p.mean, p.nominal), Math.max(...p.mean, p.nominal)];
@@ -36,7 +36,7 @@ function picture(p) {
   const y = (v) => HEIGHT - 2 - ((HEIGHT - 4) * (v - low)) / (high - low || 1);
   const line = p.mean.map((v, i) => `${x(times[i]).toFixed(1)},${y(v).toFixed(1)}`).join(" ");
   const nominal = svg("line", { class: "nominal", x1: 0, x2: WIDTH, y1: y(p.nominal), y2: y(p.nominal) });
-  const label = `${p.name} over the slow history, and its nominal value`;
+  const label = `${p.name} over its long-term history, and its nominal value`;
   return svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": label }, nominal, svg("polyline", { points: line }));
 }
 

@@ -92,12 +92,12 @@ def test_it_shows_axes_with_estimates(page: Page) -> None:
 
 def test_it_shows_the_slow_course_where_it_is_known(page: Page) -> None:
     page.goto("/")
-    courses = page.get_by_role("list", name="Slow course of demo.axis1").get_by_role("listitem")
+    courses = page.get_by_role("list", name="Long-term trend of demo.axis1").get_by_role("listitem")
     expect(courses).to_have_count(1)
     drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
     expect(courses).to_contain_text(drift)
     expect(courses.get_by_role("img", name="fm over the slow history")).to_be_visible()
-    expect(page.get_by_role("list", name="Slow course of demo.axis2")).to_be_hidden()
+    expect(page.get_by_role("list", name="Long-term trend of demo.axis2")).to_be_hidden()
 
 
 def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:
@@ -205,14 +205,14 @@ def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Epis
 def test_the_documentation_needs_no_other_host(page: Page) -> None:
     page.goto("/docs")
     page.get_by_text("GET /api/v1/axes/{axis}/history").click()
-    expect(page.get_by_text("at most so many points, the last ones")).to_be_visible()
+    expect(page.get_by_text("maximum number of points; the last ones are returned")).to_be_visible()
 
 
-def test_what_forbids_to_learn_is_shown(page: Page, stage: Stage) -> None:
+def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> None:
     axis = stage.snapshot.axes[0]
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, gated_by="temperature is not known"),))
     page.goto("/")
-    expect(page.get_by_role("article").first).to_contain_text("nothing is learned: temperature is not known")
+    expect(page.get_by_role("article").first).to_contain_text("estimation paused: temperature is not known")
     expect(page.get_by_role("row", name="kT").get_by_role("cell").last).to_have_text("gated")
     expect(page.get_by_role("row", name="fm").get_by_role("cell").last).to_have_text("alarm")
 
