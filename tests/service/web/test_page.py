@@ -90,13 +90,13 @@ def test_it_shows_axes_with_estimates(page: Page) -> None:
     expect(page.get_by_role("article", name="demo.axis2")).to_contain_text("no sample yet")
 
 
-def test_it_shows_the_slow_course_where_it_is_known(page: Page) -> None:
+def test_it_shows_the_long_term_trend_where_it_is_known(page: Page) -> None:
     page.goto("/")
     courses = page.get_by_role("list", name="Long-term trend of demo.axis1").get_by_role("listitem")
     expect(courses).to_have_count(1)
     drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
     expect(courses).to_contain_text(drift)
-    expect(courses.get_by_role("img", name="fm over the slow history")).to_be_visible()
+    expect(courses.get_by_role("img", name="fm over its long-term history")).to_be_visible()
     expect(page.get_by_role("list", name="Long-term trend of demo.axis2")).to_be_hidden()
 
 
