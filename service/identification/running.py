@@ -42,8 +42,8 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
         estimate = _best(task, records, progress)
         if task.axis.config.averaged:
             estimate = _averaged(estimate, records, told)
-        kept_aside = [one.record for one in task.validation]
-        validation = traces_of(estimate.problem, kept_aside) if kept_aside else ()
+        quarantined = [one.record for one in task.validation]
+        validation = traces_of(estimate.problem, quarantined) if quarantined else ()
     except (ValueError, np.linalg.LinAlgError) as error:
         raise IdentificationError(f"no fit: {error}{_HINT if task.start == 'records' else ''}") from None
     return Found(

@@ -103,11 +103,11 @@ def task_of(
     choice = choose(space, drive, nominal.values, wishes.free, wishes.fix)
     choice = with_varying(choice, varying, wishes.free)
     start = start_of(nominal, choice, wishes.start)
-    used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
-    read = [one.record for one in (*used, *kept_aside)]
+    used, quarantined = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
+    read = [one.record for one in (*used, *quarantined)]
     odd = tuple(intervals(read, axis.config.sample_interval_s))
-    warnings = _looked_at([*used, *kept_aside], _known(axis, drive, nominal, len(choice.free))) + odd
-    follows, used, kept_aside = followed(varying, used, kept_aside)
+    warnings = _looked_at([*used, *quarantined], _known(axis, drive, nominal, len(choice.free))) + odd
+    follows, used, quarantined = followed(varying, used, quarantined)
     problem = _problem(axis, drive, nominal.values, choice, used, wishes, varying)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
@@ -117,7 +117,7 @@ def task_of(
         choice,
         problem,
         tuple(used),
-        tuple(kept_aside),
+        tuple(quarantined),
         warnings,
         start,
         nominal.unknown,

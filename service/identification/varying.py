@@ -105,7 +105,7 @@ def with_varying(choice: Choice, varying: Asked, free: Sequence[str]) -> Choice:
 
 
 def followed(
-    varying: Asked, used: Sequence[Loaded], kept_aside: Sequence[Loaded]
+    varying: Asked, used: Sequence[Loaded], quarantined: Sequence[Loaded]
 ) -> tuple[tuple[Follows, ...], list[Loaded], list[Loaded]]:
     """Where the signals of the records lie, and the records with terms, less their references, for signals.
 
@@ -120,7 +120,7 @@ def followed(
         for parameter, of in varying.items()
         for term in of
     )
-    made = [[_with_terms(one, references) for one in loaded] for loaded in (used, kept_aside)]
+    made = [[_with_terms(one, references) for one in loaded] for loaded in (used, quarantined)]
     return follows, made[0], made[1]
 
 

@@ -8,7 +8,7 @@ _IN_ORDER = (ESTIMATES, BANK, HISTORY)
 
 
 class Loss(NamedTuple):
-    """A saved state that was kept aside, as it cannot be used."""
+    """A saved state that was quarantined, as it cannot be used."""
 
     axis_id: str
     what: str
@@ -27,7 +27,7 @@ def losses_in_words(losses: Iterable[Loss]) -> Iterator[str]:
         part = "" if ESTIMATES in {loss.what for loss in own} else "part of "
         reasons = dict.fromkeys(loss.reason for loss in own)
         said = (f"{why}; anew begin {_what(loss for loss in own if loss.reason == why)}" for why in reasons)
-        yield f"{axis_id}: {part}its checkpoint is not used and kept aside: {'. Also: '.join(said)}"
+        yield f"{axis_id}: {part}its checkpoint is not used and quarantined: {'. Also: '.join(said)}"
 
 
 def _what(losses: Iterable[Loss]) -> str:

@@ -8,7 +8,7 @@ from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
 from service.pipeline.axis_change import Change
 from service.pipeline.checkpointing import bank_id
 from service.pipeline.restore_report import BANK, ESTIMATES, Loss
-from service.store.checkpoints import Checkpoints, SetAside
+from service.store.checkpoints import Checkpoints, QuarantinedCheckpoint
 from service.store.journal import Journal
 
 
@@ -45,7 +45,7 @@ def restore(
     for axis_id, monitor in monitors.items():
         for state in _states(axis_id, monitor):
             loaded = _load(state, checkpoints, now_us)
-            if isinstance(loaded, SetAside):
+            if isinstance(loaded, QuarantinedCheckpoint):
                 losses.append(Loss(axis_id, state.what, loaded.reason))
             elif loaded is not None:
                 times.append(loaded)
@@ -75,17 +75,19 @@ def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[_State]:
         yield _State(BANK, bank_id(axis_id), monitor.beside_key, monitor.beside.from_arrays)
 
 
-def _load(state: _State, checkpoints: Checkpoints, now_us: int) -> int | SetAside | None:
+def _load(state: _State, checkpoints: Checkpoints, now_us: int) -> int | QuarantinedCheckpoint | None:
     """The time of the checkpoint that is used now, or why there is none, or None: there never was one."""
     found = checkpoints.load(state.name, state.key, now_us)
-    if found is None or isinstance(found, SetAside):
+    if found is None or isinstance(found, QuarantinedCheckpoint):
         return found
     try:
         state.take(dict(found.arrays))
     except (KeyError, ValueError) as error:
-        aside = SetAside(state.name, found.at_us, f"it does not fit this version ({error})")
-        checkpoints.set_aside(state.name, aside.reason, now_us)
-        return aside
+        quarantined = QuarantinedCheckpoint(
+            state.name, found.at_us, f"it does not fit this version ({error})"
+        )
+        checkpoints.quarantine(state.name, quarantined.reason, now_us)
+        return quarantined
     return found.at_us
 
 

@@ -101,7 +101,7 @@ class Histogram:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything at one moment.  ``messages`` are for the operator (e.g. a checkpoint that was set aside)."""
+    """Everything at one moment.  ``messages`` are for the operator (e.g. a checkpoint that was quarantined)."""
 
     taken_us: int
     started_us: int

@@ -15,7 +15,7 @@ from monitor_core.trend.limit_alarms import Limit, reach, watch
 from monitor_core.trend.trend import Trend, trend_of
 from service.config import NamedAxis, limits_of
 from service.pipeline.axis_change import Change
-from service.store.arrays import Arrays
+from service.store.array_files import Arrays
 
 
 @dataclass(frozen=True, slots=True)

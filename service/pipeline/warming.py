@@ -18,7 +18,7 @@ from service.pipeline.kernel_cache import VARIABLE
 
 _CHILD = """
 import sys
-from service.monitoring.warming import compile_kernel
+from service.pipeline.warming import compile_kernel
 for lanes in sys.argv[1:]:
     compile_kernel(int(lanes))
 """

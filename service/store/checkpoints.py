@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from service.store.arrays import Arrays, UnreadableError, pack, unpack
+from service.store.array_files import Arrays, UnreadableError, pack, unpack
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -33,6 +33,10 @@ MIGRATIONS = (
         reason TEXT NOT NULL
     ) STRICT;
     """,
+    """
+    ALTER TABLE set_aside RENAME TO quarantine;
+    ALTER TABLE quarantine RENAME COLUMN set_aside_us TO quarantined_us;
+    """,
 )
 
 _SAVE = "INSERT OR REPLACE INTO checkpoint VALUES (?, CAST(? AS TEXT), ?, ?, ?)"
@@ -41,7 +45,7 @@ _SAVE = "INSERT OR REPLACE INTO checkpoint VALUES (?, CAST(? AS TEXT), ?, ?, ?)"
 _LAST = "SELECT axis, CAST(key AS BLOB), at_us, arrays, checksum FROM checkpoint WHERE axis = ?"
 
 _MOVE = """
-    INSERT INTO set_aside (axis, key, at_us, arrays, checksum, set_aside_us, reason)
+    INSERT INTO quarantine (axis, key, at_us, arrays, checksum, quarantined_us, reason)
     SELECT axis, key, at_us, arrays, checksum, ?, ? FROM checkpoint WHERE axis = ?
 """
 
@@ -64,8 +68,8 @@ class Checkpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class SetAside:
-    """A saved state that cannot be used and was kept aside."""
+class QuarantinedCheckpoint:
+    """A saved state that cannot be used: it is kept in a table of its own, for inspection."""
 
     axis: str
     at_us: int
@@ -100,31 +104,31 @@ class Checkpoints:
         with self._db.write() as connection:
             connection.executemany(_SAVE, rows)
 
-    def load(self, axis: str, key: str, now_us: int) -> Checkpoint | SetAside | None:
+    def load(self, axis: str, key: str, now_us: int) -> Checkpoint | QuarantinedCheckpoint | None:
         """The last state of an axis, or None when there is none.
 
-        One that is damaged, or belongs to another key, is kept aside at time ``now_us``,
+        One that is damaged, or belongs to another key, is quarantined at time ``now_us``,
         and the answer says why.
         """
         with self._db.write() as connection:
             row = connection.execute(_LAST, (axis,)).fetchone()
             if row is None:
                 return None
-            found = _examined(row, key)
-            if isinstance(found, SetAside):
+            found = _validated(row, key)
+            if isinstance(found, QuarantinedCheckpoint):
                 _move(connection, axis, found.reason, now_us)
             return found
 
-    def set_aside(self, axis: str, reason: str, now_us: int) -> None:
-        """Keep the last state of an axis aside, e.g. because the monitor does not accept it."""
+    def quarantine(self, axis: str, reason: str, now_us: int) -> None:
+        """Quarantine the last state of an axis, e.g. because the monitor does not accept it."""
         with self._db.write() as connection:
             _move(connection, axis, reason, now_us)
 
-    def kept_aside(self) -> list[SetAside]:
-        """All states that were kept aside, oldest first."""
+    def quarantined(self) -> list[QuarantinedCheckpoint]:
+        """All states that were quarantined, oldest first."""
         with self._db.read() as connection:
-            rows = connection.execute("SELECT axis, at_us, reason FROM set_aside ORDER BY id")
-            return [SetAside(*row) for row in rows]
+            rows = connection.execute("SELECT axis, at_us, reason FROM quarantine ORDER BY id")
+            return [QuarantinedCheckpoint(*row) for row in rows]
 
     def close(self) -> None:
         """Close the file."""
@@ -145,16 +149,18 @@ def _checksum(axis: str, key: bytes, at_us: int, data: bytes) -> bytes:
     return hashlib.sha256(head.encode() + data).digest()
 
 
-def _examined(row: _Row, key: str) -> Checkpoint | SetAside:
+def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
     axis, saved_key, at_us, data, checksum = row
     if checksum != _checksum(axis, saved_key, at_us, data):
-        return SetAside(axis, at_us, "it is damaged (its checksum does not fit)")
+        return QuarantinedCheckpoint(axis, at_us, "it is damaged (its checksum does not fit)")
     if saved_key != key.encode():
-        return SetAside(axis, at_us, "it was saved with another model, other parameters or other settings")
+        return QuarantinedCheckpoint(
+            axis, at_us, "it was saved with another model, other parameters or other settings"
+        )
     try:
         return Checkpoint(axis, at_us, unpack(data))
     except UnreadableError as error:
-        return SetAside(axis, at_us, f"it cannot be read ({error})")
+        return QuarantinedCheckpoint(axis, at_us, f"it cannot be read ({error})")
 
 
 def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:

@@ -1,4 +1,4 @@
-"""One SQLite file: opened in WAL mode, locked for one writer, migrated, set aside when it is damaged."""
+"""One SQLite file in WAL mode with one writer: locking, migrations, quarantine of a damaged file."""
 
 import fcntl
 import os
@@ -28,13 +28,13 @@ class StoreInUseError(StoreError):
 
 
 class _DamagedError(StoreError):
-    """The file was damaged and has been set aside."""
+    """The file was damaged and has been quarantined."""
 
 
 class Database:
     """A file with one writing connection and as many reading ones as there are readers at a time.
 
-    ``messages`` are for the operator, e.g. that a damaged file was set aside.  Nothing is ever deleted.
+    ``messages`` are for the operator, e.g. that a damaged file was quarantined.  Nothing is ever deleted.
 
     Raises:
         StoreInUseError: someone else writes to it.
@@ -161,7 +161,7 @@ def _opened(path: Path, migrations: Sequence[str], synchronous: Synchronous) -> 
         _migrate(connection, path, migrations)
     except BaseException as error:
         # Renamed before it is closed: closing would write the log back and remove it.
-        damage = _set_aside(path, error) if _is_damage(error) else error
+        damage = _quarantine(path, error) if _is_damage(error) else error
         connection.close()
         raise damage from None
     return connection
@@ -190,14 +190,16 @@ def _is_damage(error: BaseException) -> bool:
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGE
 
 
-def _set_aside(path: Path, error: BaseException) -> _DamagedError:
+def _quarantine(path: Path, error: BaseException) -> _DamagedError:
     """Rename the file and its companions, so that they still belong together; what to tell the operator."""
-    aside = path.with_name(f"{path.name}.damaged-{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}")
+    quarantined = path.with_name(f"{path.name}.damaged-{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}")
     for suffix in ("", *_COMPANIONS):
         companion = path.with_name(path.name + suffix)
         if companion.exists():
-            companion.rename(aside.with_name(aside.name + suffix))
-    return _DamagedError(f"{path} is damaged ({error}); it is kept as {aside.name}, and a new one was begun")
+            companion.rename(quarantined.with_name(quarantined.name + suffix))
+    return _DamagedError(
+        f"{path} is damaged ({error}); it is kept as {quarantined.name}, and a new file has been started"
+    )
 
 
 @contextmanager

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.bench
 _COMPILE = """
 import os, sys
 from time import perf_counter
-from service.monitoring.warming import compile_kernel
+from service.pipeline.warming import compile_kernel
 from tests.bench.costs import memory_mb
 start = perf_counter()
 compile_kernel(int(sys.argv[1]))

@@ -31,9 +31,9 @@ _ALONE = """
 import sys
 from pathlib import Path
 from time import perf_counter
-from monitor_core.assembly import Assembly
-from monitor_core.model import AxisModel
-from service.modeling import model_of_file
+from monitor_core.drive.assembly import Assembly
+from monitor_core.drive.axis_model import AxisModel
+from service.config.drive_sources import model_of_file
 start = perf_counter()
 space, drive, values = model_of_file(Path(sys.argv[1]))
 model = AxisModel(drive, values, ("1/" + drive.parameters[0].name,))

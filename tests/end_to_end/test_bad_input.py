@@ -100,7 +100,7 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
         assert d.stop() == 0
 
 
-def test_a_checkpoint_of_other_nominal_values_is_set_aside_and_said(tmp_path: Path) -> None:
+def test_a_checkpoint_of_other_nominal_values_is_quarantined_and_said(tmp_path: Path) -> None:
     config = demo_config(tmp_path, axes=1)
     with daemon(config) as d:
         with running("simulate", "--config", config, log=tmp_path / "robot.log"):
@@ -111,7 +111,7 @@ def test_a_checkpoint_of_other_nominal_values_is_set_aside_and_said(tmp_path: Pa
     with daemon(config) as d:
         (message,) = said(d)
         assert (
-            "demo.axis1: its checkpoint is not used and kept aside: it was saved with another mod" in message
+            "demo.axis1: its checkpoint is not used and quarantined: it was saved with another mod" in message
         )
         assert "the estimates, the evidence of the bank of hypotheses and the slow history" in message
         assert message in [event.get("message") for event in d.events()]

@@ -15,7 +15,7 @@ UNSAVED = "the state of the monitors cannot be saved"
 
 BROKEN = """
 from service.commands.main import main
-from service.monitoring.core import Core
+from service.pipeline.frame_pipeline import Core
 
 def run(_):
     raise ZeroDivisionError("division by a fault")

@@ -160,7 +160,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from service.config import load
-from service.monitoring.banks import Monitors
+from service.pipeline.axis_monitors import Monitors
 Monitors(load(Path(sys.argv[1]), {}).axes)
 print(sorted({"sympy", "pymoca", "antlr4"} & {name.split(".")[0] for name in sys.modules}))
 """

@@ -131,7 +131,7 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
     assert {d.name for d in facts.detectors if d.open} == {"cusum", "bank"}
 
 
-def test_a_damaged_state_of_the_bank_is_set_aside_and_the_estimates_go_on(
+def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
     tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
 ) -> None:
     config = watched(tmp_path)

@@ -146,7 +146,7 @@ def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(
     assert found[AXIS].book.open == (OPEN,)
 
 
-def test_a_checkpoint_of_another_model_is_set_aside_and_said(
+def test_a_checkpoint_of_another_model_is_quarantined_and_said(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
     monitors[AXIS].start_from(np.array([1.1, 0.01, 0.07]))
@@ -162,18 +162,18 @@ def test_a_checkpoint_of_another_model_is_set_aside_and_said(
     (loss,) = restored.losses
     assert (loss.axis_id, loss.what) == (AXIS, ESTIMATES)
     assert changed[AXIS].facts().parameters[2].estimate == pytest.approx(0.061)
-    assert [aside.axis for aside in checkpoints.kept_aside()] == [AXIS]
+    assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [AXIS]
     assert restored.checkpoint_us == NOW_US  # that of the other axis
 
 
-def test_arrays_of_another_shape_are_set_aside(
+def test_arrays_of_another_shape_are_quarantine(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
     arrays = monitors[AXIS].to_arrays()
     checkpoints.save(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)}, NOW_US)
     found, restored = again(tmp_path, checkpoints, journal)
     assert "does not fit this version" in restored.losses[0].reason
-    assert len(checkpoints.kept_aside()) == 1
+    assert len(checkpoints.quarantined()) == 1
     assert found[AXIS].facts().samples == 0
 
 

@@ -143,7 +143,7 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
         assert (a.trend.level, a.trend.slope, a.reaches) == (b.trend.level, b.trend.slope, b.reaches)
 
 
-def test_damage_is_told_counted_and_kept_aside(tmp_path: Path, checkpoints: Checkpoints) -> None:
+def test_damage_is_told_counted_and_quarantined(tmp_path: Path, checkpoints: Checkpoints) -> None:
     monitors = Monitors(limited(tmp_path, {}).axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
     save(monitors.trends, monitors, checkpoints)
@@ -155,7 +155,7 @@ def test_damage_is_told_counted_and_kept_aside(tmp_path: Path, checkpoints: Chec
     assert later.lost == {AXIS: 1, "demo.axis2": 0}
     later.look()
     assert [len(p.entries) for p in later.of(AXIS)] == [30, 30, 0]
-    assert [aside.axis for aside in checkpoints.kept_aside()] == [part.name]
+    assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [part.name]
 
 
 def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(

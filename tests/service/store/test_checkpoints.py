@@ -1,4 +1,4 @@
-"""Checkpoints: bit-equal when they come back, kept aside when they cannot be used."""
+"""Checkpoints: bit-equal when they come back, quarantined when they cannot be used."""
 
 import random
 import sqlite3
@@ -14,8 +14,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
-from service.store.arrays import Arrays, UnreadableError, pack, unpack
-from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, SetAside
+from service.store.array_files import Arrays, UnreadableError, pack, unpack
+from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
 
 ROOT = Path(__file__).resolve().parents[3]
 FILE = "checkpoints.sqlite"
@@ -78,21 +78,21 @@ def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -
     assert checkpoints.load("demo.axis9", "key", now_us=3) is None
 
 
-def test_another_key_is_kept_aside_once(checkpoints: Checkpoints, seed: int) -> None:
+def test_another_key_is_quarantined_once(checkpoints: Checkpoints, seed: int) -> None:
     checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
     found = checkpoints.load("demo.axis1", "other key", now_us=6)
-    assert isinstance(found, SetAside)
+    assert isinstance(found, QuarantinedCheckpoint)
     assert found.axis == "demo.axis1"
     assert "another model" in found.reason
     assert checkpoints.load("demo.axis1", "key", now_us=7) is None
-    assert checkpoints.kept_aside() == [found]
+    assert checkpoints.quarantined() == [found]
 
 
-def test_what_the_monitor_refuses_can_be_kept_aside(checkpoints: Checkpoints, seed: int) -> None:
+def test_what_the_monitor_refuses_can_be_quarantined(checkpoints: Checkpoints, seed: int) -> None:
     checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
-    checkpoints.set_aside("demo.axis1", "no array 'ints'", now_us=6)
+    checkpoints.quarantine("demo.axis1", "no array 'ints'", now_us=6)
     assert checkpoints.load("demo.axis1", "key", now_us=7) is None
-    assert [kept.reason for kept in checkpoints.kept_aside()] == ["no array 'ints'"]
+    assert [kept.reason for kept in checkpoints.quarantined()] == ["no array 'ints'"]
 
 
 @pytest.mark.parametrize("column", ["arrays", "key", "checksum"])
@@ -103,9 +103,9 @@ def test_a_flipped_bit_is_noticed(column: str, tmp_path: Path, seed: int) -> Non
     flip_a_bit(tmp_path / FILE, column, random.Random(seed))
     checkpoints = Checkpoints(tmp_path / FILE)
     found = checkpoints.load("demo.axis1", "key", now_us=6)
-    assert isinstance(found, SetAside)
+    assert isinstance(found, QuarantinedCheckpoint)
     assert "damaged" in found.reason
-    assert len(checkpoints.kept_aside()) == 1
+    assert len(checkpoints.quarantined()) == 1
     checkpoints.close()
 
 
@@ -129,7 +129,7 @@ def test_a_time_of_another_checkpoint_is_noticed(tmp_path: Path, seed: int) -> N
     connection.commit()
     connection.close()
     checkpoints = Checkpoints(tmp_path / FILE)
-    assert isinstance(checkpoints.load("demo.axis1", "key", now_us=7), SetAside)
+    assert isinstance(checkpoints.load("demo.axis1", "key", now_us=7), QuarantinedCheckpoint)
     checkpoints.close()
 
 
@@ -194,4 +194,4 @@ def test_kill_9_leaves_the_last_saved_states_of_all_axes(tmp_path: Path, seed: i
     numbers = {int(c.arrays["k"][0]) for c in found if isinstance(c, Checkpoint)}
     assert len(numbers) == 1
     assert numbers <= {last, last + 1}
-    assert not any(isinstance(c, SetAside) or c is None for c in found)
+    assert not any(isinstance(c, QuarantinedCheckpoint) or c is None for c in found)

@@ -1,4 +1,4 @@
-"""A damaged file is set aside and said so; nothing is deleted, and the program goes on."""
+"""A damaged file is quarantined and said so; nothing is deleted, and the program goes on."""
 
 import random
 import sqlite3
@@ -40,11 +40,11 @@ def test_a_damaged_file_is_kept_and_a_new_one_begun(
     broken = damage(filled(path), random.Random(seed))
     path.write_bytes(broken)
     journal = Journal(path)
-    (aside,) = tmp_path.glob("alarms.sqlite.damaged-*Z")
+    (quarantined,) = tmp_path.glob("alarms.sqlite.damaged-*Z")
     (message,) = journal.messages
-    assert aside.read_bytes() == broken
+    assert quarantined.read_bytes() == broken
     assert str(path) in message
-    assert aside.name in message
+    assert quarantined.name in message
     assert journal.query() == ([], 0)
     journal.record("demo.axis1", "1", 1.0, Episode("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
     journal.close()
@@ -59,8 +59,8 @@ def test_a_damaged_log_goes_with_its_file(tmp_path: Path, seed: int) -> None:
     wal = path.with_name("alarms.sqlite-wal")
     wal.write_bytes(random.Random(seed).randbytes(100))
     Journal(path).close()
-    (aside,) = tmp_path.glob("alarms.sqlite.damaged-*Z-wal")
-    assert len(aside.read_bytes()) == 100
+    (quarantined,) = tmp_path.glob("alarms.sqlite.damaged-*Z-wal")
+    assert len(quarantined.read_bytes()) == 100
 
 
 def test_an_empty_file_is_a_new_journal(tmp_path: Path) -> None:

@@ -244,7 +244,7 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
 _WRITER = """
 import sys
 from pathlib import Path
-from monitor_core.alarms.episodes import Episode
+from monitor_core.detection.alarm import Episode
 from service.store.journal import Journal
 journal = Journal(Path(sys.argv[1]))
 k = journal.query()[1]
