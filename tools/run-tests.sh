@@ -21,7 +21,7 @@ find monitor_core service -name '*.py' -exec sh -c 'for f; do touch -d "@$(stat 
 # one processor. What is wrong with the sources is said before any test runs.
 ahead() {
   .venv/bin/python -c "import tests.conftest
-from service.commands.warm_offline import compile_offline
+from service.commands.warm import compile_offline
 from service.pipeline.warming import FEWEST_LANES, HYPOTHESES, compile_kernel
 $1"
 }

@@ -1,4 +1,4 @@
-"""``axiswatch demo``: a simulated robot, the daemon, and a fault after a while, in one process."""
+"""``axiswatch demo``: a simulated robot with a fault, and the daemon that monitors it, in one process."""
 
 import tempfile
 import threading
@@ -47,7 +47,7 @@ MonitorOption = Annotated[
     typer.Option(
         "--monitor",
         metavar="PARAMETER",
-        help="What to watch: kT, 1/Ja. May be repeated. [default: up to three that the motion tells apart]",
+        help="Parameter to monitor: kT, 1/Ja. May be repeated. [default: up to three distinguishable ones]",
     ),
 ]
 
@@ -63,10 +63,10 @@ def demo(
     port: Port = None,
     state_dir: StateDir = None,
 ) -> None:
-    """Look around: a simulated robot on a bus inside the process, and the daemon reading it.
+    """Look around: a simulated robot on a bus inside the process, and the daemon that monitors it.
 
-    After a while something breaks: the friction of the second axis grows by 30 %, unless the options say
-    otherwise. Of another drive, torque constant, last inertia and friction are watched as far as there are such.
+    After a minute a fault occurs: the friction of the second axis grows by 30 %, unless options choose another
+    fault. With another drive the torque constant, the last inertia and the friction are monitored, where it has them.
     """
     with _folder(state_dir) as folder:
         read = _adapted(configuration(shipped("demo.toml")), axes, port, folder)
@@ -99,7 +99,7 @@ def _adapted(config: Config, axes: int, port: int | None, state_dir: Path) -> Co
 
 
 def with_drive_of(config: Config, drive: str | None, model: str | None, monitor: tuple[str, ...]) -> Config:
-    """Every axis with the drive, and what is watched."""
+    """The configuration with this drive and these monitored parameters for every axis."""
     axis = config.robot[0].axis[0]
     if drive is not None:
         axis = with_drive(axis, drive, model, monitor)
@@ -128,16 +128,18 @@ def _run(config: Config, fault: Fault) -> None:
     stop = threading.Event()
     with explained():
         robot = RobotThread(config, fault, stop)
-        watched = ", ".join(config.axes[0].config.model.monitor)
-        run_daemon(config, ready=lambda url: _say(url, fault, watched), stop=stop, keeping_up=robot.start)
+        monitored = ", ".join(config.axes[0].config.model.monitor)
+        run_daemon(
+            config, ready=lambda url: _print_welcome(url, fault, monitored), stop=stop, keeping_up=robot.start
+        )
         robot.join()
 
 
-def _say(url: str, fault: Fault, watched: str) -> None:
+def _print_welcome(url: str, fault: Fault, monitored: str) -> None:
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
-    console.print(f"watched: {watched}")
+    console.print(f"monitored: {monitored}")
     console.print(
-        f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s of motion, which begins once the kernel "
-        "is compiled (the first time, half a minute).  Ctrl-C ends the demo."
+        f"{fault.axis_id}: {in_words(fault.factors)} after {fault.after_s:g} s of motion. The motion begins when the "
+        "kernel is compiled, which takes some seconds at the first start.  Ctrl-C ends the demo."
     )

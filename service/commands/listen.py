@@ -1,35 +1,40 @@
-"""``axiswatch listen``: what the buses carry, decoded."""
+"""``axiswatch listen``: a live table of the decoded signals on the buses."""
+
+from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
+from rich.markup import escape
+from rich.table import Table
 
 from service.can.bus_reader import CanReader
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
-from service.commands.listen_table import Latest, lines, table
 from service.commands.stopping import stop_on_signals
-from service.config import Config
-from service.ingest.bus_samples import Ingest
-from service.ingest.timestamp_jitter import Stamps, remarks
+from service.config import Config, needed
+from service.ingest.bus_samples import Ingest, Value
+from service.ingest.timestamp_jitter import Stamps, in_words, remarks
 
 _TAKE_S = 0.1
 
 Seconds = Annotated[
-    float | None, typer.Option("--seconds", min=0.0, metavar="N", help="End after so long. [default: never]")
+    float | None,
+    typer.Option("--seconds", min=0.0, metavar="N", help="Stop after N seconds. [default: never]"),
 ]
 
 
 def listen(config: ConfigPath, seconds: Seconds = None) -> None:
-    """Show the values on the buses as the configuration decodes them: is every signal where it should be?
+    """Show the values on the buses, decoded to SI units by the configuration.
 
-    On a terminal a table that is kept up to date; elsewhere a line for each value, once a second.
+    On a terminal this is a live table; elsewhere one line for each value, once a second.
     """
     read = configuration(config)
     stop = stop_on_signals()
@@ -64,7 +69,7 @@ def _show(
 ) -> None:
     latest = Latest(config)
     with Live(console=console, auto_refresh=False, transient=False) as live:
-        while not _over(stop, end):
+        while not _is_over(stop, end):
             _take(latest, sources)
             stamps = _stamps(sources)
             words = [*_buses(config, sources), *_remarks(config, stamps)]
@@ -74,7 +79,7 @@ def _show(
 def _print(config: Config, sources: _Sources, stop: threading.Event, end: float | None) -> None:
     latest = Latest(config)
     due = time.monotonic() + 1
-    while not _over(stop, end):
+    while not _is_over(stop, end):
         _take(latest, sources)
         if time.monotonic() >= due:
             due += 1
@@ -90,7 +95,7 @@ def _take(latest: Latest, sources: _Sources) -> None:
 
 
 def _buses(config: Config, sources: _Sources) -> list[str]:
-    """The state of each bus and what was dropped, in words."""
+    """One line for each bus: its state, its frames, and the dropped frames by reason."""
     words = []
     for bus, (reader, ingest) in zip(config.bus, sources, strict=True):
         stats = reader.stats()
@@ -105,7 +110,7 @@ def _stamps(sources: _Sources) -> dict[str, Stamps]:
 
 
 def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
-    """What the time stamps say about the configuration."""
+    """Recommendations for the configuration from the scatter of the time stamps."""
     return [
         words
         for axis in config.axes
@@ -114,10 +119,91 @@ def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
     ]
 
 
-def _over(stop: threading.Event, end: float | None) -> bool:
-    """Wait a little; whether it is time to end."""
+def _is_over(stop: threading.Event, end: float | None) -> bool:
+    """Wait for one period; True when it is time to stop."""
     return stop.wait(_TAKE_S) or (end is not None and time.monotonic() >= end)
 
 
 def _now_us() -> int:
     return time.time_ns() // 1000
+
+
+_UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
+_OLD_S = 1.0
+
+
+@dataclass
+class _Reception:
+    value: Value
+    count: int = 1
+    first_us: int = 0
+
+    @property
+    def rate_hz(self) -> float:
+        span_us = self.value.t_us - self.first_us
+        return (self.count - 1) / span_us * 1e6 if span_us > 0 else 0.0
+
+
+class Latest:
+    """The latest value of each quantity of each axis, if one was received."""
+
+    def __init__(self, config: Config) -> None:
+        self._seen: dict[tuple[str, str], _Reception | None] = {}
+        for axis in config.axes:
+            counter = ("counter",) if axis.config.time.counter_signal else ()
+            further = (f"signal {source.name}" for source in needed(axis))
+            beside = ("speed",) if axis.config.both else ()
+            for quantity in ("torque", axis.config.output, *beside, *counter, *further):
+                self._seen[axis.id, quantity] = None
+
+    def add(self, value: Value) -> None:
+        """Store a newer value."""
+        key = (value.axis_id, value.quantity)
+        seen = self._seen.get(key)
+        if seen is None:
+            self._seen[key] = _Reception(value, 1, value.t_us)
+        else:
+            seen.value, seen.count = value, seen.count + 1
+
+    def rows(self, now_us: int) -> Iterator[tuple[str, ...]]:
+        """Rows of the table: axis, quantity, value with unit, signal, raw value, rate, age."""
+        for (axis_id, quantity), seen in self._seen.items():
+            if seen is None:
+                yield (axis_id, quantity, "not received", "", "", "", "")
+                continue
+            v = seen.value
+            age_s = max(0, now_us - v.t_us) / 1e6
+            si = f"{v.si:.6g} {_UNITS.get(quantity, '')}".rstrip()
+            signal = f"{v.message}.{v.signal}"
+            old = f"{age_s:.1f} s" if age_s >= _OLD_S else "now"
+            yield (axis_id, quantity, si, signal, f"{v.physical:.6g}", f"{seen.rate_hz:.1f} Hz", old)
+
+
+_COLUMNS = ("axis", "quantity", "value", "signal", "raw value", "rate", "age")
+
+
+Stamped = Mapping[str, Stamps]
+
+
+def table(latest: Latest, now_us: int, buses: Sequence[str], stamped: Stamped) -> RenderableType:
+    """The table for a terminal."""
+    rows = Table(*_COLUMNS)
+    for row in latest.rows(now_us):
+        rows.add_row(*map(escape, row), style=None if row[-1] == "now" else "yellow")
+    for row in _stamp_rows(stamped):
+        rows.add_row(*map(escape, row))
+    return Group(rows, *map(escape, buses))
+
+
+def lines(latest: Latest, now_us: int, buses: Sequence[str], stamped: Stamped) -> Iterator[str]:
+    """Lines for a file or a pipe; tabulators separate the columns."""
+    yield from buses
+    for row in (*latest.rows(now_us), *_stamp_rows(stamped)):
+        yield "\t".join(row)
+
+
+def _stamp_rows(stamped: Stamped) -> Iterator[tuple[str, ...]]:
+    """Scatter of the time stamps of each axis, its clock, and the measured interval."""
+    for axis_id, stamps in stamped.items():
+        scatter, interval = in_words(stamps)
+        yield (axis_id, "stamps", f"scatter {scatter}", stamps.clock, interval, "", "")

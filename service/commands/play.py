@@ -1,4 +1,4 @@
-"""``axiswatch play``: a record onto the buses of a configuration."""
+"""``axiswatch play``: send a record on the buses of a configuration."""
 
 import math
 import threading
@@ -20,20 +20,22 @@ RecordPath = Annotated[
 ]
 Speed = Annotated[
     float,
-    typer.Option("--speed", metavar="FACTOR", help="2 is twice as fast, 0 as fast as the bus takes it."),
+    typer.Option(
+        "--speed", metavar="FACTOR", help="2 is twice as fast, 0 as fast as the bus accepts frames."
+    ),
 ]
-Loop = Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")]
+Loop = Annotated[bool, typer.Option("--loop", help="Repeat until Ctrl-C.")]
 
 LATE_S = 0.25
-TOO_SLOW = "this machine cannot keep up with the record, and its times are wrong on the bus"
+TOO_SLOW = "this machine cannot keep up with the record, so the timing on the bus is wrong"
 
 
 def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop = False) -> None:
-    """Send a record on the buses of a configuration, at the speed of its own times.
+    """Send a record on the buses of a configuration, with its recorded timing.
 
-    A CAN log is sent as it is; a table goes through the DBC, by the columns that the configuration names. The daemon
-    goes by the times at which it receives frames: another speed than 1 shows it other motions than the robot made, so
-    it is for trying the wiring. To have a record evaluated fast, use `replay`.
+    A CAN log is sent unchanged; a table is encoded by the DBC, from the columns that the configuration names. The
+    daemon uses the receipt times of the frames: any speed other than 1 shows it another motion than that of the robot,
+    and serves to test the connection only. To evaluate a record fast, use `replay`.
     """
     if not (math.isfinite(speed) and speed >= 0):
         raise typer.BadParameter("must be 0 or greater", param_hint="--speed")
@@ -45,12 +47,12 @@ def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop 
 
 
 def _play(config: Config, record: Path, speed: float, loop: bool, stop: threading.Event) -> tuple[int, float]:
-    """Frames sent, and by how much one was late."""
+    """Number of frames sent, and the largest delay [s]."""
     from service.can.bus import open_bus
     from service.simulation.playback import play_frames, play_record
 
     sent, late_s = 0, 0.0
-    play_record(record, config)  # what is wrong with it is said before a bus is opened
+    play_record(record, config)  # its errors are reported before a bus is opened
     with ExitStack() as stack:
         buses = {bus.name: open_bus(bus, ()) for bus in config.bus}
         for bus in buses.values():

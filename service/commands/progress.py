@@ -1,4 +1,4 @@
-"""A progress bar on the error stream where that is a terminal, nothing elsewhere."""
+"""Progress bars on the error stream, if that is a terminal."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from rich.progress import (
 
 @contextmanager
 def progress_bar(name: str) -> Iterator[Callable[[float], None]]:
-    """A bar that is told how much has been done, 0 to 1."""
+    """A bar; the yielded function sets the completed share, 0 to 1."""
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -26,13 +26,13 @@ def progress_bar(name: str) -> Iterator[Callable[[float], None]]:
 
 @contextmanager
 def steps_bar(name: str) -> Iterator[Callable[[str, float, float], None]]:
-    """A bar that is told what is going on, in words, how much of it is done, and how much there is at most."""
+    """A bar with a description; the yielded function takes the step's name, the work done and the total work."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(name)
 
-        def told(words: str, done: float, most: float) -> None:
-            progress.update(task, completed=done, total=most, description=f"{name}: {words}")
+        def update(step: str, done: float, total: float) -> None:
+            progress.update(task, completed=done, total=total, description=f"{name}: {step}")
 
-        yield told
+        yield update

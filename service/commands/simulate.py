@@ -1,5 +1,6 @@
-"""``axiswatch simulate``: a robot onto the buses of a configuration."""
+"""``axiswatch simulate``: a simulated robot sends on the buses of a configuration."""
 
+from functools import partial
 from typing import Annotated
 
 import typer
@@ -13,9 +14,10 @@ from service.simulation.robot import Fault, SimulatedRobot
 from service.simulation.sending import open_buses, run_robot
 
 Seconds = Annotated[
-    float | None, typer.Option("--seconds", min=0.0, metavar="N", help="End after so long. [default: never]")
+    float | None,
+    typer.Option("--seconds", min=0.0, metavar="N", help="Stop after N seconds. [default: never]"),
 ]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Repeat the same motion and the same noise.")]
+Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of motion and noise, to repeat a run.")]
 
 
 def simulate(
@@ -28,8 +30,8 @@ def simulate(
 ) -> None:
     """Send torque and motion of a simulated robot on the buses of a configuration, until Ctrl-C.
 
-    Its axes are the configured ones, healthy until --fault happens. Let `axiswatch run` with the same
-    configuration listen on the other side; for a bus inside one process use `axiswatch demo`.
+    Its axes are the configured ones; they are healthy until --fault occurs. Start `axiswatch run` with the same
+    configuration to monitor it. `axiswatch demo` does both in one process.
     """
     read = configuration(config)
     known = [axis.id for axis in read.axes]
@@ -43,6 +45,9 @@ def simulate(
         robot = SimulatedRobot(read, seed, faults)
         with open_buses(read) as send_moment:
             console.print(f"{len(known)} axes on {', '.join(bus.channel for bus in read.bus)}; Ctrl-C ends")
-            told = lambda f: console.print(f"{f.axis_id}: {in_words(f.factors)}")  # noqa: E731
-            frames = run_robot(robot, send_moment, stop, told, seconds)
+            frames = run_robot(robot, send_moment, stop, partial(_print_fault, console), seconds)
     console.print(f"{frames} frames sent")
+
+
+def _print_fault(console: Console, fault: Fault) -> None:
+    console.print(f"{fault.axis_id}: {in_words(fault.factors)}")

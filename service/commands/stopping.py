@@ -1,4 +1,4 @@
-"""Commands that go on until Ctrl-C or SIGTERM, which is an end in order: exit code 0."""
+"""Commands that run until Ctrl-C or SIGTERM, which is a regular end: exit code 0."""
 
 import signal
 import threading

@@ -1,19 +1,70 @@
-"""``axiswatch warm``: compile everything ahead of the first start."""
+"""``axiswatch warm``: compile all numeric code in advance of the first start."""
+
+from __future__ import annotations
 
 from time import perf_counter
 
+import numpy as np
+
+from monitor_core.drive.structure import Output
+from monitor_core.excitation.design import Experiment, Task, plan
+from monitor_core.excitation.limits import Limits
+from monitor_core.excitation.plant import Plant
+from monitor_core.excitation.prediction import Estimation
+from monitor_core.identification.arx import fit_arx
+from monitor_core.identification.blackbox import fit_blackbox
+from monitor_core.identification.greybox import Disturbance, Problem, fit
+from monitor_core.identification.record import Record
+from monitor_core.modeling.standard_drives import two_mass
+from service.pipeline.warming import compile_all
+
+_INTERVAL_S = 0.005
+_VALUES = {
+    "Jm": 0.004, "Ja": 0.01, "k": 50.0, "d": 0.05, "fm": 0.05, "fc": 0.05, "tau0": 0.0, "kT": 1.0, "r": 1.0
+}  # fmt: skip
+_OUTPUTS: tuple[Output, ...] = ("speed", "angle")
+
 
 def warm() -> None:
-    """Compile all numeric code into numba's cache, so that the next start need not.
+    """Compile all numeric code of the daemon, identify and excite in advance, so that the next start is fast.
 
-    That of the daemon, and that of identify and excite. The cache lies below NUMBA_CACHE_DIR if that is set, else in
-    ~/.cache/axiswatch. It holds for this version and this kind of processor.
+    The cache lies below NUMBA_CACHE_DIR if that is set, else in ~/.cache/axiswatch. It is valid for this version and
+    this kind of processor.
     """
     start = perf_counter()
-    from service.commands.warm_offline import compile_offline
-    from service.pipeline.warming import compile_all
-
     compile_all()
     monitoring = perf_counter() - start
     compile_offline()
     print(f"the kernel is ready ({perf_counter() - start:.1f} s, {monitoring:.1f} s of it for the daemon)")
+
+
+def compile_offline() -> None:
+    """Compile what ``excite`` and ``identify`` call: a small experiment is planned, simulated and identified."""
+    experiment = _plan_experiment()
+    for output in _OUTPUTS:
+        _identify(experiment, output)
+
+
+def _plan_experiment() -> Experiment:
+    drive = two_mass("angle")
+    plant = Plant(drive, _VALUES, _INTERVAL_S)
+    estimation = Estimation(drive, _VALUES, _INTERVAL_S, lam0=1e-6)
+    task = Task(plant, estimation, Limits(torque=2.0), period=200, periods=1, command="angle")
+    return plan(task, np.random.default_rng(0))
+
+
+def _identify(experiment: Experiment, output: Output) -> None:
+    motion, rng = experiment.motion, np.random.default_rng(0)
+    y = (motion.speed if output == "speed" else motion.angle)[:, 0]
+    t = _INTERVAL_S * np.arange(len(y), dtype=np.float64)
+    record = Record(t, motion.torque[:, 0], y + 0.01 * y.std() * rng.standard_normal(len(y)), output)
+    problem = Problem(
+        two_mass(output),
+        _VALUES,
+        ("Jm", "fm"),
+        free_delay=True,
+        disturbance=Disturbance(torque=0.1, slow=0.1),
+    )
+    fit(problem, [record], most_iterations=2)
+    fit_arx([record], 5)
+    fit_blackbox([record], 2, past=10, iterations=1)

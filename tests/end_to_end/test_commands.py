@@ -47,7 +47,7 @@ def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
     lines = tmp_path / "lines.txt"
     with running("listen", "--config", config, log=lines) as listener:
         wait_for(lambda: "can0: up" in lines.read_text(encoding="utf-8"))
-        assert "demo.axis1\ttorque\tnothing yet" in lines.read_text(encoding="utf-8")
+        assert "demo.axis1\ttorque\tnot received" in lines.read_text(encoding="utf-8")
         played = run_program("play", "--config", config, "--speed", "2", record)
         assert (played.returncode, played.stdout[:15]) == (0, "300 frames sent")
         wait_for(lambda: "can0: up, 300 frames" in lines.read_text(encoding="utf-8"))
@@ -79,7 +79,7 @@ def test_listen_on_a_terminal_is_one_table_and_ends_by_itself(tmp_path: Path) ->
     shown = b"".join(iter(lambda: _read(ours), b""))
     os.close(ours)
     assert process.wait(60) == 0
-    for words in (b"quantity", b"nothing yet", b"can0: up, 0 frames"):
+    for words in (b"quantity", b"not received", b"can0: up, 0 frames"):
         assert words in shown
 
 

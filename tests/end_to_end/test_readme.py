@@ -225,7 +225,7 @@ def test_the_drive_drawn_here_is_modelled_and_its_fault_is_named(tmp_path: Path)
         assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "f", "up")
         process.send_signal(signal.SIGINT)
         assert process.wait(30) == 0
-    assert "watched: 1/Ja, f" in log.read_text(encoding="utf-8")
+    assert "monitored: 1/Ja, f" in log.read_text(encoding="utf-8")
 
 
 def alarms(page: str) -> list[dict[str, object]]:

@@ -11,7 +11,7 @@ from tests.service.identification.conftest import write_record, write_robot
 
 _PROGRAM = """
 import gc, sys
-from service.commands.warm_offline import compile_offline
+from service.commands.warm import compile_offline
 from service.commands.main import app
 
 def compiled():
