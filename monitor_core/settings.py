@@ -19,35 +19,6 @@ class Threshold(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Second:
-    """The filter of a second output, used after the first one in the same sample (kalman.gains_of_both).
-
-    Raises:
-        ValueError: a value outside its range.
-    """
-
-    K: tuple[float, ...]
-    """Its gain, one number per state, given that the first output has been used."""
-    lam0: float
-    """Its innovation variance then, in its unit squared."""
-    K_after: tuple[tuple[float, ...], ...] = ()
-    """Its gain after 0, 2, 3 .. 11 intervals; empty: always K."""
-    alone: tuple[float, ...] = ()
-    """Gain of the first output where the second is missing; empty: as with it."""
-    alone_after: tuple[tuple[float, ...], ...] = ()
-    """The same after 0, 2, 3 .. 11 intervals; empty: always ``alone``."""
-
-    def __post_init__(self) -> None:
-        numbers = [
-            *self.K,
-            *self.alone,
-            *(k for after in (self.K_after, self.alone_after) for g in after for k in g),
-        ]
-        if not (self.K and 0 < self.lam0 < math.inf and all(math.isfinite(k) for k in numbers)):
-            raise ValueError(f"a second output with lam0 = {self.lam0}, K = {self.K} is out of range")
-
-
-@dataclass(frozen=True)
 class Settings:
     """Settings of one axis; the defaults are the paper's.
 
@@ -104,8 +75,6 @@ class Settings:
     untold: tuple[tuple[str, str], ...] = ()
     """Pairs of parameters that the record of the nominal values cannot tell apart.  With such nominal values, nothing
     is tested: they would alarm as soon as the axis moves otherwise."""
-    second: Second | None = field(default=None, repr=False)
-    """Of a drive with a second output; K, K_after and lam0 are then those of the first output while both are there."""
     run_on: bool = False
     """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
 
@@ -184,29 +153,6 @@ class Settings:
             ValueError: another number of states, or of gains.
         """
         return _after(self.gain(n), self.K_after)
-
-    def both_gains(self, n: int) -> Floats:
-        """For two outputs, after 0, 1, 2 .. intervals: of the first, of the second, of the first alone (3 GAINS, n).
-
-        Raises:
-            ValueError: as ``gains``; there is no second output.
-        """
-        s = self.second
-        if s is None or len(s.K) != n or (s.alone and len(s.alone) != n):
-            raise ValueError(
-                f"the drive has two outputs and {n} states: need the gains of the second, {n} each"
-            )
-        first = self.gains(n)
-        alone = _after(np.array(s.alone), s.alone_after) if s.alone else first
-        return np.vstack([first, _after(np.array(s.K), s.K_after), alone])
-
-    def filter(self, n: int) -> Floats:
-        """The gains of all outputs, in the order in which they are used (1 or 2, n).
-
-        Raises:
-            ValueError: K has another number of states.
-        """
-        return np.vstack([self.gain(n)] if self.second is None else [self.gain(n), self.second.K])
 
 
 def _after(K: Floats, later: tuple[tuple[float, ...], ...]) -> Floats:

@@ -108,7 +108,6 @@ STILL_UPWARD = {
     ("service.config", "service.can"),
     ("monitor_core.trend", "monitor_core.detection"),
     ("service.can", "service.ingest"),
-    ("monitor_core.drive", "monitor_core.settings"),
 }
 """Imports against the direction that are still to be removed; empty when the layout is finished."""
 

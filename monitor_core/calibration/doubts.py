@@ -36,17 +36,11 @@ class CalibrationError(Exception):
 
 
 def check_settings(settings: Settings) -> None:
-    """That anything is tested, of an axis with one output.
+    """Check that the settings test the parameters at all.
 
     Raises:
-        CalibrationError: the nominal values do not allow it; there are two outputs.
+        CalibrationError: the nominal values do not allow it.
     """
-    if settings.second is not None:
-        raise CalibrationError(
-            "an axis that is measured by angle and speed cannot be calibrated: thresholds are had from copies of the"
-            " record, and those are simulated with one output. Leave out the table of one of the two, here and where it"
-            " is watched (thresholds of one are not those of both), or set alpha_1 and alpha_2 yourself"
-        )
     for words in untold(settings.untold):
         raise CalibrationError(words)
 

@@ -11,11 +11,11 @@ from monitor_core.drive.structure import DELAY, Drive, Term, split_name
 from monitor_core.kernel.tables import COULOMB, Constants, Tables
 from monitor_core.kernel.vector import FOUR
 
-_ROWS_OF = {"A": 0, "B": 1, "C": 2, "C2": 6}
+_ROWS_OF = {"A": 0, "B": 1, "C": 2}
 
 
 class _Slot(NamedTuple):
-    """An entry of A, B, C, C2 (par = -1) or of its derivative with respect to theta_par."""
+    """An entry of A, B, C (par = -1) or of its derivative with respect to theta_par."""
 
     group: int
     par: int
@@ -66,7 +66,7 @@ class Assembly:
         filtered = self.drive.output != "speed" and COULOMB in self.drive.inputs
         A = [s for s in slots if s.group == 0]
         inputs = self._input_products(n, p, filtered)
-        outputs, second = (self._output_products(n, p, _ROWS_OF[which]) for which in ("C", "C2"))
+        outputs = self._output_products(n, p)
         factors = [factor for piece in self._varying for factor in piece.factors]
         return Tables(
             n=n,
@@ -87,10 +87,6 @@ class Assembly:
             out_slot=_ints(q[0] for q in outputs),
             out_src=_ints(q[1] for q in outputs),
             out_par=_ints(q[2] for q in outputs),
-            two=int(self.drive.both),
-            out2_slot=_ints(q[0] for q in second),
-            out2_src=_ints(q[1] for q in second),
-            out2_par=_ints(q[2] for q in second),
             kind=_ints(self.drive.inputs),
             term_slot=_ints(self._index[piece.slot] for piece in self._varying),
             factor_start=_ints(np.cumsum([0] + [len(piece.factors) for piece in self._varying])),
@@ -130,12 +126,12 @@ class Assembly:
             products += [(i * n + s.row, self._index[s], s.col, i) for s in friction for i in range(p)]
         return products
 
-    def _output_products(self, n: int, p: int, group: int) -> list[tuple[int, int, int]]:
-        """(slot, element, parameter or -1): C x for yhat, C z_i and C_i x for psi_i, of C or of C2."""
-        C = [(s, k) for s, k in self._index.items() if s.group == group]
+    def _output_products(self, n: int, p: int) -> list[tuple[int, int, int]]:
+        """(slot, element, parameter or -1): C x for yhat, C z_i and C_i x for psi_i."""
+        C = [(s, k) for s, k in self._index.items() if s.group == 2]
         products = [(k, p * n + s.col, -1) for s, k in C]
         products += [(k, i * n + s.col, i) for s, k in C for i in range(p)]
-        return products + [(k, p * n + s.col, s.par) for s, k in self._index.items() if s.group == group + 3]
+        return products + [(k, p * n + s.col, s.par) for s, k in self._index.items() if s.group == 5]
 
     def model_constants(self, model: AxisModel, speed_scale: float) -> dict[str, Floats]:
         """V0, coef, weight, rest, theta0, lower, upper and u_scale of one axis, each as a vector.

@@ -140,12 +140,6 @@ class AxisModel:
         values = self.nominal if theta is None else self.values(theta)
         return self.drive.matrix("A", values), self.drive.matrix("B", values), self.drive.matrix("C", values)
 
-    def outputs(self, theta: Sequence[float] | Floats | None = None) -> Floats:
-        """What is measured, C and where there is one C2 (1 or 2, n), at theta (p,), by default at nominal."""
-        values = self.nominal if theta is None else self.values(theta)
-        rows = [self.drive.matrix("C", values)]
-        return np.vstack([*rows, self.drive.matrix("C2", values)] if self.drive.both else rows)
-
     def balance(self) -> Floats:
         """The diagonal d (n,) of powers of two that balances A at nominal: D^-1 A D."""
         _, (d, _) = sla.matrix_balance(self.matrices()[0], permute=False, separate=True)

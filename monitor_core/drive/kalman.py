@@ -1,7 +1,6 @@
 """Gain K of the innovations form, from the noise of torque and output."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +9,6 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DISTURBANCE_TIME
 from monitor_core.kernel.tables import GAINS, TORQUE
-from monitor_core.settings import Second
 
 _MARGIN = 1e-6
 """A double eigenvalue 1, which has no filter, comes out of the Riccati solver as 1 - 1e-8."""
@@ -39,7 +37,6 @@ def filter_gain(
             stable filter.
     """
     _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise, disturbance_noise)
-    C = C[0]
     lam0 = float(C @ P @ C) + 1
     return _kept(model, d * (P @ C) / lam0), lam0 * output_noise**2
 
@@ -50,12 +47,8 @@ def _steady(
     torque_noise: float,
     output_noise: float,
     disturbance_noise: float = 0.0,
-    second_noise: float | None = None,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Ad, P of the one-step prediction, Q, C in the coordinates x / d, and d; the output noise is the unit, R = 1.
-
-    C (1 or 2, n): of the second output where ``second_noise`` is that of one, in units of its own noise.
-    """
+    """Ad, P of the one-step prediction, Q, C (n,) in the coordinates x / d, and d; the output noise is the unit."""
     noises = {"torque_noise": torque_noise, "disturbance_noise": disturbance_noise}
     if not (all(0 <= v < math.inf for v in noises.values()) and 0 < output_noise < math.inf):
         raise ValueError(
@@ -63,17 +56,11 @@ def _steady(
             "the first at least zero, the second greater than zero"
         )
     Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
-    if second_noise is not None:
-        if not 0 < second_noise < math.inf:
-            raise ValueError(
-                f"noise of the second output = {second_noise}: must be finite and greater than zero"
-            )
-        C = np.vstack([C, (output_noise / second_noise) * d * model.drive.matrix("C2", model.nominal)])
     # In units of the output noise, R = 1: the Riccati equation then is as well scaled as it can be.
     g = G / output_noise
     g[:, : _torque(model).sum()] *= torque_noise
     try:
-        return Ad, prediction_variance(Ad, C, g @ g.T), g @ g.T, C, d
+        return Ad, prediction_variance(Ad, C, g @ g.T), g @ g.T, C[0], d
     except ValueError:
         raise ValueError(_no_filter(torque_noise, output_noise)) from None
 
@@ -89,7 +76,6 @@ def gains_after(
         ValueError: as filter_gain.
     """
     Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise)
-    C = C[0]
     found = [P - np.outer(P @ C, P @ C) / (C @ P @ C + 1), P]
     for _ in range(GAINS - 2):
         found.append(Ad @ found[-1] @ Ad.T + Q)
@@ -97,70 +83,12 @@ def gains_after(
     return tuple(tuple(_kept(model, d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in found)
 
 
-class Gains(NamedTuple):
-    """The filter of one output, or of two that are taken one after the other."""
-
-    K: tuple[float, ...]
-    lam0: float
-    K_after: tuple[tuple[float, ...], ...]
-    second: Second | None
-
-
-def gains_of_both(
-    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float, second_noise: float
-) -> Gains:
-    """The steady-state Kalman filter of a drive with two outputs (Drive.with_speed) at nominal, in sequential form.
-
-        K1 = P C1' / lambda_1,  lambda_1 = C1 P C1' + R1,      K2 = P1 C2' / lambda_2,  lambda_2 = C2 P1 C2' + R2
-
-    P is the variance of the one-step prediction with both outputs, P1 = P - K1 C1 P what the first leaves of it.
-    Noises as in filter_gain, ``second_noise`` [rad/s] that of the second output; they must not depend on each other.
-
-    Raises:
-        ValueError: as filter_gain.
-    """
-    Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise, second_noise=second_noise)
-    grown = [P]
-    for _ in range(GAINS - 2):
-        grown.append(Ad @ grown[-1] @ Ad.T + Q)
-    steps = [_one_after_the_other(P, C) for P in grown]
-    left = steps[0][2]
-    steps.insert(0, _one_after_the_other(left, C))
-    first, other = (
-        [tuple((d * K).tolist()) for K in of] for of in ([s[0] for s in steps], [s[1] for s in steps])
-    )
-    # In units of its own noise the row of the second is scaled, and so is its gain.
-    scale = output_noise / second_noise
-    other = [tuple(scale * k for k in K) for K in other]
-    lam1, lam2 = (lam0 for lam0 in steps[1][3])
-    alone, _ = filter_gain(model, interval_s, torque_noise, output_noise)
-    second = Second(
-        other[1],
-        lam2 * second_noise**2,
-        (other[0], *other[2:]),
-        tuple(alone.tolist()),
-        gains_after(model, interval_s, torque_noise, output_noise),
-    )
-    return Gains(first[1], lam1 * output_noise**2, (first[0], *first[2:]), second)
-
-
-def _one_after_the_other(P: Floats, C: Floats) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
-    """Both gains, what is left of P, and both innovation variances; of outputs C (2, n) with unit noise."""
-    gains, variances = [], []
-    for c in C:
-        lam0 = float(c @ P @ c) + 1
-        gains.append(P @ c / lam0)
-        variances.append(lam0)
-        P = P - np.outer(P @ c, P @ c) / lam0
-    return gains[0], gains[1], P, (variances[0], variances[1])
-
-
 def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
     """P (n, n) of the one-step prediction in steady state, for x+ = Ad x + w, y = C x + v, var w = Q, var v = I.
 
         P = Ad (P - P C' (C P C' + I)^-1 C P) Ad' + Q
 
-    C is (n,), or (q, n) with q outputs.
+    C is (n,) or (1, n).
 
     Raises:
         ValueError: there is no stable filter.
@@ -188,14 +116,9 @@ def held_disturbance(interval_s: float, time_constant_s: float) -> float:
 
 
 def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> float:
-    """Slowest time constant [s] of the predictor with filter gain K (n,): of (I - K C) Ad; inf: unstable.
-
-    With two outputs K is (2, n), and this of (I - K2 C2) (I - K1 C1) Ad.
-    """
+    """Slowest time constant [s] of the predictor with filter gain K (n,): of (I - K C) Ad; inf: unstable."""
     Ad, _, C, d = _balanced(model, interval_s)
-    closed = Ad
-    for gain, row in zip(np.atleast_2d(K) / d, (C[0], *(model.outputs()[1:] * d)), strict=False):
-        closed = closed - np.outer(gain, row @ closed)
+    closed = Ad - np.outer(K / d, C[0] @ Ad)
     radius = float(np.abs(np.linalg.eigvals(closed)).max())
     if radius >= 1:
         return math.inf

@@ -25,8 +25,6 @@ _BISECTIONS = 30
 def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
     """The model's bounds of theta (2, p), drawn in as far as the predictor with filter gain K (n,) needs it.
 
-    With two outputs K is (2, n): the gains in the order in which they are used.
-
     Where it is unstable at the nominal values themselves the bounds are left as they are.
     """
     nominal, scales, bounds = (
@@ -49,7 +47,7 @@ def _known(
     nominal, scales, bounds = (dict(part) for part in values)
     return _drawn_in(
         AxisModel(drive, nominal, monitored, scales, bounds, relative),
-        np.array(gain).reshape(-1, len(drive.states)),
+        np.array(gain),
         interval_s,
     )
 
@@ -85,17 +83,15 @@ def _stable(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> N
 
 
 def _radii(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> Floats:
-    """Spectral radius of (I - K C) Ad at each theta (points, p); K (outputs, n)."""
+    """Spectral radius of (I - K C) Ad at each theta (points, p); K (n,)."""
     d = model.balance()
     A, C = (
         np.array([model.matrices(theta)[0] for theta in thetas]),
-        np.array([model.outputs(t) for t in thetas]) * d,
+        np.array([model.matrices(theta)[2] for theta in thetas]) * d,
     )
     Ad = sla.expm(A / d[:, np.newaxis] * d * interval_s)
     if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
         Ad[:, :, s], C = 0.0, C / interval_s
-    closed = Ad
-    for i, gain in enumerate(np.atleast_2d(K)):
-        closed = closed - (gain / d)[:, np.newaxis] * (C[:, i : i + 1] @ closed)
+    closed = Ad - (K / d)[:, np.newaxis] * (C @ Ad)
     closed = np.where(np.isfinite(closed), closed, 1e300)
     return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=1))

@@ -1,6 +1,6 @@
 """The structure of a drive: named parameters with units, and A, B, C as sums of Laurent terms.
 
-x' = A(theta) x + B(theta) u,      y = C(theta) x,      and where both are measured, y2 = C2(theta) x
+x' = A(theta) x + B(theta) u,      y = C(theta) x
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.kernel.tables import OF_MOTION, TORQUE
 
-Matrix = Literal["A", "B", "C", "C2", "rest", "ratio"]
+Matrix = Literal["A", "B", "C", "rest", "ratio"]
 Output = Literal["speed", "angle", "mean speed"]
 """What is measured: the last is the mean of the speed over the interval before the sample."""
 Powers = tuple[tuple[str, int], ...]
@@ -160,9 +160,9 @@ class Drive:
         return {p.name: known[p.name] for p in self.parameters}
 
     def matrix(self, which: Matrix, values: Mapping[str, float]) -> Floats:
-        """A (n, n), B (n, m), C, C2 (1, n), rest (n, 1) or ratio (m, 1) at the given values of all parameters."""
+        """A (n, n), B (n, m), C (1, n), rest (n, 1) or ratio (m, 1) at the given values of all parameters."""
         n, m = len(self.states), len(self.inputs)
-        shape = {"A": (n, n), "B": (n, m), "C": (1, n), "C2": (1, n), "rest": (n, 1), "ratio": (m, 1)}[which]
+        shape = {"A": (n, n), "B": (n, m), "C": (1, n), "rest": (n, 1), "ratio": (m, 1)}[which]
         kind = complex if any(isinstance(v, complex) for v in values.values()) else float
         out = np.zeros(shape, dtype=kind)
         if which == "ratio":
@@ -213,32 +213,6 @@ class Drive:
             states=(*self.states, Quantity(SINCE_SAMPLE, "rad")),
             terms=(*others, *turned, Term("C", 0, n, 1.0, ())),
         )
-
-    def with_speed(self) -> Drive:
-        """The drive with the speed at its angle sensor as a second output:  y = C x,  y2 = y' = C A x.
-
-        Raises:
-            ValueError: the output of this drive is not the angle, or a torque acts on its speed at once.
-        """
-        if self.output != "angle":
-            raise ValueError(
-                f"the drive {self.name!r} has the {self.output} as output: the speed joins an angle"
-            )
-        measured = [term for term in self.terms if term.matrix == "C"]
-        if any(b.matrix == "B" and b.row == c.col for b in self.terms for c in measured):
-            raise ValueError(f"in the drive {self.name!r} a torque acts on the speed of the sensor at once")
-        moves = [
-            Term("C2", 0, a.col, c.coefficient * a.coefficient, _merged(c.powers, a.powers))
-            for c in measured
-            for a in self.terms
-            if a.matrix == "A" and a.row == c.col
-        ]
-        return replace(self, terms=(*self.terms, *moves))
-
-    @property
-    def both(self) -> bool:
-        """It has the speed as a second output."""
-        return any(term.matrix == "C2" for term in self.terms)
 
     @property
     def mean_state(self) -> int:
@@ -327,14 +301,6 @@ def _in_brackets(text: str) -> bool:
 def _inverted(p: Parameter, name: str) -> Parameter:
     unit = "1" if p.unit == "1" else f"1/({p.unit})"
     return replace(p, name=name, unit=unit, meaning=f"reciprocal of: {p.meaning}")
-
-
-def _merged(one: Powers, other: Powers) -> Powers:
-    """The powers of a product, names in order."""
-    total = dict(one)
-    for name, e in other:
-        total[name] = total.get(name, 0) + e
-    return tuple((name, e) for name, e in sorted(total.items()) if e != 0)
 
 
 def _product(coefficient: float, powers: Powers, values: Mapping[str, float]) -> float:

@@ -41,7 +41,6 @@ from monitor_core.kernel.recursion import (
     update_P,
     update_theta,
 )
-from monitor_core.kernel.second import MARKS, VECTORS, foresee, second
 from monitor_core.kernel.series import SECTIONS
 from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
@@ -68,7 +67,6 @@ class Samples(NamedTuple):
     number: NDArray[np.int64]  # (W,)
     shift: Floats  # (N, p, W) theta_0(s) - theta_0; (0, p, W): as before
     gate: NDArray[np.bool_]  # (N, W) whether to learn; (0, W): always
-    y2: Floats  # (N, W) second output, NaN where it is missing; (0, W): everywhere
 
 
 class Trace(NamedTuple):
@@ -199,7 +197,7 @@ def run(
     term_slot, factor_start, factor_par, factor_exp = T.term_slot, T.factor_start, T.factor_par, T.factor_exp
     for a0 in range(0, F.shape[1], W):
         C_, F_, I_ = columns(C, a0, W), columns(F, a0, W), columns(I, a0, W)
-        con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, T.n, T.p, T.m, T.two)
+        con, st = kernel_constant_views(C_, T), kernel_state_views(F_, I_, T.n, T.p, T.m)
         X, G, V = table(z + T.n, W), table(z + T.n, W), table(T.slots + 1, W)
         X_, G_, V_ = X.reshape(X.size), G.reshape(G.size), V.reshape(V.size)
         wide = 1 if W == 1 else EIGHT
@@ -209,12 +207,7 @@ def run(
         psi, Ppsi, d, nu, u_first = table(T.p, W), table(T.p, W), table(T.p, W), table(T.p, W), table(T.m, W)
         u, y, h, h_first = floats(W), floats(W), floats(W), floats(W)
         h_before, over, ago, lost = floats(W), floats(W), floats(W), ints(W)
-        lam, K, more_S = floats(W), table(T.n, W), floats(W)
-        K2, work2, marks2 = (
-            table(2 * T.n * T.two, W),
-            table(T.two * (VECTORS + 3 * T.p), W),
-            marks(T.two * MARKS, W),
-        )
+        lam, K = floats(W), table(T.n, W)
         yhat, eps, believed, S = floats(W), floats(W), floats(W), floats(W)
         N, L, Y, tests = table(T.p, T.p), table(T.p, T.p), table(T.p, T.p), marks(T.p, W)
         t, does, steps, terms = ints(W), ints(W), ints(W), ints(W)
@@ -240,7 +233,7 @@ def run(
                 close(lanes, k, a0, samples.gate, does)
             if moving:
                 corrected_ago(lanes, con.interval, h, st.in_a_row, ago)
-                for_interval(lanes, con.interval, con.lam, con.K, h, h if T.two else ago, lam, K)
+                for_interval(lanes, con.interval, con.lam, con.K, h, ago, lam, K)
                 if drift:
                     walk(lanes, con.drift, st.seed_left, lam, share)
                 evaluate(lanes, one, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V)
@@ -265,10 +258,7 @@ def run(
                 if T.mean >= 0:
                     mean(lanes, over, yhat, psi)
                 gain(lanes, lam, P, psi, Ppsi, S)
-                if T.two:
-                    foresee(lanes, k, a0, samples.y2, T.out2_slot, T.out2_src, T.out2_par, con.scale2, V, X, con.K,
-                            con.interval, con.lam, h_first, h, K, K2, P, psi, work2, more_S)
-                excite(lanes, lam, con.lam, con.starved, S, more_S, st.plenty, does, st.starved, st.observed)
+                excite(lanes, lam, con.lam, con.starved, S, st.plenty, does, st.starved, st.observed)
                 innovate(lanes, y, yhat, S, st.t, st.counts, does, moves, learns, tracks, eps, X)
                 sift(lanes, con.outlier, lam, st.lam0_running, eps, S, st.credit, st.in_a_row, does, moves, learns,
                      tracks, believed)
@@ -276,10 +266,6 @@ def run(
                 update_theta(lanes, con.lower, con.upper, theta, st.observed, believed, Ppsi, S, tracks, hit,
                              moved)
                 update_P(lanes, lam, P, Ppsi, S, learns, fit)
-                if T.two:
-                    second(lanes, con.lower, con.upper, T.out2_slot, T.out2_src, T.out2_par, con.scale2, V,
-                           con.outlier, con.lam_slow, st.running2, st.credit2, st.in_a_row2, st.counts2, K, K2, P,
-                           theta, st.observed, psi, eps, does, moves, learns, tracks, hit, moved, X, work2, marks2)
                 if drift:
                     drift_P(lanes, share, st.P_nom, P, fit)
                 find_P0(lanes, con.starved, con.vague, con.seed, st.seed_left, st.P_nom, P, does)

@@ -17,7 +17,7 @@ _R = TypeVar("_R")
 def _compiled(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
     # The wrappers that nobody calls cost a third of the compile time; numba's types do not know their options.
     compile_: Any = njit
-    decorator = compile_(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
+    decorator = compile_(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
     return cast("Callable[_P, _R]", decorator(function))
 
 
@@ -36,5 +36,9 @@ def aside(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile an entry of the kernel: callable from Python, kept on disk, releases the GIL."""
-    return _compiled(function)
+    """Compile an entry of the kernel: callable from Python, cached on disk, releases the GIL.
+
+    Only entries are cached: their machine code contains that of all functions they call.  Caching those as well would
+    cost an eighth of the compile time.
+    """
+    return _compiled(function, cache=True)

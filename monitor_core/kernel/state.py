@@ -16,7 +16,7 @@ from monitor_core.kernel.tables import GAINS, Constants, Tables
 NEVER = np.iinfo(np.int64).min
 """Time stamp of something that has not happened."""
 
-SCHEMA = 4
+SCHEMA = 5
 """Version of the order below; part of the key of every checkpoint."""
 
 COUNTERS = (
@@ -48,10 +48,6 @@ COUNTERS = (
     DIVERGED,
     PROJECTED,
 ) = range(len(COUNTERS))
-
-COUNTERS2 = ("second_missing", "second_outlier")
-"""Samples whose second output was not used, though the first was there: it was missing, or an outlier."""
-MISSING2, OUTLIER2 = range(len(COUNTERS2))
 
 OBSERVED, WEAK, UNSEEN = 0, 1, 2
 """How much is known of a parameter now, beside what was known at commissioning."""
@@ -87,17 +83,10 @@ class State(NamedTuple):
     noting: NDArray[np.int64]  # (W,) COURSE, NAMING: what for
     learned: NDArray[np.int64]  # (W,) samples learned so far
     counts: NDArray[np.int64]  # (len(COUNTERS), W)
-    running2: Floats  # (two, W) lam0_running of the second output, where there is one
-    credit2: Floats  # (two, W) credit of its own
-    in_a_row2: NDArray[np.int64]  # (two, W) outliers of it up to the last sample
-    counts2: NDArray[np.int64]  # (two len(COUNTERS2), W)
 
 
-def state_views(F: Floats, I: Ints, n: int, p: int, m: int, two: int) -> State:
-    """Name the rows of a bank's state: F (float_rows, W) and I (int_rows, W), both C-contiguous.
-
-    What a second output needs is at the end, and not there without one (``two`` = 0).
-    """
+def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
+    """Name the rows of a bank's state: F (float_rows, W) and I (int_rows, W), both C-contiguous."""
     W = F.shape[1]
     a = n
     b = a + p * n
@@ -107,10 +96,8 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int, two: int) -> State:
     f = e + m
     g = f + p * m
     s = g + 2 + p
-    v = s + 2 * p + 2
     q = 3 + p
     r = q + 2 * p
-    w = r + p + 6 + len(COUNTERS)
     return State(
         F[:a],
         F[a:b],
@@ -138,18 +125,14 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int, two: int) -> State:
         I[r + p + 3],
         I[r + p + 4],
         I[r + p + 5],
-        I[r + p + 6 : w],
-        F[v : v + two],
-        F[v + two :],
-        I[w : w + two],
-        I[w + two :],
+        I[r + p + 6 :],
     )
 
 
-def state_rows(n: int, p: int, m: int, two: int) -> tuple[int, int]:
+def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
     """Rows of the float array and of the integer array."""
     floats = n + p * n + p + p * p + 2 * p + m + p * m + 4 + 3 * p
-    return floats + 2 * two, 9 + 4 * p + len(COUNTERS) + two * (1 + len(COUNTERS2))
+    return floats, 9 + 4 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:
@@ -158,7 +141,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     s = tables.slots
     t = s + tables.term_slot.size
     w = t + tables.A_row.size
-    k = w + GAINS * (1 + 2 * tables.two) * n
+    k = w + GAINS * n
     r = k + 1 + n
     i = r + 8 * p
     b = i + m
@@ -195,7 +178,6 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 14],
         c[b + 15],
         c[b + 16],
-        c[b + 17 :],
     )
 
 

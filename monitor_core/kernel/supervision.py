@@ -42,20 +42,16 @@ def excite(
     lam: Floats,
     least: Floats,
     S: Floats,
-    more: Floats,
     plenty: Floats,
     does: Ints,
     starved: Ints,
     observed: Ints,
 ) -> None:
-    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is below ``least`` learns nothing now.
-
-    ``more`` (W,) is what a second output adds to psi' P psi.
-    """
+    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is below ``least`` learns nothing now."""
     p = observed.shape[0]
     for a in range(len(lanes)):
         mean = p * (1.0 - lam[a])
-        share = min(S[a] - lam_h[a] + more[a], mean) / mean
+        share = min(S[a] - lam_h[a], mean) / mean
         step = min(QUICK * (1.0 - lam[a]), 1.0) * (share - plenty[a])
         plenty[a] += step if does[a] >= SEED and abs(step) < math.inf else 0.0
     for a in range(len(lanes)):

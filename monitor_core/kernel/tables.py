@@ -56,10 +56,6 @@ class Tables(NamedTuple):
     out_slot: Ints  # output: slot times
     out_src: Ints  # element of (z_1 .. z_p, x) goes to
     out_par: Ints  # psi of this parameter, or -1: to yhat
-    two: int  # 1: there is a second output, 0: there is none, and its lists are empty
-    out2_slot: Ints  # the same of the second output
-    out2_src: Ints
-    out2_par: Ints
     kind: Ints  # (m,) kinds of input
     term_slot: Ints  # (terms,) slot that the term adds to, in order
     factor_start: Ints  # (terms + 1,) range of each term's factors
@@ -73,8 +69,7 @@ class Constants(NamedTuple):
     V0: Floats  # (slots, W) constant part of V
     coef: Floats  # (terms, W) coefficient of each term
     weight: Floats  # (entries of A, W) d_col / d_row of the balancing diagonal d
-    K: Floats  # (GAINS n, W) filter gain after 0, 1, 2 .. intervals; 0 is the paper's output error.  With two outputs
-    # (3 GAINS n, W): of the first, of the second after it, of the first where the second is missing
+    K: Floats  # (GAINS n, W) filter gain after 0, 1, 2 .. intervals; 0 is the paper's output error
     interval: Floats  # (W,) s, nominal
     rest: Floats  # (n, W) state of the drive moving rigidly at y = 1
     theta0: Floats  # (p, W) nominal values
@@ -103,10 +98,8 @@ class Constants(NamedTuple):
     tested: Floats  # (W,) 0: no test runs
     widen: Floats  # (W,) least P_ii / P(0)_ii after an alarm; 0: P stays
     span: Floats  # (W,) updates between two looks at P
-    scale2: Floats  # (two, W) what brings the second output's innovations to the variance of the first one's
 
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array that holds the Constants of a bank."""
-    gains = GAINS * (1 + 2 * t.two)
-    return t.slots + t.term_slot.size + t.A_row.size + (gains + 1) * t.n + 8 * t.p + t.m + t.two + 18
+    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 8 * t.p + t.m + 18

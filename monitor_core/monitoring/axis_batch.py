@@ -53,13 +53,13 @@ class Bank:
         W = len(models)
         rows = constant_rows(t)
         self._constants = np.zeros((rows, W))
-        float_rows, int_rows = state_rows(t.n, t.p, t.m, t.two)
+        float_rows, int_rows = state_rows(t.n, t.p, t.m)
         self._floats = np.zeros((float_rows + KEPT * kept_numbers(t.p), W))
         self._ints = np.zeros((int_rows + KEPT, W), dtype=np.int64)
         self._parts = self._floats[:float_rows], self._ints[:int_rows]
         self._kept = self._ints[int_rows:], self._floats[float_rows:]
         self._kept[0][:] = NEVER
-        self.state: State = state_views(*self._parts, t.n, t.p, t.m, t.two)
+        self.state: State = state_views(*self._parts, t.n, t.p, t.m)
         """Named views into the state, axis last.  Writing to them changes the monitors."""
         named = constant_views(self._constants, t)
         pairs = list(enumerate(zip(models, settings, strict=True)))
@@ -82,7 +82,6 @@ class Bank:
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
         st.credit[a] = CREDIT
-        st.running2[:, a], st.credit2[:, a] = s.lam0, CREDIT
         st.plenty[a] = 1.0
         st.seed_left[a] = s.seed_updates
         certain = s.P0 or vague(model, s)
@@ -99,21 +98,19 @@ class Bank:
         count: NDArray[np.int64] | None = None,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-        y2: Floats | None = None,
     ) -> list[tuple[int, Event]]:
         """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
 
         ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
         NaN: the conditions are not known.  ``gate`` (N, W): where False, or the conditions are not known, nothing is
-        learned.  ``y2`` (N, W) is the second output of a drive that has one (Drive.with_speed), NaN where it is
-        missing; without it, it is missing throughout.
+        learned.
 
         Returns the events with the index of their axis, axis by axis in order of time.
 
         Raises:
-            ValueError: shapes that do not fit; a second output of a drive that has one only.
+            ValueError: shapes that do not fit.
         """
-        return self._run(self._samples(t_us, u, y, count, shift, gate, y2), _trace(0, *self._shape))
+        return self._run(self._samples(t_us, u, y, count, shift, gate), _trace(0, *self._shape))
 
     def run_traced(
         self,
@@ -123,11 +120,10 @@ class Bank:
         count: NDArray[np.int64] | None = None,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-        y2: Floats | None = None,
     ) -> tuple[list[tuple[int, Event]], Trace]:
         """As ``run``, with the recursion's values at every sample."""
         trace = _trace(len(t_us), *self._shape)
-        return self._run(self._samples(t_us, u, y, count, shift, gate, y2), trace), trace
+        return self._run(self._samples(t_us, u, y, count, shift, gate), trace), trace
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -142,7 +138,6 @@ class Bank:
         count: NDArray[np.int64] | None,
         shift: Floats | None,
         gate: NDArray[np.bool_] | None,
-        y2: Floats | None,
     ) -> Samples:
         p, W = self._shape
         t = np.ascontiguousarray(t_us, dtype=np.int64)
@@ -158,11 +153,8 @@ class Bank:
             raise ValueError(
                 f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}"
             )
-        second = np.empty((0, W)) if y2 is None else np.ascontiguousarray(y2, dtype=float)
-        if second.shape not in {(N, W), (0, W)} or (y2 is not None and not self._tables.two):
-            raise ValueError(f"y2 of shape {second.shape}: need {(N, W)}, of a drive with a second output")
         u, y = np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float)
-        return Samples(t, u, y, n, moved, opened, second)
+        return Samples(t, u, y, n, moved, opened)
 
     def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, Event]]:
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)

@@ -22,7 +22,7 @@ from monitor_core.detection.multimodel.multimodel_detector import BankDetector
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.kernel.block import Trace
-from monitor_core.kernel.state import COUNTERS, COUNTERS2, NEVER, SCHEMA, UNSEEN
+from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
 from monitor_core.monitoring.axis_batch import Bank, standard_deviation
 from monitor_core.monitoring.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
 from monitor_core.monitoring.observability import confounded, untold
@@ -148,15 +148,14 @@ class AxisMonitor:
         nominal = sorted(m.nominal.items())
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
         units = " relative" if m.relative else ""
-        second = f" {s.second}" if s.second else ""
-        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}{second}"
+        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}"
 
     @property
     def history_key(self) -> str:
         """What a slow history belongs to: other nominal values or another predictor would move it, a memory not."""
         s, m = self.settings, self.model
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
-        predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale} {s.second}"
+        predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale}"
         return f"drive={drive} {sorted(m.nominal.items())} {predictor}"
 
     def run(
@@ -166,14 +165,13 @@ class AxisMonitor:
         y: Floats,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-        y2: Floats | None = None,
     ) -> list[Episode]:
         """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended.
 
-        ``shift`` (N, p), ``gate`` (N,) and ``y2`` (N,) as for ``Bank.run``.
+        ``shift`` (N, p) and ``gate`` (N,) as for ``Bank.run``.
         """
         block = _column(t_us), _column(u), _column(y)
-        events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate), y2=_optional(y2))
+        events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate))
         said: list[AnyEvent] = [event for _, event in events]
         if self.beside is not None:
             said += self.beside.run(t_us, u, y, gate, shift)
@@ -186,13 +184,10 @@ class AxisMonitor:
         y: Floats,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-        y2: Floats | None = None,
     ) -> tuple[list[Episode], Trace]:
         """As ``run``, with the recursion's values at every sample, axis dropped: theta (N, p), g (N, 2, p), .."""
         block = _column(t_us), _column(u), _column(y)
-        events, trace = self.bank.run_traced(
-            *block, shift=_optional(shift), gate=_optional(gate), y2=_optional(y2)
-        )
+        events, trace = self.bank.run_traced(*block, shift=_optional(shift), gate=_optional(gate))
         episodes = [episode for _, event in events for episode in self.apply(event)]
         return episodes, Trace(*(field[..., 0] for field in trace))
 
@@ -239,8 +234,6 @@ class AxisMonitor:
     def _counts(self) -> Iterator[tuple[str, int]]:
         st, a = self.bank.state, self.axis
         yield from zip(COUNTERS, st.counts[:, a], strict=True)
-        if self.model.drive.both:
-            yield from zip(COUNTERS2, st.counts2[:, a], strict=True)
 
     def _parameter(self, i: int) -> ParameterFacts:
         st, a, parameter = self.bank.state, self.axis, self.model.parameters[i]
@@ -280,7 +273,7 @@ class AxisMonitor:
         theta0, theta = self.model.theta0[i] + st.shift[i, a], st.theta[i, a]
         bound = upper[i, a] if theta > theta0 else lower[i, a]
         held = bool(abs(theta - bound) <= HELD * abs(theta0 - bound))
-        running = max((st.lam0_running[a], *st.running2[:, a]))
+        running = st.lam0_running[a]
         return held or bool(running > INVALID * self.settings.lam0)
 
     def _status(self, i: int) -> Status:

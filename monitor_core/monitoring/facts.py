@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from monitor_core.detection.detector_protocol import DetectorName
-from monitor_core.kernel.state import COUNTERS2
 
 
 class Status(StrEnum):
@@ -81,10 +80,10 @@ class AxisFacts:
     confounded: tuple[str, ...]
     """What cannot be told apart now, in words; empty where all is observed"""
     counters: Mapping[str, int]
-    """What became of the samples; see monitor_core.kernel.state.COUNTERS, and of two outputs COUNTERS2"""
+    """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
     detectors: tuple[DetectorFacts, ...] = ()
 
     @property
     def samples(self) -> int:
         """Samples received, whatever became of them; the other counters say what."""
-        return sum(v for k, v in self.counters.items() if k != "projected" and k not in COUNTERS2)
+        return sum(v for k, v in self.counters.items() if k != "projected")

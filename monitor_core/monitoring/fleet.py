@@ -28,7 +28,6 @@ class Block(NamedTuple):
     y: Floats  # (N,) motor speed, rad/s, or motor angle, rad
     shift: Floats | None = None  # (N, p) theta_0(s) - theta_0, as for Bank.run; None: what it was last
     gate: NDArray[np.bool_] | None = None  # (N,) where False nothing is learned; None: everywhere it is
-    y2: Floats | None = None  # (N,) speed beside an angle, of a drive that has both, NaN where missing
 
 
 _NOTHING: Mapping[int, Any] = MappingProxyType({})
@@ -129,11 +128,10 @@ class _Group(NamedTuple):
             lambda: np.repeat(before[np.newaxis], shape[0], axis=0),
         )
         gate = _filled({lane: block.gate for lane, block in taken}, lambda: np.ones(shape, np.bool_))
-        y2 = _filled({lane: block.y2 for lane, block in taken}, lambda: np.full(shape, np.nan))
         if seen is None:
-            events = self.bank.run(t_us, u, y, count, shift, gate, y2)
+            events = self.bank.run(t_us, u, y, count, shift, gate)
         else:
-            events, trace = self.bank.run_traced(t_us, u, y, count, shift, gate, y2)
+            events, trace = self.bank.run_traced(t_us, u, y, count, shift, gate)
             for lane, _ in taken:
                 seen(self.axes[lane], Trace(*(field[: count[lane], ..., lane] for field in trace)))
         for lane, event in events:
@@ -161,9 +159,7 @@ def _alike(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[li
 
 def _check(axis: int, block: Block, model: AxisModel) -> None:
     N = len(block.t_us)
-    shapes = (N,), (N,), (N,), (N, len(model.monitored)), (N,), (N,)
-    if block.y2 is not None and not model.drive.both:
-        raise ValueError(f"axis {axis}: y2, a second output, which its drive does not have")
+    shapes = (N,), (N,), (N,), (N, len(model.monitored)), (N,)
     for name, values, wanted in zip(Block._fields, block, shapes, strict=True):
         if values is not None and np.shape(values) != wanted:
             raise ValueError(f"axis {axis}: {name} has the shape {np.shape(values)}: need {wanted}")

@@ -1,14 +1,11 @@
 """What the kernel needs to know of an axis that does not change: settings and nominal values as its constants."""
 
-import math
-
 import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.stability import stable_limits
-from monitor_core.kernel.tables import GAINS
 from monitor_core.settings import Settings
 
 CALM_MEMORIES = 3
@@ -52,24 +49,9 @@ def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str,
         "span": s.span,
     }
     n = len(model.drive.states)
-    K, scale2 = _gains(model, s)
-    vectors = {"K": K, "scale2": scale2, "vague": vague(model, s), "scale": model.scale}
+    vectors = {"K": s.gains(n).ravel(), "vague": vague(model, s), "scale": model.scale}
     alpha1, alpha2, allowance = s.tests(len(model.scale))
     vectors |= {"h": alpha2 * model.scale, "alpha1": alpha1, "allowance": allowance * model.scale}
     vectors |= assembly.model_constants(model, s.speed_scale)
-    vectors["lower"], vectors["upper"] = stable_limits(model, s.filter(n), s.interval_s)
+    vectors["lower"], vectors["upper"] = stable_limits(model, s.gain(n), s.interval_s)
     return vectors | {k: np.array(float(v)) for k, v in numbers.items()}
-
-
-def _gains(model: AxisModel, s: Settings) -> tuple[Floats, Floats]:
-    """K and scale2 as the kernel has them; the second output's gains are those for its scaled innovations."""
-    n = len(model.drive.states)
-    if not model.drive.both:
-        if s.second is not None:
-            raise ValueError("settings of a second output, which the drive does not have")
-        return s.gains(n).ravel(), np.empty(0)
-    K = s.both_gains(n)
-    assert s.second is not None  # both_gains has seen to it
-    scale2 = math.sqrt(s.lam0 / s.second.lam0)
-    K[GAINS : 2 * GAINS] /= scale2
-    return K.ravel(), np.array([scale2])

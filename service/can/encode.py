@@ -17,13 +17,8 @@ from service.ingest.bus_samples import Ingest
 
 Raw = dict[str, int | float]
 Page = tuple[tuple[str, int], ...]
-Values = (
-    tuple[float, float]
-    | tuple[float, float, tuple[float, ...]]
-    | tuple[float, float, tuple[float, ...], float]
-)
-"""Torque [N m], motion [rad or rad/s], the further signals that the axis needs, where they are known, and the speed
-[rad/s] beside an angle, where the axis sends both."""
+Values = tuple[float, float] | tuple[float, float, tuple[float, ...]]
+"""Torque [N m], motion [rad or rad/s], and the further signals that the axis needs, where they are known."""
 
 
 class Encoded(NamedTuple):
@@ -69,7 +64,7 @@ class FrameEncoder:
             for quantity, raw in self._further_raws(axis_id, *of_axis[2:3]):
                 self._add(messages, quantity, raw)
         for axis_id, of_axis in mine.items():
-            for quantity, raw in self._raws(self._axes[axis_id], count, of_axis[0], of_axis[1], *of_axis[3:]):
+            for quantity, raw in self._raws(self._axes[axis_id], count, of_axis[0], of_axis[1]):
                 self._add(messages, quantity, raw)
         return [
             Encoded(key, data)
@@ -89,14 +84,10 @@ class FrameEncoder:
                 yield quantity, self._raw(axis_id, quantity, value)
 
     def _raws(
-        self, axis: AxisInput, count: int, torque: float, motion: float, second: float = math.nan
+        self, axis: AxisInput, count: int, torque: float, motion: float
     ) -> Iterator[tuple[Quantity, int | float]]:
         for quantity, value in ((axis.torque, torque), (axis.motion, motion)):
             yield quantity, self._raw(axis.id, quantity, value)
-        if axis.second is not None:
-            if not math.isfinite(second):
-                raise IngestError(f"axis {axis.id}: the speed is missing, and its frame cannot leave it out")
-            yield axis.second, self._raw(axis.id, axis.second, second)
         if axis.counter is not None:
             signal = self._signal(axis.counter)
             raw = count % (1 << signal.length)

@@ -1,6 +1,5 @@
 """What flows through ingest: frames as received, values decoded from them, samples paired from values."""
 
-import math
 from typing import NamedTuple
 
 
@@ -20,4 +19,3 @@ class Sample(NamedTuple):
     torque: float  # N m
     motion: float  # rad or rad/s
     signals: tuple[float, ...] = ()  # further ones that the axis needs, as last received; NaN: not known
-    second: float = math.nan  # rad/s, the speed beside an angle; NaN: not there

@@ -10,7 +10,7 @@ from rich.text import Text
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
-from service.config.axis_settings import doubtful_nominals, found_otherwise, short_memories
+from service.config.axis_settings import doubtful_nominals, short_memories
 from service.config.detector_choice import in_words as detectors_in_words
 from service.config.detector_choice import remarks_on_detectors
 from service.config.drive_sources import SUFFIX
@@ -25,7 +25,6 @@ def check(config: ConfigPath) -> None:
             *unsaid(read),
             *short_memories(read),
             *doubtful_nominals(read),
-            *found_otherwise(read),
             *remarks_on_encoders(read),
             *remarks_on_detectors(read),
         )
@@ -54,13 +53,12 @@ def _axes(config: Config) -> Table:
 
 
 def _cells(axis: NamedAxis) -> tuple[str, ...]:
-    config, second = axis.config, axis.config.second
-    beside = f"\n{second.message}.{second.signal} (speed)" if second else ""
+    config = axis.config
     return (
         axis.id,
         config.bus,
         f"{config.torque.message}.{config.torque.signal}\n"
-        f"{config.motion.message}.{config.motion.signal} ({config.output}){beside}",
+        f"{config.motion.message}.{config.motion.signal} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
         "\n".join(
             (

@@ -43,7 +43,7 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
         ExcitationError: it makes no sense; the text says what would be right.
         AxisError: the axis has no predictor.
     """
-    config = asked.axis.config.with_one_output
+    config = asked.axis.config
     _check_known(asked.axis)
     model = axis_model(config)
     settings, drive = (

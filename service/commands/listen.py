@@ -152,8 +152,7 @@ class Latest:
         for axis in config.axes:
             counter = ("counter",) if axis.config.time.counter_signal else ()
             further = (f"signal {source.name}" for source in needed(axis))
-            beside = ("speed",) if axis.config.both else ()
-            for quantity in ("torque", axis.config.output, *beside, *counter, *further):
+            for quantity in ("torque", axis.config.output, *counter, *further):
                 self._seen[axis.id, quantity] = None
 
     def add(self, value: Value) -> None:

@@ -1,15 +1,14 @@
 """From the configuration of an axis to the engine's model and settings."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.kalman import Gains, filter_gain, gains_after, gains_of_both, slowest_time_constant
+from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
 from monitor_core.drive.structure import DISTURBANCE_TIME
 from monitor_core.monitoring.observability import untold
-from monitor_core.settings import Second, Settings
+from monitor_core.settings import Settings
 from service.config import (
     AxisConfig,
     Config,
@@ -65,8 +64,8 @@ def _settings(config: AxisConfig, model: AxisModel) -> Settings:
 
 def _without_thresholds(config: AxisConfig, model: AxisModel) -> Settings:
     predictor = predictor_of(config)
-    K, lam0, K_after, second = _filter(config, predictor, model)
-    P0, settle_s = config.estimator.initial_p, _settling_time(config, model, K, second)
+    K, lam0 = _gain(config, predictor, model)
+    P0, settle_s = config.estimator.initial_p, _settling_time(config, model, K)
     return Settings(
         interval_s=config.sample_interval_s,
         lam=config.forgetting,
@@ -74,8 +73,7 @@ def _without_thresholds(config: AxisConfig, model: AxisModel) -> Settings:
         alpha1=config.detector.alpha_1,
         alpha2=config.detector.alpha_2,
         K=tuple(K),
-        K_after=K_after,
-        second=second,
+        K_after=_later_gains(config, predictor, model, K),
         delay_s=predictor.torque_delay_s,
         max_gap_s=config.maximum_gap_s,
         settle_s=settle_s,
@@ -85,36 +83,11 @@ def _without_thresholds(config: AxisConfig, model: AxisModel) -> Settings:
         floor=config.estimator.least_information,
         starved=config.estimator.least_excitation,
         outlier=config.estimator.outlier_limit,
-        joint=_joint(config, model, K, second),
+        joint=_joint(config, model, K),
         drift=config.estimator.random_walk,
         widen=config.detector.widening,
         untold=_untold(config),
     )
-
-
-def _filter(config: AxisConfig, p: Predictor, model: AxisModel) -> Gains:
-    """Gains and innovation variances, of angle and speed together where both are measured."""
-    if model.drive.both:
-        return _both(config, p, model)
-    K, lam0 = _gain(config, p, model)
-    return Gains(tuple(K), lam0, _later_gains(config, p, model, K), None)
-
-
-def _both(config: AxisConfig, p: Predictor, model: AxisModel) -> Gains:
-    """From the noises.  A given lambda_0 is how much larger errors are than those say: then both are so much larger.
-
-    In a file of nominal values it is that of the angle by itself.
-    """
-    assert p.torque_noise is not None  # all three are a rule of the configuration
-    assert p.output_noise is not None
-    assert p.speed_noise is not None
-    noises = config.sample_interval_s, p.torque_noise, p.output_noise
-    g = gains_of_both(model, *noises, p.speed_noise)
-    if p.innovation_variance is None or g.second is None:
-        return g
-    expected = filter_gain(model, *noises)[1] if nominal_file_of(config) else g.lam0
-    larger = p.innovation_variance / expected
-    return g._replace(lam0=larger * g.lam0, second=replace(g.second, lam0=larger * g.second.lam0))
 
 
 def _gain(config: AxisConfig, p: Predictor, model: AxisModel) -> tuple[Sequence[float], float]:
@@ -141,8 +114,8 @@ def _later_gains(
     return gains_after(model, *noises) if np.allclose(computed, K, rtol=1e-3, atol=0) else ()
 
 
-def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float], second: Second | None) -> float:
-    slowest = _slowest(config, model, K, second)
+def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:
+    slowest = _slowest(config, model, K)
     if not np.isfinite(slowest):
         raise ValueError("the predictor is not stable: give another gain, or torque_noise and output_noise")
     least = LEAST_MEMORY * slowest * (JOINT if config.estimator.joint_state else 1)
@@ -156,16 +129,14 @@ def _settling_time(config: AxisConfig, model: AxisModel, K: Sequence[float], sec
     return SETTLING_TIME_CONSTANTS * slowest if given is None else given
 
 
-def _joint(config: AxisConfig, model: AxisModel, K: Sequence[float], second: Second | None) -> bool:
+def _joint(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> bool:
     """Whether the state moves with the estimates: as said, else where these would scatter more than is reported."""
     said = config.estimator.joint_state
-    return memory_s(config) < AMPLE_MEMORY * _slowest(config, model, K, second) if said is None else said
+    return memory_s(config) < AMPLE_MEMORY * _slowest(config, model, K) if said is None else said
 
 
-def _slowest(config: AxisConfig, model: AxisModel, K: Sequence[float], second: Second | None) -> float:
+def _slowest(config: AxisConfig, model: AxisModel, K: Sequence[float]) -> float:
     gain = np.array(K) if K else np.zeros(len(model.drive.states))
-    if second is not None:
-        gain = np.vstack([gain, second.K])
     return slowest_time_constant(model, gain, config.sample_interval_s)
 
 
@@ -186,22 +157,12 @@ def doubtful_nominals(config: Config) -> Iterator[str]:
             yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
 
 
-def found_otherwise(config: Config) -> Iterator[str]:
-    """A note on each axis that is watched with angle and speed, and identified with the angle."""
-    for axis in config.axes:
-        if axis.config.both and nominal_file_of(axis.config) is not None:
-            yield (
-                f"{axis.id}: its nominal values were found with the angle by itself; with angle and speed estimates may"
-                " settle a little beside them where the drive is not quite what the model says"
-            )
-
-
 def short_memories(config: Config) -> Iterator[str]:
     """Axes whose estimates will scatter more than is reported, in words."""
     for axis in config.axes:
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)
-        slowest, memory = _slowest(axis.config, model, settings.K, settings.second), memory_s(axis.config)
+        slowest, memory = _slowest(axis.config, model, settings.K), memory_s(axis.config)
         short = f"{axis.id}: a memory of {memory:.3g} s is short beside {slowest:.3g} s, the slowest time constant of"
         by_itself = axis.config.estimator.joint_state is None
         ample = AMPLE_MEMORY * slowest * (JOINT if settings.joint and not by_itself else 1)

@@ -21,12 +21,6 @@ def follows(axis: AxisConfig) -> bool:
     return bool(axis.model.varying) or (found is not None and bool(found.varying))
 
 
-def one_output(axis: AxisConfig) -> Iterator[Finding]:
-    """Hypotheses predict one output."""
-    if axis.detector.kind == "bank" and axis.both:
-        yield Finding(KIND, f"the bank predicts one output, and this axis has angle and speed: {INSTEAD}")
-
-
 def told_apart(axis: AxisConfig) -> Iterator[Finding]:
     """What the nominal values cannot tell apart no detector can."""
     found = nominal_file_of(axis)
@@ -51,7 +45,6 @@ def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
 
 
 DETECTOR_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
-    one_output,
     told_apart,
     its_own_thresholds,
 )

@@ -3,7 +3,6 @@
 import math
 
 from service.config.schema import AxisConfig
-from service.config.schema_signals import AngleConfig, SpeedConfig
 from service.config.tables import present
 
 
@@ -12,15 +11,7 @@ def step_noise(axis: AxisConfig) -> float | None:
 
     A value anywhere within a step, each as likely: resolution / sqrt(12).
     """
-    return _of_steps(axis.angle or axis.speed)
-
-
-def second_step_noise(axis: AxisConfig) -> float | None:
-    """The same of the speed beside an angle [rad/s]."""
-    return _of_steps(axis.second)
-
-
-def _of_steps(motion: AngleConfig | SpeedConfig | None) -> float | None:
+    motion = axis.angle or axis.speed
     if motion is None or not present(motion, "resolution", "factor") or motion.resolution is None:
         return None
     return rounded(motion.resolution * motion.factor)

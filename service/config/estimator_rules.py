@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 from service.config.encoder import step_noise
 from service.config.model_rules import usable_drive
-from service.config.nominal import nominal_file_of, predictor_of
+from service.config.nominal import nominal_file_of
 from service.config.schema import AxisConfig
 from service.config.schema_watching import FEWEST_SAMPLES
 from service.config.tables import present
@@ -49,32 +49,6 @@ def noises(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("estimator", "innovation_variance"), message)
 
 
-def both(axis: AxisConfig) -> Iterator[Finding]:
-    """The gains of angle and speed together are computed from three noises."""
-    e = axis.estimator
-    if not axis.both:
-        if e.speed_noise is not None:
-            message = "is that of a speed beside an angle: of the only output it is output_noise"
-            yield Finding(("estimator", "speed_noise"), message)
-        return
-    if axis.records_only:
-        return
-    if e.gain:
-        message = (
-            "is that of one output: with angle and speed the gains are computed from the noises, remove it"
-        )
-        yield Finding(("estimator", "gain"), message)
-    p = predictor_of(axis)
-    if p.speed_noise is None:
-        message = "missing: with angle and speed the gains need it (or the resolution of the speed)"
-        yield Finding(("estimator", "speed_noise"), message)
-    if nominal_file_of(axis) is not None and (p.torque_noise is None or p.output_noise is None):
-        message = (
-            "has no noise of torque and angle, which the gains of angle and speed need: remove speed, or this"
-        )
-        yield Finding(("model", "nominal_file"), message)
-
-
 def gain_length(axis: AxisConfig) -> Iterator[Finding]:
     """One gain for each state."""
     if nominal_file_of(axis) is not None:
@@ -113,7 +87,6 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
 ESTIMATOR_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     predictor,
     noises,
-    both,
     gain_length,
     memory,
     initial_p,

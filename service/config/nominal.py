@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from service.config.encoder import second_step_noise, step_noise
+from service.config.encoder import step_noise
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
 from service.config.schema import AxisConfig
 from service.config.schema_watching import EstimatorConfig
@@ -19,8 +19,6 @@ class Predictor(NamedTuple):
     innovation_variance: float | None
     torque_noise: float | None
     output_noise: float | None
-    speed_noise: float | None
-    """Of a speed beside an angle, whose is output_noise."""
     torque_delay_s: float
     friction_speed_scale: float
 
@@ -48,18 +46,14 @@ def predictor_of(axis: AxisConfig) -> Predictor:
     if found is None:
         return Predictor(
             e.predictor, e.gain, e.innovation_variance,
-            e.torque_noise, e.output_noise or step_noise(axis), _speed_noise(axis),
+            e.torque_noise, e.output_noise or step_noise(axis),
             axis.torque_delay_s, axis.model.friction_speed_scale,
         )  # fmt: skip
     p = found.predictor
     return Predictor(
-        p.kind, p.gain, p.lam0, *_noises(e, found), _speed_noise(axis),
+        p.kind, p.gain, p.lam0, *_noises(e, found),
         p.torque_delay_s, found.drive.friction_speed_scale,
     )  # fmt: skip
-
-
-def _speed_noise(axis: AxisConfig) -> float | None:
-    return (axis.estimator.speed_noise or second_step_noise(axis)) if axis.both else None
 
 
 def _noises(e: EstimatorConfig, found: NominalFile) -> tuple[float | None, float | None]:

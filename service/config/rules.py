@@ -18,7 +18,7 @@ from service.config.model_rules import MODEL_RULES
 from service.config.nominal_rules import NOMINAL_RULES
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
-from service.config.schema_signals import AngleConfig, FurtherConfig, SignalConfig, SpeedConfig
+from service.config.schema_signals import FurtherConfig, SignalConfig
 from service.config.skew_rules import SKEW_RULES
 from service.config.tables import Absent, Table, present
 from service.config.thresholds_rules import THRESHOLDS_RULES
@@ -135,25 +135,14 @@ def bus_options(bus: BusConfig) -> Iterator[Finding]:
 
 
 def motion(axis: AxisConfig) -> Iterator[Finding]:
-    """Angle, speed, or both, and then in one sample."""
+    """An axis has an angle or a speed."""
     if axis.angle is not None and axis.speed is not None:
-        yield from _beside(axis, axis.angle, axis.speed)
+        message = (
+            "give angle or speed, not both: the angle gives better estimates, unless its resolution is coarse"
+        )
+        yield Finding(("speed",), message)
     if axis.angle is None and axis.speed is None:
         yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
-
-
-def _beside(axis: AxisConfig, angle: AngleConfig, speed: SpeedConfig) -> Iterator[Finding]:
-    """The speed at the sample, in a frame that has the torque or the angle."""
-    if present(speed, "averaged") and speed.averaged:
-        message = "a mean over the interval is the difference of two angles, and tells no more: remove speed"
-        yield Finding(("speed", "averaged"), message)
-    if axis.records_only or not present(axis, "torque") or not present(speed, "message") or not speed.message:
-        return
-    frames = [s.message for s in (angle, axis.torque) if present(s, "message")]
-    if len(frames) == 2 and speed.message not in frames:
-        known = " or ".join(dict.fromkeys(frames))
-        message = f"beside an angle the speed must be in a message of the same sample: {known}"
-        yield Finding(("speed", "message"), message)
 
 
 def torque_delay(axis: AxisConfig) -> Iterator[Finding]:

@@ -128,22 +128,7 @@ class AxisConfig(Table):
     def averaged(self) -> bool:
         """The output is the mean of the speed over each interval, as the drive takes it."""
         speed = self.speed if present(self, "speed") else None
-        return speed is not None and present(speed, "averaged") and speed.averaged and not self.both
-
-    @property
-    def both(self) -> bool:
-        """Angle and speed are measured, and used together."""
-        return present(self, "angle", "speed") and self.angle is not None and self.speed is not None
-
-    @property
-    def second(self) -> SpeedConfig | None:
-        """The signal of the speed beside an angle."""
-        return self.speed if self.both else None
-
-    @property
-    def with_one_output(self) -> "AxisConfig":
-        """The axis without the speed beside its angle."""
-        return self.model_copy(update={"speed": None}) if self.both else self
+        return speed is not None and present(speed, "averaged") and speed.averaged
 
     @property
     def motion(self) -> AngleConfig | SpeedConfig:
@@ -155,7 +140,7 @@ class AxisConfig(Table):
 
     @property
     def output(self) -> Output:
-        """What is measured besides torque; with angle and speed it is the angle, and the speed is ``second``."""
+        """What is measured besides torque."""
         return "angle" if self.motion is self.angle else "speed"
 
 

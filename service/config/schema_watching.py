@@ -69,10 +69,6 @@ class EstimatorConfig(Table):
     output_noise: Positive | None = Field(
         None, description="standard deviation of the measured angle [rad] or speed [rad/s]"
     )
-    speed_noise: Positive | None = Field(
-        None,
-        description="standard deviation of the measured speed [rad/s] beside an angle, whose is output_noise then",
-    )
     innovation_variance: Positive | None = Field(
         None, description="lambda_0 [rad^2 or (rad/s)^2]; default from the noises"
     )

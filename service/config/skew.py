@@ -22,13 +22,12 @@ def watches_skew(axis: AxisConfig) -> bool:
 
 
 def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive of an axis as it is monitored: with the speed as a second output, where that is measured, too.
+    """The drive of an axis as it is monitored: with the delay of its torque as a parameter, where that is watched.
 
     Raises:
         ModelError: it has none.
     """
     drive = drive_of(axis, output)
-    drive = drive.with_speed() if output is None and axis.both else drive
     return drive.with_delay() if watches_skew(axis) and not has_own_delay(drive) else drive
 
 

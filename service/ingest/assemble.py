@@ -26,7 +26,6 @@ class _Value(NamedTuple):
     t_us: int  # time of receipt, for pairing
     value: float
     sample_us: int | None  # time by the sample counter, where there is one
-    second: float  # speed beside an angle, which its frame carries along, rad/s; NaN: it has none
 
 
 class _Lane:
@@ -97,9 +96,7 @@ class Assembler:
         self.dropped = dict.fromkeys(REASONS, 0)
         self.clock_set_back = 0
 
-    def add(
-        self, kind: Kind, t_us: int, value: float, sample_us: int | None = None, second: float = math.nan
-    ) -> Sample | None:
+    def add(self, kind: Kind, t_us: int, value: float, sample_us: int | None = None) -> Sample | None:
         """Take a value; returns the sample that it completes.
 
         Args:
@@ -107,7 +104,6 @@ class Assembler:
             t_us: time of receipt [us].
             value: torque [N m], or angle [rad] or speed [rad/s].
             sample_us: time of the sample [us] by the sample counter, where this message has one.
-            second: speed [rad/s] beside an angle, which goes with this value into its sample.
         """
         if (nonsense := _nonsense(kind, value)) is not None:
             self.drop(nonsense)
@@ -119,7 +115,7 @@ class Assembler:
             self.drop(reason)
             return None
         partner = other.nearest(t_us, self._tolerance_us)
-        mine = _Value(t_us, value, sample_us, second)
+        mine = _Value(t_us, value, sample_us)
         if partner is None:
             lane.waiting.append(mine)
             self._give_up(t_us - self._patience_us)
@@ -129,7 +125,7 @@ class Assembler:
         return self._pair(mine, partner) if kind == "torque" else self._pair(partner, mine)
 
     def add_pair(
-        self, t_us: int, torque: float, motion: float, sample_us: int | None = None, second: float = math.nan
+        self, t_us: int, torque: float, motion: float, sample_us: int | None = None
     ) -> Sample | None:
         """Take both values from one frame: they belong together, whatever the tolerance."""
         nonsense = _nonsense("torque", torque) or _nonsense("motion", motion)
@@ -145,7 +141,7 @@ class Assembler:
         if sample_us is None and floor is not None and t_us < floor:
             self.drop("out_of_order", 2)
             return None
-        return self._pair(_Value(t_us, torque, sample_us, second), _Value(t_us, motion, sample_us, second))
+        return self._pair(_Value(t_us, torque, sample_us), _Value(t_us, motion, sample_us))
 
     def flush(self) -> None:
         """No more values will come: those that wait for a partner are unpaired."""
@@ -184,11 +180,7 @@ class Assembler:
             self.drop("out_of_order", 2)
             return None
         self._last_us = time_us
-        second = torque.second if math.isnan(motion.second) else motion.second
-        if abs(second) > PHYSICAL_LIMITS["speed"]:  # the sample goes on without it
-            self.drop("absurd")
-            second = math.nan
-        return Sample(time_us, torque.value, motion.value, second=second)
+        return Sample(time_us, torque.value, motion.value)
 
     def _follows(self, time_us: int) -> bool:
         """Whether a sample of that time comes after the last one; counts those missing between."""

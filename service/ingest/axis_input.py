@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -40,9 +39,8 @@ class Quantity(NamedTuple):
 def wanted_signals(axis: NamedAxis) -> Iterator[tuple[str, str]]:
     """(message, signal) of all that an axis needs."""
     config = axis.config
-    for source in (config.torque, config.motion, config.second):
-        if source is not None:
-            yield source.message, source.signal
+    for source in (config.torque, config.motion):
+        yield source.message, source.signal
     if config.time.counter_message and config.time.counter_signal:
         yield config.time.counter_message, config.time.counter_signal
     for further in needed(axis):
@@ -56,7 +54,6 @@ class _Values(NamedTuple):
     t_us: int
     torque: float | None
     motion: float | None
-    second: float = math.nan
 
     @property
     def number(self) -> int:
@@ -80,10 +77,6 @@ class AxisInput:
         self._interval_s = config.sample_interval_s
         self.torque = _quantity("torque", config.torque, decoder)
         self.motion = _quantity(config.output, config.motion, decoder)
-        self.second: Quantity | None = None
-        """The speed beside an angle: in the frames of one of the two, by a rule of the configuration."""
-        if config.second is not None:
-            self.second = _quantity("speed", config.second, decoder)
         self.further = [HeldSignal(s, decoder.key(s.message or "")) for s in needed(axis)]
         """Further signals that its samples carry, in the order of the configuration."""
         self.counter: Quantity | None = None
@@ -156,8 +149,7 @@ class AxisInput:
             return ()
         if motion is not None:
             self._meter.received(t_us)
-        second = self.second.value(signals) if self.second and self.second.key == key else None
-        values = _Values(t_us, torque, motion, math.nan if second is None else second)
+        values = _Values(t_us, torque, motion)
         if self._cyclic:
             return self._timed(self._cyclic[motion is not None].read(t_us, values))
         sample_us = self._count(key, t_us, signals)
@@ -184,13 +176,13 @@ class AxisInput:
         return samples
 
     def _assemble(self, values: _Values, t_us: int, sample_us: int | None = None) -> Sample | None:
-        _, torque, motion, second = values
+        _, torque, motion = values
         if torque is not None and motion is not None:
-            return self.assembler.add_pair(t_us, torque, motion, sample_us, second)
+            return self.assembler.add_pair(t_us, torque, motion, sample_us)
         if torque is not None:
-            return self.assembler.add("torque", t_us, torque, sample_us, second)
+            return self.assembler.add("torque", t_us, torque, sample_us)
         assert motion is not None
-        return self.assembler.add("motion", t_us, motion, sample_us, second)
+        return self.assembler.add("motion", t_us, motion, sample_us)
 
     def quantities(self) -> Iterator[Quantity]:
         """What ``sampled`` has, then the further signals."""
@@ -198,11 +190,9 @@ class AxisInput:
         yield from self.further_quantities()
 
     def sampled(self) -> Iterator[Quantity]:
-        """Torque, motion, the speed beside an angle and the counter, where there is one."""
+        """Torque, motion, and the counter, where there is one."""
         yield self.torque
         yield self.motion
-        if self.second:
-            yield self.second
         if self.counter:
             yield self.counter
 

@@ -29,28 +29,24 @@ _LATEST_US = 2.0**62
 class SampleBlock(NamedTuple):
     """Samples of one axis: times [us], strictly increasing, torque [N m], motion [rad or rad/s].
 
-    ``signals`` (N, S) are the further ones that the axis needs, NaN where not known; None: it needs none.  ``second``
-    (N,) is the speed beside an angle [rad/s], NaN where it is missing; None: it is missing throughout.
+    ``signals`` (N, S) are the further ones that the axis needs, NaN where not known; None: it needs none.
     """
 
     t_us: Times
     torque: Floats
     motion: Floats
     signals: Floats | None = None
-    second: Floats | None = None
 
 
 def block_of(samples: Sequence[Sample]) -> SampleBlock:
     """Samples, of which there is one at least, as arrays."""
-    t_us, torque, motion, signals, second = zip(*samples, strict=True)
+    t_us, torque, motion, signals = zip(*samples, strict=True)
     further = np.array(signals, float) if signals[0] else None
-    beside = np.array(second, float)
     return SampleBlock(
         np.array(t_us, np.int64),
         np.array(torque, float),
         np.array(motion, float),
         further,
-        None if np.isnan(beside).all() else beside,
     )
 
 
@@ -146,7 +142,6 @@ class AxisColumns:
             config.motion.column,
             config.time.column,
         )
-        self._second = config.second.column if config.second else None
         self._interval_us = config.sample_interval_s * 1e6
         self._last_us: int | None = None
         self.dropped = dict.fromkeys(REASONS, 0)
@@ -157,7 +152,6 @@ class AxisColumns:
             self._torque: f"the torque of axis {self._id}",
             self._motion: f"the {self._config.output} of axis {self._id}",
         }
-        wanted |= {self._second: f"the speed of axis {self._id}"} if self._second is not None else {}
         wanted |= {self._time: f"the time of axis {self._id}"} if self._time is not None else {}
         return {str(s.column): f"the signal {s.name} of axis {self._id}" for s in self._further} | wanted
 
@@ -184,22 +178,12 @@ class AxisColumns:
         # A row that is no sample may still hold a signal: of a temperature that was written by itself.
         held = self._held.take(np.where(timed, time_us, np.nan), rows.columns) if self._held else None
         signals = None if held is None else held[index]
-        second = self._beside(rows, index)
-        return index, SampleBlock(t_us[later], torque[index], motion[index], signals, second)
+        return index, SampleBlock(t_us[later], torque[index], motion[index], signals)
 
     def quantities(self, rows: Rows) -> tuple[Floats, Floats]:
         """Torque and motion in these rows, in SI units."""
         torque = _si(self._config.torque, rows.columns[self._torque])
         return torque, _si(self._config.motion, rows.columns[self._motion])
-
-    def _beside(self, rows: Rows, index: NDArray[np.int64]) -> Floats | None:
-        """The speed beside an angle in those rows; what no motor ever had is counted, and missing then."""
-        if self._config.second is None or self._second is None:
-            return None
-        speed = _si(self._config.second, rows.columns[self._second][index])
-        absurd = abs(speed) > PHYSICAL_LIMITS["speed"]
-        self.dropped["absurd"] += int(np.count_nonzero(absurd))
-        return np.where(absurd, np.nan, speed)
 
     def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
         """Times [us], rounded to whole ones here, once."""

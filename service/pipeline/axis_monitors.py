@@ -96,9 +96,9 @@ class Monitors:
         """Samples with the nominal values and the gate that their operating conditions ask for."""
         operating = self._operating.get(axis_id)
         if operating is None:
-            return Block(block.t_us, block.torque, block.motion, y2=block.second)
+            return Block(block.t_us, block.torque, block.motion)
         shift, gate = operating.take(block.t_us, block.motion, block.signals)
-        return Block(block.t_us, block.torque, block.motion, shift, gate, block.second)
+        return Block(block.t_us, block.torque, block.motion, shift, gate)
 
     def dropped(self, axis_id: str) -> Mapping[str, int]:
         """Samples of an axis that were refused before its monitor saw them, by reason."""
@@ -148,5 +148,5 @@ def _motion(monitor: AxisMonitor) -> Motion | None:
 
 def _unwrapped(block: SampleBlock, turns: Turns) -> SampleBlock:
     angle, sure = turns.take(block.t_us, block.motion)
-    signals, second = (None if of is None else of[sure] for of in (block.signals, block.second))
-    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals, second)
+    signals = None if block.signals is None else block.signals[sure]
+    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals)

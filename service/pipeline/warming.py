@@ -1,4 +1,4 @@
-"""Compile the kernel before anything waits for it."""
+"""Compile the kernel in advance, in processes of their own, into the cache that the daemon loads it from."""
 
 import os
 import subprocess
@@ -19,19 +19,18 @@ from service.pipeline.kernel_cache import VARIABLE
 _CHILD = """
 import sys
 from service.pipeline.warming import compile_kernel
-for lanes in sys.argv[1:]:
-    compile_kernel(int(lanes))
+compile_kernel(int(sys.argv[1]))
 """
 
 log = structlog.get_logger(__name__)
 
 
 HYPOTHESES = 0
-"""In place of a number of axes: the kernel of the banks of hypotheses."""
+"""Instead of a number of axes: the kernel of the multi-model detector."""
 
 
 def compile_kernel(lanes: int) -> None:
-    """Have the kernel ready for banks of so many axes: compiled, or loaded from its cache, which is marked."""
+    """Compile the kernel for batches of this number of axes, or load it from its cache; then mark the cache."""
     if lanes == HYPOTHESES:
         nothing = np.zeros(0)
         HypothesisBank(reference_model(), Settings(interval_s=INTERVAL_S)).run(
@@ -45,55 +44,61 @@ def compile_kernel(lanes: int) -> None:
 
 
 def compile_all() -> None:
-    """All of the kernel: few axes and many, and hypotheses."""
+    """Compile all shapes of the kernel: few axes, many axes, multi-model detector."""
     for lanes in (1, FEWEST_LANES, HYPOTHESES):
         compile_kernel(lanes)
 
 
 class CacheFiller:
-    """Compiles the kernel into its cache in a process of its own.
+    """Compiles the kernel into its cache in processes of their own, one for each missing shape, side by side.
 
-    What the compiler has taken stays with its process: 100 MB that the daemon would keep for good.
+    The memory that the compiler has used stays with its process: 100 MB that the daemon would keep for good.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._child: subprocess.Popen[str] | None = None
+        self._children: list[subprocess.Popen[str]] = []
         self._stopped = False
 
     def fill(self, lanes: Iterable[int]) -> bool:
-        """Fill the cache for banks of so many axes, where it is empty; False when ``stop`` has ended that.
+        """Fill the cache for batches of these numbers of axes, where it is empty; False when ``stop`` ended that.
 
-        A failure is only logged: then the kernel will be compiled where it is called.
+        A failure is only logged: the kernel is then compiled where it is called.
         """
-        missing = [n for n in lanes if not _is_cached(n)]
-        if missing:
-            self._run([sys.executable, "-P", "-c", _CHILD, *map(str, missing)])
+        missing = {_shape(n): n for n in lanes if not _is_cached(n)}
+        started = [self._start([sys.executable, "-P", "-c", _CHILD, str(n)]) for n in missing.values()]
+        for child in started:
+            if child is not None:
+                self._wait(child)
         return not self._stopped
 
     def stop(self) -> None:
         """End the compilation, if there is one, from another thread."""
         with self._lock:
             self._stopped = True
-            if self._child is not None:
-                self._child.kill()
+            for child in self._children:
+                child.kill()
 
-    def _run(self, command: list[str]) -> None:
+    def _start(self, command: list[str]) -> subprocess.Popen[str] | None:
         quiet, pipe = subprocess.DEVNULL, subprocess.PIPE
         try:
             with self._lock:
                 if self._stopped:
-                    return
+                    return None
                 # A session of its own: Ctrl-C is for the daemon, which ends the child itself.
-                self._child = subprocess.Popen(
+                child = subprocess.Popen(
                     command, stdin=quiet, stdout=quiet, stderr=pipe, text=True, start_new_session=True
                 )
+                self._children.append(child)
+                return child
         except OSError as error:
-            _say_failed(str(error))
-            return
-        _, said = self._child.communicate()
-        if self._child.returncode != 0 and not self._stopped:
-            _say_failed(said.strip().rpartition("\n")[2] or f"exit code {self._child.returncode}")
+            _log_failure(str(error))
+            return None
+
+    def _wait(self, child: subprocess.Popen[str]) -> None:
+        _, messages = child.communicate()
+        if child.returncode != 0 and not self._stopped:
+            _log_failure(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
 
 
 def _is_cached(lanes: int) -> bool:
@@ -103,12 +108,16 @@ def _is_cached(lanes: int) -> bool:
 
 
 def _mark(lanes: int) -> Path | None:
-    """The file that says so: all shapes lie in the same files of numba's."""
+    """Marker file of a shape: all shapes are in the same cache files of numba."""
     folder = os.environ.get(VARIABLE)
-    shape = "few-axes" if lanes < FEWEST_LANES else "many-axes"
-    shape = "hypotheses" if lanes == HYPOTHESES else shape
-    return Path(folder) / f"{shape}.compiled" if folder else None
+    return Path(folder) / f"{_shape(lanes)}.compiled" if folder else None
 
 
-def _say_failed(reason: str) -> None:
+def _shape(lanes: int) -> str:
+    if lanes == HYPOTHESES:
+        return "hypotheses"
+    return "few-axes" if lanes < FEWEST_LANES else "many-axes"
+
+
+def _log_failure(reason: str) -> None:
     log.warning("the kernel could not be compiled in a process of its own", reason=reason)

@@ -34,7 +34,6 @@ class Reading(NamedTuple):
     torque: float  # N m
     motion: float  # rad or rad/s
     signals: tuple[float, ...] = ()  # further ones that the axis needs, in the order of the configuration
-    second: float = math.nan  # rad/s, of an axis that sends the speed beside its angle
 
 
 class ControlledAxis:
@@ -65,8 +64,7 @@ class ControlledAxis:
             self._motion.torque_rms,
         )
         self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
-        self._noise, self._both = predictor.output_noise or 0.0, config.both
-        self._speed_noise = predictor.speed_noise or 0.0
+        self._noise = predictor.output_noise or 0.0
         self._torque_before = self._angle_before = 0.0
         self._conditions = SimulatedConditions(axis) if conditions_of(axis) else None
         self._follows_every = max(1, round(FOLLOW_S / self.interval_s))
@@ -104,9 +102,6 @@ class ControlledAxis:
             self._drive.set(dict(self._conditions.followed(signals, values)))
         torque = self._command(k)
         reading = Reading(torque, self._moved() + self._noise * self._rng.standard_normal(), signals)
-        if self._both:
-            speed = self._drive.speed + self._speed_noise * self._rng.standard_normal()
-            reading = reading._replace(second=speed)
         self._move(torque + self._ripple * self._rng.standard_normal())
         return reading
 

@@ -110,10 +110,9 @@ def _by_time(step: Step) -> Iterator[tuple[int, dict[str, Values]]]:
     rows: dict[int, dict[str, Values]] = {}
     for axis_id, block in step.samples.items():
         signals = np.zeros((len(block.t_us), 0)) if block.signals is None else block.signals
-        second = np.full(len(block.t_us), np.nan) if block.second is None else block.second
-        columns = (block.t_us, block.torque, block.motion, signals, second)
-        for t_us, torque, motion, further, beside in zip(*(c.tolist() for c in columns), strict=True):
-            rows.setdefault(t_us, {})[axis_id] = (torque, motion, tuple(further), beside)
+        columns = (block.t_us, block.torque, block.motion, signals)
+        for t_us, torque, motion, further in zip(*(c.tolist() for c in columns), strict=True):
+            rows.setdefault(t_us, {})[axis_id] = (torque, motion, tuple(further))
     return iter(sorted(rows.items(), key=lambda row: row[0]))
 
 

@@ -128,9 +128,6 @@ def test_a_file_for_other_causes(robot: Path) -> None:
         found(robot)
 
 
-BOTH: Callable[[str], str] = lambda text: text.replace(  # noqa: E731
-    "[robot.axis.time]", '[robot.axis.speed]\ncolumn = "speed"\n\n[robot.axis.time]'
-).replace("output_noise", "speed_noise = 0.01\noutput_noise")
 VARYING: Callable[[str], str] = lambda text: (  # noqa: E731
     text
     + '[[robot.axis.signal]]\nname = "temperature"\ncolumn = "temp"\n'
@@ -144,16 +141,6 @@ def read_from_files(change: Callable[[str], str], robot: Path) -> None:
     text = re.sub(r"^(bus|message|signal|counter_\w+) = .*\n", "", own, flags=re.MULTILINE)
     text = re.sub(r"^\[\[bus\]\].*?(?=^\[\[robot\]\])", "", text, flags=re.MULTILINE | re.DOTALL)
     robot.write_text(change(text), encoding="utf-8")
-
-
-def test_where_the_bank_cannot_run(robot: Path) -> None:
-    read_from_files(BOTH, robot)
-    one = found(robot)
-    assert (one.alarms, one.beside) == ("cusum", None)
-    assert one.why
-    key, message = problem(detector(robot, 'kind = "bank"'))
-    assert key.endswith("detector.kind")
-    assert "one output, and this axis has angle and speed" in message
 
 
 def test_where_nominal_values_vary_the_bank_looks_on_unless_it_is_asked_for(robot: Path) -> None:

@@ -163,6 +163,14 @@ MISTAKES = [
     ),
     # values that must fit together
     Mistake(
+        MOTION,
+        MOTION + '[robot.axis.speed]\nmessage = "Axis1Angle"\nsignal = "Speed"\n',
+        f"{FIRST}.speed",
+        '{message = "Axis1Angle", signal = "Speed"}',
+        "give angle or speed, not both: the angle gives better estimates",
+        25,
+    ),
+    Mistake(
         "Ja = 96",
         "Ja = -96",
         f"{SECOND}.model.nominal.Ja",

@@ -43,7 +43,6 @@ class Judge:
         self._tolerance = float(alpha1.max() * np.sqrt(settings.divisor))
         self._allowed = np.diag((allowance * model.scale) ** 2)
         K = settings.gain(len(model.drive.states))
-        K = K if settings.second is None else np.vstack([K, settings.second.K])
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
 

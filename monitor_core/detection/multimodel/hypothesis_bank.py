@@ -66,7 +66,7 @@ class HypothesisBank:
         sure: the share from which on a cause is named.
 
     Raises:
-        ValueError: thresholds that do not fit, a hypothesis that the drive cannot be in, two outputs, or a predictor
+        ValueError: thresholds that do not fit, a hypothesis that the drive cannot be in, or a predictor
             that is not stable.
     """
 
@@ -350,10 +350,8 @@ def _time_constant(model: AxisModel, s: Settings) -> float:
     """The predictor's slowest [s].
 
     Raises:
-        ValueError: there are two outputs, or the predictor is not stable.
+        ValueError: the predictor is not stable.
     """
-    if model.drive.both:
-        raise ValueError(f"the drive {model.drive.name!r} has two outputs: hypotheses predict one")
     found = slowest_time_constant(model, s.gain(len(model.drive.states)), s.interval_s)
     if not math.isfinite(found):
         raise ValueError("the predictor is not stable: hypotheses need a filter gain K")

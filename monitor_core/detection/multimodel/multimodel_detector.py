@@ -61,8 +61,6 @@ def guaranteed(hypotheses: int, samples: float) -> float:
 
 def unfit(model: AxisModel, settings: Settings) -> str:
     """Why there can be no bank for an axis, in words; empty: there can."""
-    if model.drive.both:
-        return "hypotheses predict one output, and angle and speed are used together"
     if settings.untold:
         return "its nominal values cannot tell some of the parameters apart"
     gain = settings.gain(len(model.drive.states))
@@ -91,7 +89,7 @@ class _Axis:
 
     def __init__(self, model: AxisModel, settings: Settings) -> None:
         self.model, self.settings = model, settings
-        self._text = f"{model} {settings} {settings.second}"
+        self._text = f"{model} {settings}"
 
     def __hash__(self) -> int:
         return hash(self._text)

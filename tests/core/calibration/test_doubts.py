@@ -19,7 +19,7 @@ from monitor_core.calibration.doubts import (
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.scatter import scatter
 from monitor_core.excitation.reference_experiment import reference_model
-from monitor_core.settings import Second, Settings
+from monitor_core.settings import Settings
 from tests.core.calibration.test_budget import MEMORY, forgotten
 
 MODEL = reference_model("speed", ("kT", "fm"))
@@ -108,16 +108,6 @@ def test_nominal_values_that_cannot_be_told() -> None:
     with pytest.raises(CalibrationError, match="fm and fc cannot be told apart"):
         check_settings(replace(SETTINGS, untold=(("fm", "fc"),)))
     check_settings(SETTINGS)
-
-
-def test_two_outputs() -> None:
-    both = replace(SETTINGS, second=Second(K=(0.0,), lam0=1.0))
-    with pytest.raises(
-        CalibrationError, match=r"by angle and speed cannot be calibrated: .*one output"
-    ) as found:
-        check_settings(both)
-    assert "Leave out the table of one" in str(found.value)
-    assert "alpha_1 and alpha_2" in str(found.value)
 
 
 def test_a_budget_that_cannot_be_promised(seed: int) -> None:

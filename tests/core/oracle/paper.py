@@ -30,24 +30,13 @@ class Log:
     alarms: list[tuple[int, int, int, int]] = field(default_factory=list)  # way, parameter, time, onset
 
 
-@dataclass
-class _Second:
-    """What is known of a second output, and counted."""
-
-    running: float
-    credit: float = 3.0
-    in_a_row: int = 0
-    missing: int = 0
-    outliers: int = 0
-
-
 class Paper:
     """Recursive identification and CUSUM of one axis."""
 
     def __init__(self, model: AxisModel, s: Settings, P_start: Array | None = None) -> None:
         self.model, self.s = model, s
         n, p, m = len(model.drive.states), len(model.theta0), len(model.drive.inputs)
-        self.theta, self.limits = model.theta0.copy(), stable_limits(model, s.filter(n), s.interval_s)
+        self.theta, self.limits = model.theta0.copy(), stable_limits(model, s.gain(n), s.interval_s)
         self.P = np.diag(s.P0) if P_start is None else P_start.copy()
         self.x, self.z = np.zeros(n), np.zeros((p, n))
         self.u, self.du = np.zeros(m), np.zeros((p, m))
@@ -64,16 +53,14 @@ class Paper:
         self.starved = False
         self.running, self.credit, self.in_a_row = s.lam0, 3.0, 0
         self.outliers = self.starts = 0
-        self.second = _Second(s.lam0)
         self.log = Log()
 
-    def run(self, t_us: NDArray[np.int64], u: Array, y: Array, y2: Array | None = None) -> Log:
-        second = np.full(len(t_us), np.nan) if y2 is None else y2
-        for sample in zip(t_us, u, y, second, strict=True):
+    def run(self, t_us: NDArray[np.int64], u: Array, y: Array) -> Log:
+        for sample in zip(t_us, u, y, strict=True):
             self._sample(int(sample[0]), *(float(v) for v in sample[1:]))
         return self.log
 
-    def _sample(self, t: int, u: float, y: float, y2: float) -> None:
+    def _sample(self, t: int, u: float, y: float) -> None:
         eps, psi = math.nan, np.full(len(self.theta), math.nan)
         gap = round(self.s.max_gap_s * 1e6)
         unusable = not (math.isfinite(u) and math.isfinite(y))
@@ -82,7 +69,7 @@ class Paper:
             if self.t is None or t < self.t or t - self.t > gap:
                 self._restart(t, u, y)
             else:
-                eps, psi = self._move(t, u, y, y2)
+                eps, psi = self._move(t, u, y)
         self.log.eps.append(eps)
         self.log.psi.append(psi)
         self.log.theta.append(self.theta.copy())
@@ -109,7 +96,7 @@ class Paper:
                 slope = (1 - self.u[c] ** 2) * ratio[c] / self.s.speed_scale
                 self.du[:, c] = slope * (self.z @ sensor_speed(self.model))
 
-    def _move(self, t: int, u: float, y: float, y2: float) -> tuple[float, Array]:
+    def _move(self, t: int, u: float, y: float) -> tuple[float, Array]:
         assert self.t is not None
         h = (t - self.t) * 1e-6
         lost = h / self.s.interval_s - 2
@@ -131,12 +118,9 @@ class Paper:
         eps = y - C @ self.x  # (11)
         psi = np.array([C @ z + d[0] @ self.x for z, d in zip(self.z, dC, strict=True)])  # (16)
         self.t = t
-        since = 0 if self.s.second or self.in_a_row >= 3 else self.in_a_row  # passed over, so that x went on
+        since = 0 if self.in_a_row >= 3 else self.in_a_row  # passed over, so that x went on
         K = self._gain(h + since * self.s.interval_s, self.s.K, self.s.K_after)
-        if self.s.second and math.isnan(y2):
-            K = self._gain(h, self.s.second.alone, self.s.second.alone_after)
-        e2, psi2 = self._beside(y2, eps, psi, K)
-        used = t >= self.settled and not self._starves(psi, psi2)
+        used = t >= self.settled and not self._starves(psi)
         if t >= self.settled and not used:
             self.unseen[:], self.starved = True, True
         known = self._expected(psi)
@@ -148,15 +132,10 @@ class Paper:
             return math.nan, psi
         used = used and not pass_over
         corrects = not out or self.in_a_row >= 3
-        if not corrects:  # then the second has the whole error
-            e2, psi2 = self._beside(y2, 0.0, 0 * psi, K)
         before = self.theta.copy()
         if used:
             self._update(believed, psi)
             self._follow_variance(eps, known)
-        if self.s.second:
-            self._with_second(h, e2, psi2, self.theta - before, used, pass_over)
-        if used:
             self._judge()
         moved = self.theta - before
         if corrects:
@@ -174,47 +153,6 @@ class Paper:
         known = [after[0], K, *after[1:]] if after else [K or (0.0,) * len(self.x)] * GAINS
         at = h / self.s.interval_s
         return np.array([np.interp(at, np.arange(GAINS), gain) for gain in np.array(known).T])
-
-    def _beside(self, y2: float, eps: float, psi: Array, K: Array) -> tuple[float, Array]:
-        """Innovation and gradient of the second output after the first one's correction, in its units."""
-        if self.s.second is None:
-            return math.nan, 0 * psi
-        C2 = self.model.drive.matrix("C2", self.model.values(self.theta))[0]
-        slopes = [d[0] for d in derivatives(self.model, "C2", self.theta)]
-        x, z = self.x + K * eps, self.z - np.outer(psi, K)
-        size = math.sqrt(self.s.lam0 / self.s.second.lam0)
-        return size * (y2 - C2 @ x), size * (z @ C2 + np.array([d @ x for d in slopes]))
-
-    def _with_second(
-        self, h: float, e2: float, psi2: Array, moved: Array, used: bool, passed_over: bool
-    ) -> None:
-        """Information adds up, P^-1 + psi2 psi2'; theta's first step is taken off what is left to explain."""
-        assert self.s.second is not None
-        if math.isnan(e2):
-            self.second.missing += 1
-            return
-        left, known = float(e2 - psi2 @ moved), float(1 + psi2 @ self.P @ psi2 / 2)
-        s, believed, out, pass_over = self.second, left, False, False
-        if self.s.outlier:
-            limit = self.s.outlier * math.sqrt(s.running * known)
-            out, s.credit = abs(left) > limit, min(s.credit + 0.02, 3.0)
-            s.in_a_row = s.in_a_row + 1 if out else 0
-            pass_over = out and s.credit >= 1
-            s.credit -= pass_over
-            settled = self.t is not None and self.t >= self.settled
-            s.outliers += pass_over and settled and not passed_over  # the sample is counted once
-            believed = float(np.clip(left, -limit, limit))
-        if used and not pass_over:
-            step = self.P @ psi2 / (1 + psi2 @ self.P @ psi2) * believed
-            self.P = np.linalg.inv(np.linalg.inv(self.P) + np.outer(psi2, psi2))
-            if not self.seeding:
-                self.theta = np.clip(self.theta + np.where(self.unseen, 0.0, step), *self.limits)
-            square = min(left**2 / known, 9 * s.running) / 0.99501
-            s.running += (1 - self.s.lam) / 10 * (square - s.running)
-        if not out or s.in_a_row >= 3:
-            size = math.sqrt(self.s.lam0 / self.s.second.lam0)
-            K2 = self._gain(h, self.s.second.K, self.s.second.K_after) / size
-            self.x, self.z = self.x + K2 * e2, self.z - np.outer(psi2, K2)
 
     def _to_its_own_interval(self, h: float, rest: float) -> tuple[float, float]:
         """What the drive averages a speed over begins so long before its end, after lost samples; else with h."""
@@ -263,7 +201,7 @@ class Paper:
         return len(self.diagonals) < self.s.seed_updates
 
     def _judge(self) -> None:
-        """Once a sample, after all of its outputs."""
+        """Once a sample, after the update."""
         if self.seeding:
             self._seed()
             return
@@ -273,10 +211,9 @@ class Paper:
             self._look()
         self._cusum()
 
-    def _starves(self, psi: Array, psi2: Array) -> bool:
+    def _starves(self, psi: Array) -> bool:
         """Running mean, over a tenth of the memory, of psi' P psi beside its steady mean p (1 - lambda)."""
-        both = float(psi @ self.P @ psi + psi2 @ self.P @ psi2)
-        share = min(both / (len(psi) * (1 - self.s.lam)), 1.0)
+        share = min(float(psi @ self.P @ psi) / (len(psi) * (1 - self.s.lam)), 1.0)
         if self.s.starved:
             self.plenty += min(10 * (1 - self.s.lam), 1.0) * (share - self.plenty)
         self.starved_samples += self.plenty < self.s.starved

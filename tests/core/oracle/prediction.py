@@ -17,7 +17,6 @@ def prediction(
     t_us: NDArray[np.int64],
     u: Array,
     y: Array,
-    y2: Array | None = None,
 ) -> NDArray[np.generic]:
     """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
     values = model.values(theta)  # type: ignore[arg-type]
@@ -41,8 +40,6 @@ def prediction(
         over = 1.0 if mean < 0 else own if lost else h
         yhat.append(C[0] @ x / over)
         x = x + K * (y[j] - yhat[-1])
-        if s.second and y2 is not None:
-            x = x + np.array(s.second.K) * (y2[j] - (model.drive.matrix("C2", values) @ x)[0])
         if mean >= 0:
             x[mean] = 0.0
         before, held = u[j - 1], inputs(model, s, u[j], y[j], x)

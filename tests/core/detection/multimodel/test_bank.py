@@ -302,9 +302,6 @@ def test_the_guaranteed_run_length() -> None:
 
 def test_where_there_can_be_no_bank(seed: int) -> None:
     case = BY_NAME["angle-paper"]
-    both = replace(case.model, drive=case.drive("angle").with_speed())
-    with pytest.raises(ValueError, match="one output"):
-        BankDetector(both, case.settings(), DAY)
     with pytest.raises(ValueError, match="not stable"):
         BankDetector(case.model, replace(case.settings(), K=()), DAY)
     with pytest.raises(ValueError, match="apart"):

@@ -229,13 +229,6 @@ def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> Non
     assert found.g[:, 1].max() < 20.0
 
 
-def test_a_drive_with_two_outputs_is_refused() -> None:
-    case = CASES[0]
-    both = replace(case.model, drive=case.drive("angle").with_speed())
-    with pytest.raises(ValueError, match="two outputs"):
-        HypothesisBank(both, case.settings(), [Hypothesis("some")])
-
-
 def test_a_predictor_that_is_not_stable_is_refused() -> None:
     case = BY_NAME["angle-paper"]
     with pytest.raises(ValueError, match="not stable"):
