@@ -1,4 +1,4 @@
-"""``axiswatch model``: what a drive is once everything that can be eliminated is: states, A, B, C, poles."""
+"""``axiswatch model``: the minimal state space of a drive: states, A, B, C, poles, identifiability."""
 
 from __future__ import annotations
 
@@ -54,17 +54,14 @@ AxisOption = Annotated[
 ]
 OutputOption = Annotated[
     Quantity | None,
-    typer.Option("--output", help="What the sensors measure, whatever is drawn or configured."),
+    typer.Option("--output", help="Measured quantity, overriding the drawing or the configuration."),
 ]
-Latex = Annotated[bool, typer.Option("--latex", help="Print LaTeX instead: states, matrices, parameters.")]
+Latex = Annotated[bool, typer.Option("--latex", help="Print A, B, C as LaTeX instead.")]
 Json = Annotated[
     Path | None,
     typer.Option(
         "--json", metavar="[FILE]", help="Also write everything here; - or nothing is standard output."
     ),
-]
-Svg = Annotated[
-    Path | None, typer.Option("--svg", metavar="FILE", help="Also write a picture of the masses and springs.")
 ]
 Matlab = Annotated[
     Path | None, typer.Option("--matlab", metavar="FILE.m", help="Also write a function for MATLAB's idgrey.")
@@ -75,7 +72,7 @@ Record = Annotated[
     typer.Option(
         "--record",
         metavar="RECORD",
-        help="What the torque of this record tells of the parameters, instead of a multisine; with --config.",
+        help="Use the torque of this record instead of a multisine; with --config.",
     ),
 ]
 Wanted = tuple["Experiment | None", float]
@@ -89,16 +86,15 @@ def model(
     output: OutputOption = None,
     latex: Latex = False,
     json: Json = None,
-    svg: Svg = None,
     matlab: Matlab = None,
     record: Record = None,
 ) -> None:
-    """From a drawing of a drive to x' = A x + B u, y = C x with the fewest states, in symbols.
+    """Derive the minimal state space x' = A x + B u, y = C x of a drive, in symbols.
 
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
-    tell apart, at all and from a record. What goes to standard output replaces the text.
+    distinguish, in principle and from a record. A report on standard output replaces the text.
     """
-    files = _Files(STDOUT if latex else None, json, svg, matlab)
+    files = _Files(STDOUT if latex else None, json, matlab)
     files.check()
     with explained():
         found = found_drive(drive, name, config, axis, output)
@@ -111,18 +107,17 @@ def model(
 
 
 class _Files(NamedTuple):
-    """Where each report goes; None: not wanted."""
+    """Path of each report; None: not requested."""
 
     latex: Path | None
     json: Path | None
-    svg: Path | None
     matlab: Path | None
 
     def check(self) -> None:
-        """That they can be, before anything is computed.
+        """Check the paths before anything is computed.
 
         Raises:
-            typer.BadParameter: two on standard output; a drawing would be overwritten; a name MATLAB cannot have.
+            typer.BadParameter: two reports on standard output, a drawing to be overwritten, an invalid MATLAB name.
         """
         given = {f"--{option}": path for option, path in self._asdict().items() if path is not None}
         shown = [option for option, path in given.items() if path == STDOUT]
@@ -137,7 +132,7 @@ class _Files(NamedTuple):
             _function_name(self.matlab)
 
     def texts(self, drive: FoundDrive, experiment: Wanted) -> Iterator[tuple[Path, str]]:
-        """What goes where."""
+        """Path and text of each requested report."""
         from monitor_core.modeling.numbers import nominal_of
 
         space, nominal = drive.space, nominal_of(drive.space, drive.values)
@@ -147,13 +142,9 @@ class _Files(NamedTuple):
 
             yield self.json, as_json(facts_of(space, drive.values, *experiment))
         if self.latex is not None:
-            from service.reports.model_latex import as_latex
+            from monitor_core.modeling.symbolic import as_latex
 
-            yield self.latex, as_latex(space, nominal)
-        if self.svg is not None:
-            from service.reports.model_svg import as_svg
-
-            yield self.svg, as_svg(space)
+            yield self.latex, as_latex(space)
         if self.matlab is not None:
             from service.reports.model_matlab import as_matlab
 

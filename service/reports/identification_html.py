@@ -8,7 +8,6 @@ from monitor_core.identification.residuals import LEVEL
 from service.identification.found import Found
 from service.reports.identification_pages import (
     correlation_table,
-    drive_picture,
     masses_table,
     parameter_table,
     provenance,
@@ -34,7 +33,6 @@ def _sections(found: Found) -> Iterator[str]:
     yield section("Parameters", parameter_table(found))
     if found.task.follows:
         yield section("What follows measured signals", slope_table(found))
-    yield section("Drive", drive_picture(found.task.space))
     if found.growth is not None:
         yield section("How many masses", masses_table(found.growth, bool(found.task.follows)))
     yield section("Measured and predicted", record_table(found), *_traces(found))

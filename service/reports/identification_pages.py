@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 import math
 
 import numpy as np
 
 from monitor_core.identification.starting import Growth
-from monitor_core.modeling.flat import ModelError
-from monitor_core.modeling.statespace import StateSpace
 from service.identification.found import Found, Row, Slope
 from service.ingest.identification_records import Source
 from service.reports.identification_words import MASSES_TITLES, deviation, fits, masses_rows, number, relative
-from service.reports.model_svg import as_svg
 from service.reports.page import heads, legend, listed, number_cell, table
 from service.reports.words import escaped, percent, plain
 
@@ -28,17 +24,6 @@ _RIGHT = {
     *("fit one step ahead", "fit of the simulation"),
 }
 """Titles that stand over numbers."""
-
-
-def drive_picture(space: StateSpace) -> str:
-    """Masses and springs; as an image of its own, so that its styles stay its own."""
-    try:
-        svg = as_svg(space)
-    except ModelError as error:
-        return f"<p>{escaped(str(error))}</p>"
-    data = base64.b64encode(svg.encode()).decode()
-    name = escaped(f"{space.name}: masses and springs")
-    return f'<figure><img alt="{name}" src="data:image/svg+xml;base64,{data}"></figure>'
 
 
 def parameter_table(found: Found) -> str:

@@ -208,7 +208,7 @@ def test_what_cannot_be_simulated_is_told_with_the_rest(name: str, tmp_path: Pat
     assert "Poles at nominal" in said
 
 
-@pytest.mark.parametrize("arguments", [(), ("--json",), ("--svg", "-")], ids=["text", "json", "svg"])
+@pytest.mark.parametrize("arguments", [(), ("--json",)], ids=["text", "json"])
 def test_a_hundred_masses_are_answered(arguments: tuple[str, ...], tmp_path: Path) -> None:
     out = shown(chain_text(100), tmp_path, *arguments)
     assert "mass99" in out
