@@ -12,7 +12,7 @@ from monitor_core.calibration.plants import Plants, innovations
 from monitor_core.detection.alarm import Crossing
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
@@ -73,7 +73,7 @@ def catch(
     N = round(seconds / settings.interval_s)
     at = places(model, settings, one, onsets, N)
     columns = _columns(model, settings, one, at)
-    bank = Bank([model] * LANES, [settings] * LANES)
+    bank = AxisBatch([model] * LANES, [settings] * LANES)
     found = []
     for number, (fault, load, u, y) in enumerate(injected(model, settings, one, faults, at, N)):
         outcome = _watched(bank, one, u, y, at, N, columns)
@@ -88,7 +88,7 @@ def places(model: AxisModel, settings: Settings, one: Samples, onsets: int, N: i
     Raises:
         ValueError: the record is too short for that.
     """
-    first = _ready(AxisMonitor.alone(model, settings), one)
+    first = _ready(AxisMonitor(model, settings), one)
     last = len(one.t_us) - N - 1
     if last <= first:
         raise ValueError("the record is too short")
@@ -117,7 +117,7 @@ def injected(
 
 def _ready(monitor: AxisMonitor, one: Samples) -> int:
     """From where on the tests run, some memories behind the start."""
-    st, step = monitor.bank.state, monitor.settings.span
+    st, step = monitor.batch.state, monitor.settings.span
     for k in range(0, len(one.t_us), step):
         part = one.part(k, k + step)
         monitor.run(part.t_us, part.u, part.y, part.shift, part.gate)
@@ -128,11 +128,11 @@ def _ready(monitor: AxisMonitor, one: Samples) -> int:
 
 def _columns(model: AxisModel, settings: Settings, one: Samples, at: Ints) -> list[tuple[Floats, Ints]]:
     """The state of the healthy monitor just before each of these samples."""
-    monitor, done, found = AxisMonitor.alone(model, settings), 0, []
+    monitor, done, found = AxisMonitor(model, settings), 0, []
     for end in at.tolist():
         part = one.part(done, end)
         monitor.run(part.t_us, part.u, part.y, part.shift, part.gate)
-        found.append(monitor.bank.column(0))
+        found.append(monitor.batch.column(0))
         done = end
     return found
 
@@ -161,7 +161,7 @@ def _faulty_outputs(
 
 
 def _watched(
-    bank: Bank,
+    bank: AxisBatch,
     one: Samples,
     u: Floats,
     y: Floats | None,

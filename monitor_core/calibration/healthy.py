@@ -69,7 +69,7 @@ def deviations(
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[Deviations]:
     """Run all records, one after the other in the life of the axis, as the daemon would."""
-    monitor = AxisMonitor.alone(model, untested(settings))
+    monitor = AxisMonitor(model, untested(settings))
     whole, done, found = sum(len(one.t_us) for one in records), 0, []
     for one in records:
         found.append(_deviations(monitor, one, lambda part, at=done: progress((at + part) / whole)))  # type: ignore[misc]
@@ -78,7 +78,7 @@ def deviations(
 
 
 def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], None]) -> Deviations:
-    model, lam0, st = monitor.model, monitor.settings.lam0, monitor.bank.state
+    model, lam0, st = monitor.model, monitor.settings.lam0, monitor.batch.state
     N, p, step = len(one.t_us), len(model.scale), monitor.settings.span
     d, s, tested, seeding = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_), 0
     # In pieces as short as the looks at P, which say what is observed.
@@ -94,4 +94,4 @@ def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], No
         tested[here] = learned & (not seeds)
         seeding += len(part.t_us) if seeds else 0
         progress(min(k + step, N))
-    return Deviations(one.name, one.t_us, d, s, tested, seeding, monitor.facts().confounded)
+    return Deviations(one.name, one.t_us, d, s, tested, seeding, monitor.status().confounded)

@@ -34,12 +34,12 @@ class Innovations:
 def innovations(model: AxisModel, settings: Settings, one: Samples, at: Sequence[int] = ()) -> Innovations:
     """Innovations of the predictor at nominal, and its state just before the samples ``at``, in rising order."""
     frozen = replace(untested(settings), lam=_ENDLESS, P0=(), starved=0.0, floor=0.0, outlier=0.0)
-    monitor = AxisMonitor.alone(model, frozen)
+    monitor = AxisMonitor(model, frozen)
     eps, states, done = [], [], 0
     for end in (*at, len(one.t_us)):
         part = one.part(done, end)
         eps.append(monitor.run_traced(part.t_us, part.u, part.y, part.shift, part.gate)[1].eps)
-        states.append(monitor.bank.state.x[:, 0].copy())
+        states.append(monitor.batch.state.x[:, 0].copy())
         done = end
     return Innovations(np.concatenate(eps), np.array(states[:-1]).reshape(len(at), -1))
 

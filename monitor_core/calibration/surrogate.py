@@ -18,7 +18,7 @@ from monitor_core.calibration.own_error import Parts
 from monitor_core.calibration.plants import Plants, innovations
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
@@ -121,9 +121,9 @@ class Source:
 
 def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | None:
     """What copies of a record need; None where too little was learned from it."""
-    monitor, start = AxisMonitor.alone(model, untested(settings)), 0
+    monitor, start = AxisMonitor(model, untested(settings)), 0
     step = settings.span
-    st = monitor.bank.state
+    st = monitor.batch.state
     for start in range(0, len(one.t_us), step):
         if start and st.t[0] >= st.settled[0] and not st.seed_left[0]:
             break
@@ -134,7 +134,7 @@ def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | No
     eps = eps[np.isfinite(eps)]
     if len(eps) < 2 * settings.memory:
         return None
-    column, t_us = monitor.bank.column(0), int(st.t[0])
+    column, t_us = monitor.batch.column(0), int(st.t[0])
     return Source(one.u[start:], eps - eps.mean(), found.x[0], float(one.u[start - 1]), column, t_us)
 
 
@@ -181,7 +181,7 @@ class _Copies:
 
     def __init__(self, model: AxisModel, settings: Settings) -> None:
         self.model, self.settings = model, settings
-        self._bank = Bank([model] * LANES, [untested(settings)] * LANES)
+        self._bank = AxisBatch([model] * LANES, [untested(settings)] * LANES)
 
     def run(self, source: Source, blocks: Blocks) -> Iterator[tuple[Floats, Floats]]:
         """Deviations and sqrt(lambda_0 P_ii) (n, p, LANES) of copies of a record, at every q-th sample."""

@@ -42,7 +42,7 @@ class Crossing:
 
 
 @dataclass(frozen=True, slots=True)
-class Calm:
+class Recovered:
     """The deviation of a parameter has been below nu for three memory lengths."""
 
     parameter: str
@@ -72,7 +72,7 @@ class Evidence:
     """How the deviations went until then; None: it is not known, and nothing is named."""
 
 
-Event = Crossing | Calm | Evidence | Reading
+Event = Crossing | Recovered | Evidence | Reading
 
 
 class Cause(NamedTuple):
@@ -112,7 +112,7 @@ class Name(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Episode:
+class Alarm:
     """An alarm.  ``parameter`` is the best present name, ``size`` its theta - theta0 with its standard deviation.
 
     ``raised_us`` and ``first`` never change: with them an episode is known again.

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.detection.alarm import Cause, Episode, Name, Reach
+from monitor_core.detection.alarm import Alarm, Cause, Name, Reach
 
 
-def episodes_to_array(episodes: Iterable[Episode]) -> NDArray[np.generic]:
+def episodes_to_array(episodes: Iterable[Alarm]) -> NDArray[np.generic]:
     """The bytes of a JSON text (N,)."""
     text = json.dumps([asdict(e) for e in episodes])
     return np.frombuffer(text.encode(), np.uint8)
 
 
-def episodes_from_array(array: NDArray[np.generic], causes: Collection[str]) -> list[Episode]:
+def episodes_from_array(array: NDArray[np.generic], causes: Collection[str]) -> list[Alarm]:
     """What ``episodes_to_array`` made, of these causes.
 
     Raises:
@@ -33,8 +33,8 @@ def episodes_from_array(array: NDArray[np.generic], causes: Collection[str]) -> 
     return episodes
 
 
-def _episode(fields: dict[str, Any]) -> Episode:
+def _episode(fields: dict[str, Any]) -> Alarm:
     causes = tuple(Cause.read(cause) for cause in fields.pop("causes"))
     past = tuple(Name(*name) for name in fields.pop("past"))
     reaches = tuple(Reach(*reach) for reach in fields.pop("reaches", ()))
-    return Episode(**fields, causes=causes, past=past, reaches=reaches)
+    return Alarm(**fields, causes=causes, past=past, reaches=reaches)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import DIRECTIONS, Calm, Crossing, Event
-from monitor_core.detection.cusum.evidence_builder import Judge
+from monitor_core.detection.alarm import DIRECTIONS, Crossing, Event, Recovered
+from monitor_core.detection.cusum.evidence_builder import EvidenceBuilder
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.block import Samples, Trace, run
@@ -29,7 +29,7 @@ MOST_LANES = 64
 """Lanes side by side: what is done once for all of them hardly counts then, and their arrays fit the second cache."""
 
 
-class Bank:
+class AxisBatch:
     """Monitors of several axes with the same drive structure and the same monitored parameters.
 
     Raises:
@@ -68,7 +68,7 @@ class Bank:
         self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
         """Bounds of theta (p, W), each: the models' own, drawn in to where the predictors are stable."""
         judged = named.lower, named.upper, self.state.P_nom
-        self._judges = tuple(Judge(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
+        self._judges = tuple(EvidenceBuilder(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
         for a, (model, setting) in pairs:
             fill(named, a, constants_of(assembly, model, setting))
             self._start(a, model, setting)
@@ -197,12 +197,12 @@ class Bank:
                 yield a, self._judges[a].evidence(noted, c)
         yield from (self._event(events, k) for k in range(done, int(events.filled[0])))
 
-    def _event(self, events: Events, k: int) -> tuple[int, Crossing | Calm]:
+    def _event(self, events: Events, k: int) -> tuple[int, Crossing | Recovered]:
         kind, a, i, t_us, onset_us = (int(v) for v in events.what[:, k])
         d, P_ii = events.value[:, k]
         name = self.models[a].monitored[i]
         if kind == CALM:
-            return a, Calm(name, t_us)
+            return a, Recovered(name, t_us)
         sd = standard_deviation(self.settings[a], float(P_ii))
         return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
 

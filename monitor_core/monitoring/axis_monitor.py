@@ -1,4 +1,4 @@
-"""AxisMonitor: samples of one axis in, facts and alarm episodes out."""
+"""Monitor of one axis: samples in, status and alarms out."""
 
 from __future__ import annotations
 
@@ -11,20 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Calm, Crossing, Episode, Event, Evidence
+from monitor_core.detection.alarm import Alarm, Crossing, Event, Evidence, Recovered
 from monitor_core.detection.alarm_arrays import episodes_from_array, episodes_to_array
 from monitor_core.detection.cusum.alarm_tracker import EpisodeBook
 from monitor_core.detection.cusum.evidence_builder import HELD, INVALID
 from monitor_core.detection.detector_protocol import Book, DetectorName
 from monitor_core.detection.multimodel import multimodel_detector as hypotheses
 from monitor_core.detection.multimodel.events import Event as BankEvent
-from monitor_core.detection.multimodel.multimodel_detector import BankDetector
+from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
-from monitor_core.monitoring.axis_batch import Bank, standard_deviation
-from monitor_core.monitoring.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
+from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
+from monitor_core.monitoring.axis_status import (
+    AxisStatus,
+    DetectorStatus,
+    Observation,
+    ParameterStatus,
+    Status,
+)
 from monitor_core.monitoring.observability import confounded, untold
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
@@ -54,38 +60,49 @@ AnyEvent = Event | BankEvent
 
 
 class AxisMonitor:
-    """One lane of a bank, with the alarm episodes of its axis.
+    """Estimates, tests and alarms of one axis.
 
-    For one axis alone: ``AxisMonitor.alone(model, settings)`` and then ``run``.  For many, run the bank and hand each
-    event to its monitor's ``apply``.
+    ``AxisMonitor(model, settings)`` monitors an axis alone.  Of many axes, each monitor is a view of one lane of an
+    ``AxisBatch`` (``of_lane``).
 
     Args:
-        bank: with the recursion and the CUSUM tests of this axis.
-        axis: its lane.
+        model: nominal values and bounds.
+        settings: predictor, forgetting, tests.
         beside: the second detector, if there is one.
-        alarms: whose alarms are those of the axis; the other keeps a book that nobody is shown.
+        alarms: whose alarms are those of the axis.
     """
 
     def __init__(
-        self, bank: Bank, axis: int, beside: BankDetector | None = None, alarms: DetectorName = "cusum"
+        self,
+        model: AxisModel,
+        settings: Settings,
+        beside: MultiModelDetector | None = None,
+        alarms: DetectorName = "cusum",
     ) -> None:
-        self.bank, self.axis, self.beside, self.alarms = bank, axis, beside, alarms
+        self._view(AxisBatch([model], [settings]), 0, beside, alarms)
+
+    @classmethod
+    def of_lane(
+        cls,
+        batch: AxisBatch,
+        lane: int,
+        beside: MultiModelDetector | None = None,
+        alarms: DetectorName = "cusum",
+    ) -> AxisMonitor:
+        """The monitor of one axis of a batch."""
+        monitor = cls.__new__(cls)
+        monitor._view(batch, lane, beside, alarms)
+        return monitor
+
+    def _view(
+        self, batch: AxisBatch, lane: int, beside: MultiModelDetector | None, alarms: DetectorName
+    ) -> None:
+        self.batch, self.lane, self.beside, self.alarms = batch, lane, beside, alarms
         if alarms == "bank" and beside is None:
             raise ValueError("the bank of hypotheses is to alarm, but there is none")
         self._cusum = EpisodeBook()
         self.alarmed_by: DetectorName = alarms
         """Whose alarms counted when the state was saved that it went on from"""
-
-    @classmethod
-    def alone(
-        cls,
-        model: AxisModel,
-        settings: Settings,
-        beside: BankDetector | None = None,
-        alarms: DetectorName = "cusum",
-    ) -> AxisMonitor:
-        """The monitor of a bank of one."""
-        return cls(Bank([model], [settings]), 0, beside, alarms)
 
     def book_of(self, detector: DetectorName) -> Book[Any]:
         """The open alarms by one detector.
@@ -114,9 +131,9 @@ class AxisMonitor:
         """Whatever an alarm of the axis may name."""
         return self.beside.causes if self.alarms == "bank" and self.beside else self.model.monitored
 
-    def adopt(self, open_episodes: Iterable[Episode]) -> None:
+    def adopt(self, open_alarms: Iterable[Alarm]) -> None:
         """Have these open alarms and no others."""
-        episodes = list(open_episodes)
+        episodes = list(open_alarms)
         if self.alarms == "bank" and self.beside is not None:
             self.beside.adopt(episodes)
             return
@@ -125,17 +142,17 @@ class AxisMonitor:
         for e in self._cusum.open:
             if e.parameter not in counted:
                 # The calm that ends an episode is noted once: let it be counted from here.
-                self.bank.state.calm[self.model.monitored.index(e.parameter), self.axis] = 0
+                self.batch.state.calm[self.model.monitored.index(e.parameter), self.lane] = 0
 
     @property
     def model(self) -> AxisModel:
         """The model of this axis."""
-        return self.bank.models[self.axis]
+        return self.batch.models[self.lane]
 
     @property
     def settings(self) -> Settings:
         """The settings of this axis."""
-        return self.bank.settings[self.axis]
+        return self.batch.settings[self.lane]
 
     @property
     def key(self) -> str:
@@ -165,13 +182,13 @@ class AxisMonitor:
         y: Floats,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-    ) -> list[Episode]:
+    ) -> list[Alarm]:
         """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended.
 
-        ``shift`` (N, p) and ``gate`` (N,) as for ``Bank.run``.
+        ``shift`` (N, p) and ``gate`` (N,) as for ``AxisBatch.run``.
         """
         block = _column(t_us), _column(u), _column(y)
-        events = self.bank.run(*block, shift=_optional(shift), gate=_optional(gate))
+        events = self.batch.run(*block, shift=_optional(shift), gate=_optional(gate))
         said: list[AnyEvent] = [event for _, event in events]
         if self.beside is not None:
             said += self.beside.run(t_us, u, y, gate, shift)
@@ -184,14 +201,14 @@ class AxisMonitor:
         y: Floats,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-    ) -> tuple[list[Episode], Trace]:
+    ) -> tuple[list[Alarm], Trace]:
         """As ``run``, with the recursion's values at every sample, axis dropped: theta (N, p), g (N, 2, p), .."""
         block = _column(t_us), _column(u), _column(y)
-        events, trace = self.bank.run_traced(*block, shift=_optional(shift), gate=_optional(gate))
+        events, trace = self.batch.run_traced(*block, shift=_optional(shift), gate=_optional(gate))
         episodes = [episode for _, event in events for episode in self.apply(event)]
         return episodes, Trace(*(field[..., 0] for field in trace))
 
-    def apply(self, event: AnyEvent) -> list[Episode]:
+    def apply(self, event: AnyEvent) -> list[Alarm]:
         """Take an event of this axis into the book of its detector; returns the alarms that it changed.
 
         Those are the episodes raised, updated or ended by the detector that alarms.  Readings are for the slow
@@ -199,19 +216,19 @@ class AxisMonitor:
         """
         if isinstance(event, Reading):
             return []
-        of: DetectorName = "cusum" if isinstance(event, Crossing | Calm | Evidence) else "bank"
+        of: DetectorName = "cusum" if isinstance(event, Crossing | Recovered | Evidence) else "bank"
         episodes = self.book_of(of).apply(event)
         return episodes if of == self.alarms else []
 
     def start_from(self, theta: Floats) -> None:
         """Let the recursion start from another theta (p,) than the nominal one."""
-        self.bank.state.theta[:, self.axis] = theta
+        self.batch.state.theta[:, self.lane] = theta
 
-    def facts(self) -> AxisFacts:
+    def status(self) -> AxisStatus:
         """All that is known now."""
-        st, a = self.bank.state, self.axis
+        st, a = self.batch.state, self.lane
         last = int(st.t[a])
-        return AxisFacts(
+        return AxisStatus(
             time_us=None if last == NEVER else last,
             parameters=tuple(self._parameter(i) for i in range(len(self.model.monitored))),
             innovation_variance=float(st.lam0_running[a]),
@@ -220,25 +237,25 @@ class AxisMonitor:
             detectors=tuple(self._detector(name) for name in self.detectors),
         )
 
-    def _detector(self, name: DetectorName) -> DetectorFacts:
+    def _detector(self, name: DetectorName) -> DetectorStatus:
         cause, share = self._leading() if name == "cusum" or self.beside is None else self.beside.leading()
         names = tuple(dict.fromkeys(e.parameter for e in self.book_of(name).open))
-        return DetectorFacts(name, name == self.alarms, cause, share, names)
+        return DetectorStatus(name, name == self.alarms, cause, share, names)
 
     def _leading(self) -> tuple[str, float]:
         """The parameter of the CUSUM test that is nearest its threshold, and g over h."""
-        share = self.bank.state.g[:, :, self.axis].max(axis=0) / self.bank.thresholds[:, self.axis]
+        share = self.batch.state.g[:, :, self.lane].max(axis=0) / self.batch.thresholds[:, self.lane]
         i = int(share.argmax())
         return self.model.monitored[i], float(share[i])
 
     def _counts(self) -> Iterator[tuple[str, int]]:
-        st, a = self.bank.state, self.axis
+        st, a = self.batch.state, self.lane
         yield from zip(COUNTERS, st.counts[:, a], strict=True)
 
-    def _parameter(self, i: int) -> ParameterFacts:
-        st, a, parameter = self.bank.state, self.axis, self.model.parameters[i]
+    def _parameter(self, i: int) -> ParameterStatus:
+        st, a, parameter = self.batch.state, self.lane, self.model.parameters[i]
         P_ii, unseen = float(st.P[i, i, a]), st.observed[i, a] == UNSEEN
-        return ParameterFacts(
+        return ParameterStatus(
             name=parameter.name,
             unit=parameter.unit,
             meaning=parameter.meaning,
@@ -250,7 +267,7 @@ class AxisMonitor:
             p_diagonal=P_ii,
             g_up=float(st.g[0, i, a]),
             g_down=float(st.g[1, i, a]),
-            h=float(self.bank.thresholds[i, a]),
+            h=float(self.batch.thresholds[i, a]),
             nu=self._nu(i, P_ii),
             status=self._status(i),
             observation=_OBSERVATION[st.observed[i, a]],
@@ -261,7 +278,7 @@ class AxisMonitor:
         return float(alpha1 * math.sqrt(self.settings.lam0 * P_ii) + allowance * self.model.scale[i])
 
     def _confounded(self) -> tuple[str, ...]:
-        st, a = self.bank.state, self.axis
+        st, a = self.batch.state, self.lane
         doubts = untold(self.settings.untold)
         if not st.starved[a] or st.seed_left[a]:  # without P(0) there is nothing to compare P with
             return doubts
@@ -269,7 +286,7 @@ class AxisMonitor:
 
     def _is_invalid(self, i: int) -> bool:
         """Its bounds hold it, or the model no longer explains what is measured."""
-        st, a, (lower, upper) = self.bank.state, self.axis, self.bank.limits
+        st, a, (lower, upper) = self.batch.state, self.lane, self.batch.limits
         theta0, theta = self.model.theta0[i] + st.shift[i, a], st.theta[i, a]
         bound = upper[i, a] if theta > theta0 else lower[i, a]
         held = bool(abs(theta - bound) <= HELD * abs(theta0 - bound))
@@ -277,7 +294,7 @@ class AxisMonitor:
         return held or bool(running > INVALID * self.settings.lam0)
 
     def _status(self, i: int) -> Status:
-        st, a = self.bank.state, self.axis
+        st, a = self.batch.state, self.lane
         if self.book.is_open(self.model.parameters[i].name):
             return Status.ALARM
         if st.t[a] == NEVER:
@@ -297,7 +314,7 @@ class AxisMonitor:
 
     def to_arrays(self) -> Arrays:
         """The whole state but that of the second detector, to be saved: arrays by name."""
-        floats, ints = self.bank.column(self.axis)
+        floats, ints = self.batch.column(self.lane)
         return {
             "floats": floats,
             "ints": ints,
@@ -314,8 +331,8 @@ class AxisMonitor:
         """
         episodes = episodes_from_array(arrays["episodes"], self.model.monitored)
         by_bank = bool(np.asarray(arrays.get("alarms", False)).any())
-        self.bank.restore(
-            self.axis, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
+        self.batch.restore(
+            self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
         self._cusum = EpisodeBook(episodes)
         self.alarmed_by = "bank" if by_bank else "cusum"

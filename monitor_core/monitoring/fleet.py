@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.detector_protocol import DetectorName
-from monitor_core.detection.multimodel.multimodel_detector import BankDetector
+from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AnyEvent, AxisMonitor
 from monitor_core.settings import Settings
 
@@ -26,7 +26,7 @@ class Block(NamedTuple):
     t_us: NDArray[np.int64]  # (N,) us
     u: Floats  # (N,) motor torque, N m
     y: Floats  # (N,) motor speed, rad/s, or motor angle, rad
-    shift: Floats | None = None  # (N, p) theta_0(s) - theta_0, as for Bank.run; None: what it was last
+    shift: Floats | None = None  # (N, p) theta_0(s) - theta_0, as for AxisBatch.run; None: what it was last
     gate: NDArray[np.bool_] | None = None  # (N,) where False nothing is learned; None: everywhere it is
 
 
@@ -51,7 +51,7 @@ class Fleet:
         self,
         models: Sequence[AxisModel],
         settings: Sequence[Settings],
-        beside: Mapping[int, BankDetector] = _NOTHING,
+        beside: Mapping[int, MultiModelDetector] = _NOTHING,
         alarms: Mapping[int, DetectorName] = _NOTHING,
     ) -> None:
         if not models or len(models) != len(settings):
@@ -59,12 +59,12 @@ class Fleet:
                 f"{len(models)} models and {len(settings)} settings: need one each, at least one"
             )
         self._groups = [
-            _Group(axes, Bank([models[a] for a in axes], [settings[a] for a in axes]))
+            _Group(axes, AxisBatch([models[a] for a in axes], [settings[a] for a in axes]))
             for axes in _alike(models, settings)
         ]
         placed = {axis: (group.bank, lane) for group in self._groups for lane, axis in enumerate(group.axes)}
         self.monitors = tuple(
-            AxisMonitor(*placed[axis], beside.get(axis), alarms.get(axis, "cusum"))
+            AxisMonitor.of_lane(*placed[axis], beside.get(axis), alarms.get(axis, "cusum"))
             for axis in range(len(models))
         )
 
@@ -110,7 +110,7 @@ class _Group(NamedTuple):
     """A bank and the axes of its lanes."""
 
     axes: Sequence[int]
-    bank: Bank
+    bank: AxisBatch
 
     def run(self, blocks: Mapping[int, Block], seen: Seen | None) -> Iterator[tuple[int, AnyEvent]]:
         taken = [(lane, blocks[axis]) for lane, axis in enumerate(self.axes) if axis in blocks]

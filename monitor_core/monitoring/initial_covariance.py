@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 
 
@@ -20,7 +20,7 @@ def steady_state_p(
         ValueError: the record (N,) holds too few samples for that.
     """
     seeding = replace(settings, P0=())
-    bank = Bank([model], [seeding])
+    bank = AxisBatch([model], [seeding])
     bank.run(t_us[:, np.newaxis], u[:, np.newaxis], y[:, np.newaxis])
     left = int(bank.state.seed_left[0])
     if left:

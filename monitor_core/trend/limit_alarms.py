@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import NamedTuple
 
-from monitor_core.detection.alarm import Direction, Episode, Reach
+from monitor_core.detection.alarm import Alarm, Direction, Reach
 from monitor_core.trend.forecast import Forecast
 from monitor_core.trend.trend import Trend
 
@@ -41,8 +41,8 @@ def watch(
     trend: Trend,
     f: Forecast,
     before_us: int,
-    now: Episode | None,
-) -> Episode | None:
+    now: Alarm | None,
+) -> Alarm | None:
     """The alarm about a limit as it is by this forecast: new, updated or ended; None: there is none.
 
     Args:
@@ -67,7 +67,7 @@ def watch(
         return None
     direction: Direction = "up" if limit.upper else "down"
     onset_us = min(trend.change_us, trend.time_us)
-    return Episode(
+    return Alarm(
         parameter=parameter,
         direction=direction,
         onset_us=onset_us,

@@ -62,16 +62,16 @@ class Drawing:
 
     def _axis(self, report: Report, axis: NamedAxis) -> ReplayedAxis:
         monitor = report.monitors.by_id[axis.id]
-        facts = monitor.facts()
+        status = monitor.status()
         return ReplayedAxis(
             id=axis.id,
             drive=monitor.model.drive.name,
-            facts=facts,
+            status=status,
             course=self._courses[axis.id],
             alarms=report.alarms(axis.id),
             quantities={e.parameter: report.quantity(axis.id, e.parameter) for e in report.alarms(axis.id)},
             dropped=report.dropped_of(axis.id),
             clock=report.clock[axis.id],
             trends=[of for of in report.monitors.trends.of(axis.id) if of.trend is not None],
-            notes=[*(f"{axis.id}: {words}" for words in facts.confounded), *remarks_of(report, axis)],
+            notes=[*(f"{axis.id}: {words}" for words in status.confounded), *remarks_of(report, axis)],
         )

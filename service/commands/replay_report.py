@@ -10,8 +10,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.detection.alarm import Episode, Name, Reach
-from monitor_core.monitoring.facts import AxisFacts, DetectorFacts, ParameterFacts
+from monitor_core.detection.alarm import Alarm, Name, Reach
+from monitor_core.monitoring.axis_status import AxisStatus, DetectorStatus, ParameterStatus
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
 from service.ingest.timestamp_jitter import Stamps, remarks
@@ -42,7 +42,7 @@ class Report:
     def add(self, changes: Iterable[Change]) -> None:
         """Alarms that were raised, updated or ended."""
         for change in changes:
-            e = change.episode
+            e = change.alarm
             self._alarms[change.axis_id, *e.first, e.raised_us] = change
 
     def add_dropped(self, record: Record) -> None:
@@ -62,13 +62,13 @@ class Report:
 
     def quantity(self, axis_id: str, name: str) -> Quantity:
         """Of a parameter, with the nominal value of now, or of another cause."""
-        known = self.monitors.by_id[axis_id].facts().parameters
+        known = self.monitors.by_id[axis_id].status().parameters
         now = next((Quantity(p.unit, p.nominal) for p in known if p.name == name), None)
         return now or self.quantities[axis_id, name]
 
-    def alarms(self, axis_id: str) -> list[Episode]:
+    def alarms(self, axis_id: str) -> list[Alarm]:
         """The alarms of an axis, in the order in which they were raised."""
-        return [change.episode for change in self._alarms.values() if change.axis_id == axis_id]
+        return [change.alarm for change in self._alarms.values() if change.axis_id == axis_id]
 
 
 def as_json(report: Report) -> str:
@@ -85,10 +85,10 @@ def tables(report: Report) -> Iterator[Table]:
     columns = ("axis", "samples", "parameter", "unit", "nominal", "estimate", "change", "alarms")
     estimates = Table(*columns, title="Estimates at the end", title_justify="left")
     for axis in report.config.axes:
-        facts = report.monitors.by_id[axis.id].facts()
-        for p in facts.parameters:
+        status = report.monitors.by_id[axis.id].status()
+        for p in status.parameters:
             count = sum(e.parameter == p.name for e in report.alarms(axis.id))
-            estimates.add_row(*map(escape, (axis.id, _samples(facts), *_cells(p), str(count or ""))))
+            estimates.add_row(*map(escape, (axis.id, _samples(status), *_cells(p), str(count or ""))))
     yield estimates
     yield _alarm_table(report)
 
@@ -96,7 +96,7 @@ def tables(report: Report) -> Iterator[Table]:
 def doubts(report: Report) -> Iterator[str]:
     """What cannot be told of the axes, in words."""
     for axis in report.config.axes:
-        for words in report.monitors.by_id[axis.id].facts().confounded:
+        for words in report.monitors.by_id[axis.id].status().confounded:
             yield f"{axis.id}: {words}"
 
 
@@ -125,13 +125,13 @@ def remarks_of(report: Report, axis: NamedAxis) -> Iterable[str]:
     return () if stamps is None else remarks(axis.id, axis.config.sample_interval_s, stamps)
 
 
-def _samples(facts: AxisFacts) -> str:
+def _samples(status: AxisStatus) -> str:
     """How many there were, and of how many operating conditions forbade the use."""
-    gated = facts.counters["gated"]
-    return f"{facts.samples}, {gated} gated" if gated else str(facts.samples)
+    gated = status.counters["gated"]
+    return f"{status.samples}, {gated} gated" if gated else str(status.samples)
 
 
-def _cells(p: ParameterFacts) -> tuple[str, ...]:
+def _cells(p: ParameterStatus) -> tuple[str, ...]:
     unit, nominal = "" if p.unit == "1" else p.unit, f"{p.nominal:.4g}"
     if math.isnan(p.estimate):
         return p.name, unit, nominal, "invalid", ""
@@ -168,30 +168,30 @@ def _alarm_table(report: Report) -> Table:
 
 
 def _axis(report: Report, axis_id: str) -> Json:
-    facts = report.monitors.by_id[axis_id].facts()
+    status = report.monitors.by_id[axis_id].status()
     return {
         "id": axis_id,
-        "samples": facts.samples,
-        "last_sample": maybe_iso(facts.time_us),
-        "innovation_variance": _number(facts.innovation_variance),
-        "confounded": list(facts.confounded),
+        "samples": status.samples,
+        "last_sample": maybe_iso(status.time_us),
+        "innovation_variance": _number(status.innovation_variance),
+        "confounded": list(status.confounded),
         "gated_by": report.monitors.waits_for(axis_id) or None,
-        "counters": dict(facts.counters),
+        "counters": dict(status.counters),
         "dropped": report.dropped_of(axis_id),
         "clock": report.clock[axis_id],
         "stamps": report.stamps[axis_id]._asdict() if axis_id in report.stamps else None,
-        "parameters": [_parameter(p) for p in facts.parameters],
-        "detectors": [_detector(d) for d in facts.detectors],
+        "parameters": [_parameter(p) for p in status.parameters],
+        "detectors": [_detector(d) for d in status.detectors],
         "trends": [_trend(p) for p in report.monitors.trends.of(axis_id)],
         "alarms": [_alarm(e, report.quantity(axis_id, e.parameter)) for e in report.alarms(axis_id)],
     }
 
 
-def _detector(d: DetectorFacts) -> Json:
+def _detector(d: DetectorStatus) -> Json:
     return {**asdict(d), "evidence": _number(d.evidence), "open": list(d.open)}
 
 
-def _parameter(p: ParameterFacts) -> Json:
+def _parameter(p: ParameterStatus) -> Json:
     numbers = {
         "nominal": p.nominal,
         "estimate": p.estimate,
@@ -223,7 +223,7 @@ def _limit(r: Reach, words: str) -> Json:
     return {"name": r.name, "limit": r.limit, "unit": r.unit, "state": r.state, **times, "words": words}
 
 
-def _alarm(e: Episode, of: Quantity) -> Json:
+def _alarm(e: Alarm, of: Quantity) -> Json:
     return {
         "parameter": e.parameter,
         "direction": e.direction,
@@ -255,11 +255,11 @@ def _name(name: Name) -> Json:
     }
 
 
-def _said(e: Episode, of: Quantity) -> str:
+def _said(e: Alarm, of: Quantity) -> str:
     return episode_words(e, of.nominal, of.unit)
 
 
-def _onset(e: Episode) -> str:
+def _onset(e: Alarm) -> str:
     """The onset, with half the length of its interval where it is known."""
     if e.onset_low_us is None or e.onset_high_us is None:
         return _short(e.onset_us)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from monitor_core.calibration.doubts import duration
 from monitor_core.detection.detector_protocol import DetectorName
-from monitor_core.detection.multimodel.multimodel_detector import BankDetector, Limit, Limits, unfit
+from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, MultiModelDetector, unfit
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 from service.config import AxisConfig, Config, NamedAxis, thresholds_file_of
@@ -19,7 +19,7 @@ class Detectors(NamedTuple):
     """Of one axis.  ``beside`` is the bank, None where it does not run; ``why`` says so, or which h it has."""
 
     alarms: DetectorName
-    beside: BankDetector | None
+    beside: MultiModelDetector | None
     why: str
 
 
@@ -39,7 +39,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     if alarms == "cusum" and not wanted.beside:
         return Detectors("cusum", None, "")
     try:
-        beside = BankDetector(model, settings, limits)
+        beside = MultiModelDetector(model, settings, limits)
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
     why = "h from its records" if from_record else f"guaranteed h, 1 in {duration(wanted.budget_s)}"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import structlog
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.pipeline.axis_change import Change
 from service.store.database import StoreError
@@ -72,9 +72,9 @@ class Alarms:
         """Alarms that are open in the journal from an earlier run."""
         self._open |= {_key(*change): change for change in open_alarms}
 
-    def open(self, axis_id: str) -> tuple[Episode, ...]:
+    def open(self, axis_id: str) -> tuple[Alarm, ...]:
         """The alarms of an axis that are open in the journal, as they are there."""
-        return tuple(change.episode for key, change in self._open.items() if key[0] == axis_id)
+        return tuple(change.alarm for key, change in self._open.items() if key[0] == axis_id)
 
     def record(self, changes: Iterable[Change]) -> None:
         """Take changes, and write all that wait unless a try has failed just now."""
@@ -100,7 +100,7 @@ class Alarms:
 
     def _show(self, change: Change) -> None:
         """From now on the alarm is shown as it is in the journal."""
-        key, episode = _key(*change), change.episode
+        key, episode = _key(*change), change.alarm
         before = self._open.pop(key, None)
         if episode.ended_us is None:
             self._open[key] = change
@@ -108,15 +108,15 @@ class Alarms:
             log.info("alarm ended", **self._facts(change))
         elif before is None:
             log.warning("alarm raised", **self._facts(change))
-        elif _name(before.episode) != _name(episode):
+        elif _name(before.alarm) != _name(episode):
             log.warning("alarm named", **self._facts(change))
 
     def _entry(self, change: Change) -> Entry:
-        unit, nominal = self._quantities[change.axis_id, change.episode.parameter]
-        return Entry(change.axis_id, unit, nominal, change.episode)
+        unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]
+        return Entry(change.axis_id, unit, nominal, change.alarm)
 
     def _facts(self, change: Change) -> dict[str, object]:
-        e, quantity = change.episode, self._quantities[change.axis_id, change.episode.parameter]
+        e, quantity = change.alarm, self._quantities[change.axis_id, change.alarm.parameter]
         return {
             "axis": change.axis_id,
             "parameter": e.parameter,
@@ -131,14 +131,14 @@ class Alarms:
         }
 
 
-def _key(axis_id: str, e: Episode) -> _Key:
+def _key(axis_id: str, e: Alarm) -> _Key:
     return axis_id, *e.first, e.raised_us
 
 
-def _name(e: Episode) -> tuple[str, ...]:
+def _name(e: Alarm) -> tuple[str, ...]:
     return e.stage, e.parameter, e.direction, e.doubt
 
 
 def _words(changes: Iterable[Change]) -> str:
-    names = (f"{c.axis_id} {c.episode.parameter} {c.episode.direction}" for c in changes)
+    names = (f"{c.axis_id} {c.alarm.parameter} {c.alarm.direction}" for c in changes)
     return f"alarm of {', '.join(dict.fromkeys(names))}"

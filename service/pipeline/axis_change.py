@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 
 
 class Change(NamedTuple):
     """An episode of an axis as it is now: raised, updated or ended."""
 
     axis_id: str
-    episode: Episode
+    alarm: Alarm

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.detection.alarm import Crossing, Episode
+from monitor_core.detection.alarm import Alarm, Crossing
 from monitor_core.drive.operating_conditions import Operating
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
@@ -75,7 +75,7 @@ class Monitors:
             for episode in self._take(a, event)
         ]
 
-    def _take(self, a: int, event: AnyEvent) -> Sequence[Episode]:
+    def _take(self, a: int, event: AnyEvent) -> Sequence[Alarm]:
         if isinstance(event, Reading):
             self.trends.take(self._ids[a], event)
             return ()
@@ -138,7 +138,7 @@ class Monitors:
 
 def _motion(monitor: AxisMonitor) -> Motion | None:
     """Where the predictor of an axis has it, at its last sample; None: there was none."""
-    state, a = monitor.bank.state, monitor.axis
+    state, a = monitor.batch.state, monitor.lane
     if state.t[a] == NEVER:
         return None
     A, _, C = monitor.model.matrices()

@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.facts import AxisFacts, Status
+from monitor_core.monitoring.axis_status import AxisStatus, Status
 from service.config import NamedAxis
 from service.ingest.timestamp_jitter import Stamps
 from service.pipeline.recent_history import HistoryKeeper
@@ -23,15 +23,15 @@ class AxisView:
 
     def snapshot(
         self,
-        open_episodes: tuple[Episode, ...],
+        open_alarms: tuple[Alarm, ...],
         dropped: Mapping[str, int],
         clock: Mapping[str, int],
         gated_by: str,
         stamps: Stamps,
     ) -> AxisSnapshot:
-        """The axis now.  ``open_episodes`` are those of the journal, and the only ones shown."""
-        facts = self.monitor.facts()
-        self.history.add(facts)
+        """The axis now.  ``open_alarms`` are those of the journal, and the only ones shown."""
+        status = self.monitor.status()
+        self.history.add(status)
         drive = self.monitor.model.drive
         return AxisSnapshot(
             id=self.axis.id,
@@ -42,8 +42,8 @@ class AxisView:
             output=drive.output,
             interval_s=self.axis.config.sample_interval_s,
             nominal=self.nominal,
-            facts=_as_recorded(facts, open_episodes),
-            open_episodes=open_episodes,
+            status=_as_recorded(status, open_alarms),
+            open_alarms=open_alarms,
             dropped=dropped,
             clock=clock,
             history=self.history.history,
@@ -60,14 +60,14 @@ def axis_view(axis: NamedAxis, monitor: AxisMonitor, interval_s: float, length_s
     return AxisView(axis, monitor, HistoryKeeper(interval_s, length_s), nominal)
 
 
-def _as_recorded(facts: AxisFacts, open_episodes: Iterable[Episode]) -> AxisFacts:
-    """The facts with the alarms of the journal, where the monitor is ahead of it."""
-    recorded = {e.parameter for e in open_episodes if e.kind != "forecast"}
-    if all((p.status is Status.ALARM) == (p.name in recorded) for p in facts.parameters):
-        return facts
+def _as_recorded(status: AxisStatus, open_alarms: Iterable[Alarm]) -> AxisStatus:
+    """The status with the alarms of the journal, where the monitor is ahead of it."""
+    recorded = {e.parameter for e in open_alarms if e.kind != "forecast"}
+    if all((p.status is Status.ALARM) == (p.name in recorded) for p in status.parameters):
+        return status
     return replace(
-        facts,
-        parameters=tuple(replace(p, status=_status(p.status, p.name in recorded)) for p in facts.parameters),
+        status,
+        parameters=tuple(replace(p, status=_status(p.status, p.name in recorded)) for p in status.parameters),
     )
 
 

@@ -2,14 +2,14 @@
 
 import math
 
-from monitor_core.monitoring.facts import AxisFacts
+from monitor_core.monitoring.axis_status import AxisStatus
 from service.pipeline.snapshot import History, HistoryPoint
 
 _CHUNK = 60
 
 
 class HistoryKeeper:
-    """Appends the newest facts to the history where a point is due."""
+    """Appends the newest status to the history where a point is due."""
 
     def __init__(self, interval_s: float, length_s: float) -> None:
         self._interval_us = round(interval_s * 1e6)
@@ -18,18 +18,18 @@ class HistoryKeeper:
         self._last_us: int | None = None
         self.history = History()
 
-    def add(self, facts: AxisFacts) -> None:
-        """Take the newest facts of the axis."""
-        t = facts.time_us
+    def add(self, status: AxisStatus) -> None:
+        """Take the newest status of the axis."""
+        t = status.time_us
         # A clock that was set back leaves no hole of that length.
         if t is None or (self._last_us is not None and abs(t - self._last_us) < self._interval_us):
             return
         self._last_us = t
-        self.history = self.history.append(_point(t, facts), _CHUNK, self._chunks)
+        self.history = self.history.append(_point(t, status), _CHUNK, self._chunks)
 
 
-def _point(t_us: int, facts: AxisFacts) -> HistoryPoint:
-    ps = facts.parameters
+def _point(t_us: int, status: AxisStatus) -> HistoryPoint:
+    ps = status.parameters
     return HistoryPoint(
         time_us=t_us,
         estimates=tuple(p.estimate for p in ps),

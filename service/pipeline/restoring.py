@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
 from service.pipeline.axis_change import Change
 from service.pipeline.checkpointing import bank_id
@@ -50,7 +50,7 @@ def restore(
             elif loaded is not None:
                 times.append(loaded)
         messages += _close_unmonitored(axis_id, monitor, journal, now_us)
-        recorded = journal.open_episodes(axis_id)
+        recorded = journal.open_alarms(axis_id)
         opened += [Change(axis_id, e) for e in recorded]
         changes = [e for e in recorded if e.kind != "forecast"]  # those are not the monitor's
         unrecorded += [Change(axis_id, e) for e in _agree(axis_id, monitor, changes, journal)]
@@ -96,9 +96,7 @@ def _close_unmonitored(axis_id: str, monitor: AxisMonitor, journal: Journal, now
     return [f"{axis_id}: the alarm of {a.parameter} was ended: that is no longer monitored" for a in ended]
 
 
-def _agree(
-    axis_id: str, monitor: AxisMonitor, recorded: Iterable[Episode], journal: Journal
-) -> list[Episode]:
+def _agree(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journal: Journal) -> list[Alarm]:
     """Let the monitor have the open episodes of the journal; returns those that it has yet to get.
 
     A detector that only looked on has episodes that the journal never was to get.
@@ -111,7 +109,7 @@ def _agree(
     return list(unknown.values())
 
 
-def _is_known(axis_id: str, e: Episode, journal: Journal) -> bool:
+def _is_known(axis_id: str, e: Alarm, journal: Journal) -> bool:
     found, _ = journal.query(axis_id, since_us=e.raised_us, until_us=e.raised_us + 1)
     return any(alarm.first == e.first for alarm in found)
 

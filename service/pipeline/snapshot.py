@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from monitor_core.detection.alarm import Episode
-from monitor_core.monitoring.facts import AxisFacts
+from monitor_core.detection.alarm import Alarm
+from monitor_core.monitoring.axis_status import AxisStatus
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.trend_tracking import ParameterTrend
 
@@ -55,8 +55,8 @@ class AxisSnapshot:
     """Nominal sample interval [s]"""
     nominal: Mapping[str, tuple[float, str]]
     """All values of the model, by name, with their units"""
-    facts: AxisFacts
-    open_episodes: tuple[Episode, ...]
+    status: AxisStatus
+    open_alarms: tuple[Alarm, ...]
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (service.ingest.assemble.REASONS)"""
     clock: Mapping[str, int]
@@ -76,7 +76,7 @@ class AxisSnapshot:
     @property
     def causes(self) -> tuple[str, ...]:
         """Whatever an alarm may name."""
-        return (*(p.name for p in self.facts.parameters), *self.other_causes)
+        return (*(p.name for p in self.status.parameters), *self.other_causes)
 
 
 @dataclass(frozen=True, slots=True)

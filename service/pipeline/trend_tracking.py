@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.detection.alarm import Direction, Episode, Reach
+from monitor_core.detection.alarm import Alarm, Direction, Reach
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.trend.axis_trends import AxisHistory
 from monitor_core.trend.entries import Entry, Reading
@@ -81,7 +81,7 @@ class Trends:
             ]
             for axis_id, a in self._axes.items()
         }
-        self._open: dict[tuple[str, str, Direction], Episode] = {}
+        self._open: dict[tuple[str, str, Direction], Alarm] = {}
         self._saved: dict[str, list[int]] = {}
         self._waiting: dict[tuple[str, int], None] = {}
         self.lost: dict[str, int] = dict.fromkeys(self._axes, 0)
@@ -130,7 +130,7 @@ class Trends:
                 yield Change(axis_id, episode)
         shown[i] = replace(shown[i], entries=entries, trend=trend, reaches=tuple(reaches))
 
-    def _keep(self, key: tuple[str, str, Direction], episode: Episode) -> None:
+    def _keep(self, key: tuple[str, str, Direction], episode: Alarm) -> None:
         self._open.pop(key, None)
         if episode.ended_us is None:
             self._open[key] = episode

@@ -12,7 +12,7 @@ import structlog
 
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.excitation.reference_experiment import INTERVAL_S, reference_model
-from monitor_core.monitoring.axis_batch import FEWEST_LANES, Bank
+from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch
 from monitor_core.settings import Settings
 from service.pipeline.kernel_cache import VARIABLE
 
@@ -37,7 +37,7 @@ def compile_kernel(lanes: int) -> None:
             np.zeros(0, np.int64), nothing, nothing
         )
     else:
-        bank = Bank([reference_model()] * lanes, [Settings(interval_s=INTERVAL_S)] * lanes)
+        bank = AxisBatch([reference_model()] * lanes, [Settings(interval_s=INTERVAL_S)] * lanes)
         bank.run(np.zeros((0, lanes), np.int64), np.zeros((0, lanes)), np.zeros((0, lanes)))
     if mark := _mark(lanes):
         mark.touch()

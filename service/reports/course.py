@@ -43,7 +43,7 @@ class Course:
         self._lam0, self._sd_of_one = s.lam0, standard_deviation(s, 1.0)
         self._alpha1, _, allowance = s.tests(p)
         self._allowance = allowance * monitor.model.scale
-        self.h: Floats = monitor.bank.thresholds[:, monitor.axis].copy()
+        self.h: Floats = monitor.batch.thresholds[:, monitor.lane].copy()
         """Thresholds (p,)"""
         self.beside: BankCourse | None = None
         """Of the bank of hypotheses; None: there is none, or it has taken no sample"""

@@ -20,7 +20,7 @@ from monitor_core.excitation.reference_experiment import (
     reference_model,
 )
 from monitor_core.kernel.block import Trace
-from monitor_core.monitoring.axis_batch import Bank, standard_deviation
+from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
 from monitor_core.settings import Settings
 from service.reports.course import SIGMAS
 from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_document, figure
@@ -62,9 +62,9 @@ def reference() -> Reference:
     faulty = [experiments([SEED], {name: FACTOR}) for name in MONITORED]
     t_us = np.repeat(faulty[0].t_us[:, np.newaxis], W, axis=1)
     u, y = (np.concatenate([getattr(one, field) for one in faulty], axis=1) for field in ("u", "y"))
-    _, faults = Bank([model] * W, [settings] * W).run_traced(t_us, u, y)
+    _, faults = AxisBatch([model] * W, [settings] * W).run_traced(t_us, u, y)
     healthy = experiments([SEED])
-    bank = Bank([model], [settings])
+    bank = AxisBatch([model], [settings])
     bank.state.theta[:] *= FACTOR
     _, homecoming = bank.run_traced(t_us[:, :1], healthy.u, healthy.y)
     return Reference(model, settings, homecoming, faults)
@@ -76,7 +76,7 @@ def _settings(model: AxisModel) -> Settings:
     settling = 5 * slowest_time_constant(model, settings.gain(len(model.drive.states)), INTERVAL_S)
     settings = replace(settings, settle_s=settling)
     t_us, u, y = experiments(_SEEDS_OF_P0, samples=_P0_SAMPLES)
-    bank = Bank([model] * len(_SEEDS_OF_P0), [settings] * len(_SEEDS_OF_P0))
+    bank = AxisBatch([model] * len(_SEEDS_OF_P0), [settings] * len(_SEEDS_OF_P0))
     bank.run(np.repeat(t_us[:, np.newaxis], len(_SEEDS_OF_P0), axis=1), u, y)
     return replace(settings, P0=tuple(float(v) for v in bank.state.P_nom.mean(axis=1)))
 

@@ -53,8 +53,8 @@ def _names(found: Replayed) -> str:
 
 def _verdict(found: Replayed) -> str:
     count = sum(len(axis.alarms) for axis in found.axes)
-    silent = [axis.id for axis in found.axes if not axis.facts.samples]
-    idle = [axis.id for axis in found.axes if axis.facts.samples and not axis.facts.counters["used"]]
+    silent = [axis.id for axis in found.axes if not axis.status.samples]
+    idle = [axis.id for axis in found.axes if axis.status.samples and not axis.status.counters["used"]]
     rest = f" No samples of {', '.join(silent)}." if silent else ""
     rest += f" Nothing was learned of {', '.join(idle)}." if idle else ""
     if count:
@@ -66,8 +66,8 @@ def _verdict(found: Replayed) -> str:
 
 
 def _tiles(found: Replayed) -> str:
-    samples = sum(axis.facts.samples for axis in found.axes)
-    used = sum(axis.facts.counters["used"] for axis in found.axes)
+    samples = sum(axis.status.samples for axis in found.axes)
+    used = sum(axis.status.counters["used"] for axis in found.axes)
     longest = max((1e-6 * axis.course.timeline.end_us for axis in found.axes), default=0.0)
     dropped = sum(_without_missing(axis.dropped) for axis in found.axes)
     dropped += sum(map(_without_missing, found.frames_dropped.values()))
@@ -106,7 +106,7 @@ def _sections(found: Replayed) -> Iterator[str]:
 
 
 def _axis(axis: ReplayedAxis, salt: str) -> Iterator[str]:
-    if axis.facts.samples:
+    if axis.status.samples:
         yield f"<p>{escaped(_span(axis))}{escaped(_detectors(axis))}</p>"
         yield parameter_table(axis)
     if axis.course.used:
@@ -120,7 +120,7 @@ def _axis(axis: ReplayedAxis, salt: str) -> Iterator[str]:
 
 
 def _slow_course(axis: ReplayedAxis, salt: str) -> Iterator[str]:
-    meanings = {p.name: p.meaning for p in axis.facts.parameters}
+    meanings = {p.name: p.meaning for p in axis.status.parameters}
     yield "<h3>Slow course, and when limits are reached</h3>"
     yield sentences(_slowly(of) for of in axis.trends)
     picture = trend_picture(axis.id, axis.trends, [meanings[of.name] for of in axis.trends], salt)
@@ -137,7 +137,7 @@ def _slowly(of: ParameterTrend) -> str:
 def _detectors(axis: ReplayedAxis) -> str:
     """Whose alarms these are, and which are open by the detector that looks on."""
     said = ""
-    for one in axis.facts.detectors:
+    for one in axis.status.detectors:
         name = "bank of hypotheses" if one.name == "bank" else "CUSUM tests"
         if one.alarms:
             said += f" Alarms are those of the {name}."
@@ -149,7 +149,7 @@ def _detectors(axis: ReplayedAxis) -> str:
 def _span(axis: ReplayedAxis) -> str:
     line = axis.course.timeline
     words = f"Drive {axis.drive}. {duration(1e-6 * line.end_us)} of samples"
-    start, end = (dated(t) for t in (line.start_us, axis.facts.time_us))
+    start, end = (dated(t) for t in (line.start_us, axis.status.time_us))
     words += f", from {start} to {end} UTC" if start and end else ""
     return f"{words}, with {line.pauses} pause{_s(line.pauses)} cut out." if line.pauses else f"{words}."
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK
-from monitor_core.monitoring.facts import ParameterFacts
+from monitor_core.monitoring.axis_status import ParameterStatus
 from service.reports import bank_plots
 from service.reports import course as rows
 from service.reports.bank_course import Group
@@ -68,7 +68,7 @@ class _Fate(NamedTuple):
 
 def axis_pictures(axis: ReplayedAxis, salt: str) -> Iterator[str]:
     """Of each parameter theta with its band and g with h, below them what became of the samples; SVG elements."""
-    parameters = range(len(axis.facts.parameters))
+    parameters = range(len(axis.status.parameters))
     most = MOST_TOGETHER if axis.course.beside is None else MOST_WITH_BANK
     for first in parameters[::most]:
         yield _picture(axis, parameters[first : first + most], f"{salt}-{first}")
@@ -78,7 +78,7 @@ def _picture(axis: ReplayedAxis, chosen: Sequence[int], salt: str) -> str:
     course, unit = axis.course, time_unit(1e-6 * axis.course.timeline.end_us)
     fates = list(_fates(axis, chosen))
     of_each = [_ESTIMATE, _G] if course.beside is None else [_ESTIMATE, _G, _G]
-    others = _others(axis) if chosen[-1] == len(axis.facts.parameters) - 1 else []
+    others = _others(axis) if chosen[-1] == len(axis.status.parameters) - 1 else []
     heights = of_each * len(chosen) + [_G] * bool(others) + [_FATE * (len(fates) + 1)] * bool(fates)
     with figure(sum(heights) + _LEGEND) as drawn:
         grid = drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
@@ -97,18 +97,18 @@ def _picture(axis: ReplayedAxis, chosen: Sequence[int], salt: str) -> str:
             _mark_pauses(axes, course, unit, named=axes is panels[0])
         panels[-1].set(xlabel=f"time since the first sample [{unit.name}]", xlim=_ends(course, unit))
         legend_of(drawn, panels, _LINES, rows=3)
-        names = ", ".join(axis.facts.parameters[i].name for i in chosen)
+        names = ", ".join(axis.status.parameters[i].name for i in chosen)
         return as_svg(drawn, f"{axis.id}: course of the estimates of {names}, and of g", salt)
 
 
 def _others(axis: ReplayedAxis) -> list[Group]:
     bank = axis.course.beside
-    return [] if bank is None else bank_plots.others(bank, [p.name for p in axis.facts.parameters])
+    return [] if bank is None else bank_plots.others(bank, [p.name for p in axis.status.parameters])
 
 
 def _draw_parameter(panels: Sequence[Axes], axis: ReplayedAxis, i: int, unit: TimeUnit) -> None:
     """The estimate, g of its tests, and that of the bank where there is one."""
-    course, p = axis.course, axis.facts.parameters[i]
+    course, p = axis.course, axis.status.parameters[i]
     _draw_estimate(panels[0], course, i, p, unit)
     _draw_g(panels[1], course, i, unit)
     if course.beside is not None:
@@ -126,7 +126,7 @@ def _ends(course: Course, unit: TimeUnit) -> tuple[float, float]:
 # --- estimates and g ---------------------------------------------------------------------------------
 
 
-def _draw_estimate(axes: Axes, course: Course, i: int, p: ParameterFacts, unit: TimeUnit) -> None:
+def _draw_estimate(axes: Axes, course: Course, i: int, p: ParameterStatus, unit: TimeUnit) -> None:
     t = course.middles / unit.seconds
     band = course.low(rows.BELOW, i), course.high(rows.ABOVE, i)
     axes.fill_between(t, *band, color=FOUND, alpha=0.2, lw=0, label=_BAND)
@@ -187,7 +187,7 @@ def _limits(course: Course, i: int) -> tuple[float, float]:
 
 def _mark_alarms(panels: Sequence[Axes], axis: ReplayedAxis, name: str, unit: TimeUnit) -> None:
     """Those of the parameter, and those of no parameter, such as a fault of a sensor."""
-    line, names = axis.course.timeline, {p.name for p in axis.facts.parameters}
+    line, names = axis.course.timeline, {p.name for p in axis.status.parameters}
     for alarm in (one for one in axis.alarms if one.parameter == name or one.parameter not in names):
         onset, raised, ended = (line.find(t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us))
         for axes in panels:
@@ -227,7 +227,7 @@ def _fates(axis: ReplayedAxis, chosen: Sequence[int]) -> Iterator[_Fate]:
     all_of_them = [_Fate("no samples", course.gaps)]
     all_of_them += [_Fate(name, course.fate(fate) > 0) for fate, name in _FATES]
     all_of_them += [
-        _Fate(f"{axis.facts.parameters[i].name} not observed", course.unseen(i) > 0) for i in chosen
+        _Fate(f"{axis.status.parameters[i].name} not observed", course.unseen(i) > 0) for i in chosen
     ]
     yield from (one for one in all_of_them if one.where.any())
 

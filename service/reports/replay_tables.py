@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from monitor_core.detection.alarm import Episode
-from monitor_core.monitoring.facts import ParameterFacts, Status
+from monitor_core.detection.alarm import Alarm
+from monitor_core.monitoring.axis_status import ParameterStatus, Status
 from service.reports.page import NUMBER, heads, legend, number_cell, sentences, table
 from service.reports.replay_words import REASONS, dated, time_unit
 from service.reports.replayed import Replayed, ReplayedAxis
@@ -31,12 +31,12 @@ def alarm_table(found: Replayed) -> str:
     return table(heads(titles, ("size ± sd", "of nominal")), rows) + words + legend(said)
 
 
-def _in_words(axis: ReplayedAxis, e: Episode) -> str:
+def _in_words(axis: ReplayedAxis, e: Alarm) -> str:
     p = axis.quantities[e.parameter]
     return episode_words(e, p.nominal, p.unit)
 
 
-def _alarm(axis: ReplayedAxis, e: Episode) -> str:
+def _alarm(axis: ReplayedAxis, e: Alarm) -> str:
     p, sized = axis.quantities[e.parameter], math.isfinite(e.size)
     share = percent(e.size / p.nominal, signed=True) if p.nominal and sized else "-"
     times = "".join(_time(axis, t) for t in (e.onset_us, e.raised_us, e.ended_us))
@@ -61,11 +61,11 @@ def parameter_table(axis: ReplayedAxis) -> str:
     """The monitored parameters at the end of the record."""
     of_bank = ("of the bank",) if axis.course.beside is not None else ()
     numbers = ("estimate", "sd", "change", "largest g / h", *of_bank, "alarms")
-    rows = "".join(_parameter(axis, i, p) for i, p in enumerate(axis.facts.parameters))
+    rows = "".join(_parameter(axis, i, p) for i, p in enumerate(axis.status.parameters))
     return table(heads(("", "nominal", "unit", *numbers, "at the end"), ("nominal", *numbers)), rows)
 
 
-def _parameter(axis: ReplayedAxis, i: int, p: ParameterFacts) -> str:
+def _parameter(axis: ReplayedAxis, i: int, p: ParameterStatus) -> str:
     known = math.isfinite(p.estimate)
     change = percent(p.estimate / p.nominal - 1, signed=True) if known and p.nominal else ""
     count = sum(e.parameter == p.name for e in axis.alarms)
@@ -83,7 +83,7 @@ def _parameter(axis: ReplayedAxis, i: int, p: ParameterFacts) -> str:
 def counter_table(axis: ReplayedAxis) -> str:
     """What became of the samples, and what never became one."""
     return _counters(
-        (f"of {axis.facts.samples} samples", axis.facts.counters, axis.facts.samples),
+        (f"of {axis.status.samples} samples", axis.status.counters, axis.status.samples),
         ("no samples", axis.dropped, 0),
         ("clocks", axis.clock, 0),
     )

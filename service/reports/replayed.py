@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from monitor_core.detection.alarm import Episode
-from monitor_core.monitoring.facts import AxisFacts
+from monitor_core.detection.alarm import Alarm
+from monitor_core.monitoring.axis_status import AxisStatus
 from service.pipeline.alarm_journaling import Quantity
 from service.pipeline.trend_tracking import ParameterTrend
 from service.reports.course import Course
@@ -17,9 +17,9 @@ class ReplayedAxis(NamedTuple):
 
     id: str
     drive: str
-    facts: AxisFacts
+    status: AxisStatus
     course: Course
-    alarms: Sequence[Episode]
+    alarms: Sequence[Alarm]
     quantities: Mapping[str, Quantity]
     """Unit and nominal value of whatever its alarms name"""
     dropped: Mapping[str, int]

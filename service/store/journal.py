@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from monitor_core.detection.alarm import Cause, Episode, Name, Reach
+from monitor_core.detection.alarm import Alarm, Cause, Name, Reach
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -54,7 +54,7 @@ MIGRATIONS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Alarm(Episode):
+class RecordedAlarm(Alarm):
     """An episode in the journal.  Times in microseconds since 1970; nominal and size in ``unit``."""
 
     id: int
@@ -68,7 +68,7 @@ class Alarm(Episode):
         return self.ended_us is None
 
 
-_NAMES = tuple(field.name for field in fields(Alarm))
+_NAMES = tuple(field.name for field in fields(RecordedAlarm))
 _COLUMNS = ", ".join(_NAMES)
 _NUMBERS = ("nominal", "size", "size_sd")
 """SQLite keeps NaN as NULL."""
@@ -86,7 +86,7 @@ class Entry(NamedTuple):
     axis: str
     unit: str
     nominal: float
-    episode: Episode
+    alarm: Alarm
 
 
 class Journal:
@@ -103,7 +103,7 @@ class Journal:
         self._db = Database(path, MIGRATIONS, "FULL")
         self.messages = self._db.messages
 
-    def record(self, axis: str, unit: str, nominal: float, episode: Episode) -> int:
+    def record(self, axis: str, unit: str, nominal: float, episode: Alarm) -> int:
         """Insert an alarm, or bring the open one of its axis, parameter and direction up to date.
 
         Returns its id; it is on the disk then.
@@ -115,12 +115,12 @@ class Journal:
         with self._db.write() as connection:
             return [_record(connection, entry) for entry in entries]
 
-    def open_episodes(self, axis: str) -> list[Episode]:
+    def open_alarms(self, axis: str) -> list[Alarm]:
         """The alarms of an axis that have not ended, oldest first."""
         with self._db.read() as connection:
             return [_episode(alarm) for alarm in _open(connection, axis)]
 
-    def close_unmonitored(self, axis: str, monitored: Iterable[str], at_us: int) -> list[Alarm]:
+    def close_unmonitored(self, axis: str, monitored: Iterable[str], at_us: int) -> list[RecordedAlarm]:
         """End the open alarms of parameters that the axis no longer monitors; returns them."""
         names = set(monitored)
         with self._db.write() as connection:
@@ -130,7 +130,7 @@ class Journal:
                 connection.execute("UPDATE alarm SET ended_us = ? WHERE id = ?", (ended_us, alarm.id))
             return [alarm for alarm in (_get(connection, a.id) for a in stale) if alarm is not None]
 
-    def get(self, alarm_id: int) -> Alarm | None:
+    def get(self, alarm_id: int) -> RecordedAlarm | None:
         """The alarm of that id."""
         with self._db.read() as connection:
             return _get(connection, alarm_id)
@@ -144,7 +144,7 @@ class Journal:
         until_us: int | None = None,
         limit: int = 100,
         offset: int = 0,
-    ) -> tuple[list[Alarm], int]:
+    ) -> tuple[list[RecordedAlarm], int]:
         """Alarms that fit all that is given, the last raised first, and how many there are without the limit.
 
         Args:
@@ -181,7 +181,7 @@ def _activity(active: bool | None) -> list[str]:
 
 
 def _record(connection: sqlite3.Connection, entry: Entry) -> int:
-    e = entry.episode
+    e = entry.alarm
     known = _known(connection, entry)
     if known is None:
         return _insert(connection, entry)
@@ -198,14 +198,14 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
     return known.id
 
 
-def _known(connection: sqlite3.Connection, entry: Entry) -> Alarm | None:
+def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None:
     """The alarm that the episode belongs to: this very episode, or else an open one of the same name.
 
     A forecast is another thing than a change of the same parameter, and belongs to no alarm but itself.  So does an
     episode that has ended, so that repeating its record cannot end a later alarm, nor does one
     that has been named: another one of that name is about to end.
     """
-    e = entry.episode
+    e = entry.alarm
     parameter, direction = e.first
     values: dict[str, _Value] = {
         "axis": entry.axis,
@@ -229,7 +229,7 @@ def _known(connection: sqlite3.Connection, entry: Entry) -> Alarm | None:
 
 
 def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
-    e = entry.episode
+    e = entry.alarm
     values = _columns_of(entry) | {"crossings": e.crossings}
     values |= dict(zip(("first_parameter", "first_direction"), e.first, strict=True))
     places = ", ".join(f":{name}" for name in values)
@@ -240,35 +240,35 @@ def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
 
 def _columns_of(entry: Entry) -> dict[str, _Value]:
     """What may change from record to record; crossings only grow."""
-    e = entry.episode
+    e = entry.alarm
     own: dict[str, _Value] = {"axis": entry.axis, "unit": entry.unit, "nominal": entry.nominal}
     shared = [name for name in _NAMES if name not in {"id", "crossings", *own, *_LISTS}]
     lists: dict[str, _Value] = {name: json.dumps(getattr(e, name)) for name in _LISTS}
     return own | {name: getattr(e, name) for name in shared} | lists
 
 
-def _open(connection: sqlite3.Connection, axis: str) -> list[Alarm]:
+def _open(connection: sqlite3.Connection, axis: str) -> list[RecordedAlarm]:
     return _select(connection, "WHERE axis = ? AND ended_us IS NULL ORDER BY raised_us, id", [axis])
 
 
-def _get(connection: sqlite3.Connection, alarm_id: int) -> Alarm | None:
+def _get(connection: sqlite3.Connection, alarm_id: int) -> RecordedAlarm | None:
     return next(iter(_select(connection, "WHERE id = ?", [alarm_id])), None)
 
 
 def _select(
     connection: sqlite3.Connection, rest: str, values: Sequence[_Value] | Mapping[str, _Value]
-) -> list[Alarm]:
+) -> list[RecordedAlarm]:
     return [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]
 
 
-def _alarm(row: tuple[Any, ...]) -> Alarm:
+def _alarm(row: tuple[Any, ...]) -> RecordedAlarm:
     values: dict[str, Any] = dict(zip(_NAMES, row, strict=True))
     for name in _NUMBERS:
         values[name] = math.nan if values[name] is None else values[name]
     for name, read in _LISTS.items():
         values[name] = tuple(read(entry) for entry in json.loads(values[name]))
-    return Alarm(**values)
+    return RecordedAlarm(**values)
 
 
-def _episode(a: Alarm) -> Episode:
-    return Episode(**{field.name: getattr(a, field.name) for field in fields(Episode)})
+def _episode(a: RecordedAlarm) -> Alarm:
+    return Alarm(**{field.name: getattr(a, field.name) for field in fields(Alarm)})

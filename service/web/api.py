@@ -121,7 +121,7 @@ def _axis(state: AppState, axis_id: str, parameter: str | None = None) -> AxisSn
     found = snapshot.axis(axis_id)
     if found is None:
         raise UnknownResourceError(f"there is no axis {axis_id!r}", [axis.id for axis in snapshot.axes])
-    names = [p.name for p in found.facts.parameters]
+    names = [p.name for p in found.status.parameters]
     if parameter is not None and parameter not in names:
         raise UnknownResourceError(f"{axis_id} has no monitored parameter {parameter!r}", names)
     return found

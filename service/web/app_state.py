@@ -27,4 +27,4 @@ def age_s(t_us: int, now_us: int) -> float:
 
 def sample_age_s(axis: AxisSnapshot, now_us: int) -> float | None:
     """Age of the last sample of an axis [s]; None before the first sample."""
-    return None if axis.facts.time_us is None else age_s(axis.facts.time_us, now_us)
+    return None if axis.status.time_us is None else age_s(axis.status.time_us, now_us)

@@ -17,7 +17,7 @@ from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
 from monitor_core.detection.alarm import DIRECTIONS, Direction, Reach, Stage
-from monitor_core.monitoring.facts import DetectorFacts, Observation, ParameterFacts
+from monitor_core.monitoring.axis_status import DetectorStatus, Observation, ParameterStatus
 from monitor_core.trend.trend import Trend
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.web.app_state import VERSION, age_s, sample_age_s
@@ -61,17 +61,17 @@ class SnapshotCollector(Collector):
 def _parameters(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
     """Gauges of every monitored parameter; most are in its unit, which /api/v1/axes states."""
 
-    def gauge(name: str, words: str, value: Callable[[ParameterFacts], float]) -> Metric:
-        series = (((axis.id, p.name), value(p)) for axis in axes for p in axis.facts.parameters)
+    def gauge(name: str, words: str, value: Callable[[ParameterStatus], float]) -> Metric:
+        series = (((axis.id, p.name), value(p)) for axis in axes for p in axis.status.parameters)
         return _gauge(name, words, ("axis", "parameter"), series)
 
     def both(
-        name: str, words: str, value: Callable[[AxisSnapshot, ParameterFacts, Direction], float]
+        name: str, words: str, value: Callable[[AxisSnapshot, ParameterStatus, Direction], float]
     ) -> Metric:
         series = (
             ((axis.id, p.name, d), value(axis, p, d))
             for axis in axes
-            for p in axis.facts.parameters
+            for p in axis.status.parameters
             for d in DIRECTIONS
         )
         return _gauge(name, words, ("axis", "parameter", "direction"), series)
@@ -127,14 +127,14 @@ def _is_open(axis: AxisSnapshot, parameter: str, direction: str, *stages: Stage)
         (e.parameter, e.direction) == (parameter, direction)
         and e.stage in (stages or (e.stage,))
         and e.kind != "forecast"  # those have their own metric
-        for e in axis.open_episodes
+        for e in axis.open_alarms
     )
 
 
 def _causes(axis: AxisSnapshot) -> dict[str, float]:
     """Probability of each cause; the largest one where several alarms name it."""
     found: dict[str, float] = {}
-    for e in axis.open_episodes:
+    for e in axis.open_alarms:
         for name, probability, _ in e.causes:
             found[name] = max(found.get(name, 0.0), probability)
     return found
@@ -143,8 +143,8 @@ def _causes(axis: AxisSnapshot) -> dict[str, float]:
 def _detectors(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
     """Evidence of each detector, whether or not it raises the alarms."""
 
-    def gauge(name: str, words: str, value: Callable[[DetectorFacts], float]) -> Metric:
-        series = (((a.id, d.name), value(d)) for a in axes for d in a.facts.detectors)
+    def gauge(name: str, words: str, value: Callable[[DetectorStatus], float]) -> Metric:
+        series = (((a.id, d.name), value(d)) for a in axes for d in a.status.detectors)
         return _gauge(name, words, ("axis", "detector"), series)
 
     yield gauge(
@@ -167,7 +167,7 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
         "innovation_variance",
         "Running variance of the prediction error, in the square of the output's unit (rad or rad/s).",
         ("axis",),
-        (((a.id,), a.facts.innovation_variance) for a in axes),
+        (((a.id,), a.status.innovation_variance) for a in axes),
     )
     yield _gauge(
         "axis_gated",
@@ -175,13 +175,13 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
         ("axis",),
         (((a.id,), float(bool(a.gated_by))) for a in axes),
     )
-    yield _counter("samples", "Samples received.", ("axis",), (((a.id,), a.facts.samples) for a in axes))
+    yield _counter("samples", "Samples received.", ("axis",), (((a.id,), a.status.samples) for a in axes))
     yield _counter(
         "samples_by_fate",
         "Samples by what was done with them; starved: too little excitation; gated: excluded by operating "
         "conditions; projected: used, and an estimate was held within its bounds.",
         ("axis", "fate"),
-        _by_reason((a.id, a.facts.counters) for a in axes),
+        _by_reason((a.id, a.status.counters) for a in axes),
     )
     yield _counter(
         "values_dropped",
@@ -265,7 +265,7 @@ def _side(reach: Reach) -> str:
 def _is_limit_alarm_open(axis: AxisSnapshot, parameter: str, reach: Reach) -> bool:
     return any(
         (limit.name, limit.above) == (reach.name, reach.above)
-        for e in axis.open_episodes
+        for e in axis.open_alarms
         if e.kind == "forecast" and e.parameter == parameter
         for limit in e.reaches
     )

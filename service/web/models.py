@@ -7,7 +7,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor_core.detection.alarm import Doubt, Kind, Stage
 from monitor_core.detection.detector_protocol import DetectorName
-from monitor_core.monitoring.facts import Observation, Status
+from monitor_core.monitoring.axis_status import Observation, Status
 
 
 def _finite(value: float | None) -> float | None:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from monitor_core.detection.alarm import Name, Reach
-from monitor_core.monitoring.facts import DetectorFacts, ParameterFacts
+from monitor_core.monitoring.axis_status import DetectorStatus, ParameterStatus
 from monitor_core.trend.entries import thinned
 from monitor_core.trend.trend import Trend
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
@@ -32,30 +32,30 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         robot=a.robot,
         name=a.name,
         bus=a.bus,
-        last_sample=maybe_iso(a.facts.time_us),
+        last_sample=maybe_iso(a.status.time_us),
         last_sample_age_s=sample_age_s(a, now_us),
-        parameters=[_parameter(p) for p in a.facts.parameters],
-        innovation_variance=a.facts.innovation_variance,
+        parameters=[_parameter(p) for p in a.status.parameters],
+        innovation_variance=a.status.innovation_variance,
         innovation_unit=OUTPUT_UNITS[a.output],
-        samples=a.facts.samples,
-        confounded=list(a.facts.confounded),
+        samples=a.status.samples,
+        confounded=list(a.status.confounded),
         gated_by=a.gated_by or None,
-        counters=dict(a.facts.counters),
+        counters=dict(a.status.counters),
         dropped=dict(a.dropped),
         clock=dict(a.clock),
         stamps=models.Stamps(**a.stamps._asdict()),
-        detectors=[_detector(d) for d in a.facts.detectors],
+        detectors=[_detector(d) for d in a.status.detectors],
         model=_model(a),
     )
 
 
-def _detector(d: DetectorFacts) -> models.Detector:
+def _detector(d: DetectorStatus) -> models.Detector:
     return models.Detector(
         name=d.name, alarms=d.alarms, leading=d.leading or None, evidence=d.evidence, open=list(d.open)
     )
 
 
-def _parameter(p: ParameterFacts) -> models.Parameter:
+def _parameter(p: ParameterStatus) -> models.Parameter:
     return models.Parameter(
         name=p.name,
         unit=p.unit,
@@ -89,13 +89,13 @@ def history(
         time=[iso(point.time_us) for point in points],
         parameters=[
             _history(p, i, points)
-            for i, p in enumerate(a.facts.parameters)
+            for i, p in enumerate(a.status.parameters)
             if parameter is None or p.name == parameter
         ],
     )
 
 
-def _history(p: ParameterFacts, i: int, points: Sequence[HistoryPoint]) -> models.ParameterHistory:
+def _history(p: ParameterStatus, i: int, points: Sequence[HistoryPoint]) -> models.ParameterHistory:
     return models.ParameterHistory(
         name=p.name,
         unit=p.unit,
@@ -153,7 +153,7 @@ def _reach(r: Reach, now_us: int) -> models.Reach:
     return models.Reach.model_validate({**named, **times, "words": reach_words(r, now_us)})
 
 
-def alarm(a: journal.Alarm) -> models.Alarm:
+def alarm(a: journal.RecordedAlarm) -> models.Alarm:
     """One alarm of the journal."""
     return models.Alarm(
         id=a.id,

@@ -24,7 +24,7 @@ from monitor_core.excitation.reference_experiment import (
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.fleet import Block, Fleet
 from monitor_core.settings import Settings
 from tests.core.chains import chain, values
@@ -88,7 +88,7 @@ def _turning(model: AxisModel, settings: Settings, rec: Record, samples: int) ->
     At their end the bank starts afresh with them: a jump would throw theta to its bounds.
     """
     length, axes = rec.u.shape
-    bank = Bank([model] * axes, [settings] * axes)
+    bank = AxisBatch([model] * axes, [settings] * axes)
     start = [bank.column(a) for a in range(axes)]
     t_us, u, y = np.repeat(rec.t_us[:, np.newaxis], axes, axis=1), rec.u, rec.y
     at = 0

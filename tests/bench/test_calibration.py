@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.surrogate import LANES, SAMPLES
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from service.calibration.found import Provenance
 from service.calibration.reading import read
 from service.calibration.running import LOOKED_AT, WITHIN, Wishes, calibrate
@@ -72,7 +72,7 @@ def _recursion_s(text: str, folder: Path) -> float:
     axis = config.axes[0]
     model = axis_model(axis.config)
     (one,), _ = read([text], config, axis, model)
-    bank, found = Bank([model] * LANES, [axis_settings(axis, model)] * LANES), []
+    bank, found = AxisBatch([model] * LANES, [axis_settings(axis, model)] * LANES), []
     for k in range(0, 12 * TURNS, TURNS):
         part = one.part(k, k + TURNS)
         t_us = np.repeat(part.t_us[:, np.newaxis], LANES, axis=1)

@@ -29,7 +29,7 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, faulty
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 from tests.bench import recursive_peers
 from tests.bench.environments import environment
@@ -129,7 +129,7 @@ class Ours:
         """log(theta / theta0) (axes, N, p), and the mean steady variance of the logarithms (p,) before the faults."""
         u, y = (field[:axes].T for field in self.of)
         t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis] * round(H * 1e6), axes, axis=1)
-        bank = Bank([self.model] * axes, [self.settings] * axes)
+        bank = AxisBatch([self.model] * axes, [self.settings] * axes)
         _, trace = bank.run_traced(t, np.ascontiguousarray(u), np.ascontiguousarray(y))
         theta = np.log(trace.theta / self.model.theta0[:, np.newaxis])
         P = self.settings.lam0 * trace.P[FROM:FAULT_AT].mean(axis=(0, 2)) / self.model.scale**2
@@ -137,7 +137,7 @@ class Ours:
 
     def alone(self) -> Callable[[], object]:
         """A call that runs the first record."""
-        bank = Bank([self.model], [self.settings])
+        bank = AxisBatch([self.model], [self.settings])
         start, t = bank.column(0), round(H * 1e6) * np.arange(SAMPLES, dtype=np.int64)[:, np.newaxis]
         u, y = (field[0][:, np.newaxis] for field in self.of)
 

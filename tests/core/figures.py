@@ -20,7 +20,7 @@ from monitor_core.excitation.reference_experiment import (
     reference_model,
 )
 from monitor_core.kernel.block import Trace
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 
 AT_ONCE = 100
@@ -52,7 +52,7 @@ def steady_p_of(model: AxisModel, settings: Settings, records: Record) -> tuple[
     settings = replace(settings, P0=())
     t_us, u, y = records
     W = u.shape[1]
-    bank = Bank([model] * W, [settings] * W)
+    bank = AxisBatch([model] * W, [settings] * W)
     bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y)
     assert not bank.state.seed_left.any()
     return tuple(float(v) for v in bank.state.P_nom.mean(axis=1))
@@ -67,7 +67,7 @@ def run_bank(
 ) -> Trace:
     """The reference experiment of each seed, monitored from theta = ``start`` times nominal."""
     t_us, u, y = experiments(seeds, fault, output=model.drive.output)
-    bank = Bank([model] * len(seeds), [settings] * len(seeds))
+    bank = AxisBatch([model] * len(seeds), [settings] * len(seeds))
     bank.state.theta[:] *= start
     _, trace = bank.run_traced(np.repeat(t_us[:, np.newaxis], len(seeds), axis=1), u, y)
     return trace

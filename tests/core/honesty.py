@@ -21,7 +21,7 @@ from monitor_core.excitation.reference_experiment import (
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 
 STEP = 1e-30
@@ -63,7 +63,7 @@ def honesty(
     y = simulate_linear(model.drive, REFERENCE_VALUES, acting, INTERVAL_S)[0]
     y += NOISE[output] * rng.standard_normal(u.shape)
     late = slice(first, None, max(1, n // 8))
-    bank = Bank([model] * axes, [settings] * axes)
+    bank = AxisBatch([model] * axes, [settings] * axes)
     t = np.repeat(np.arange(N, dtype=np.int64)[:, np.newaxis] * round(INTERVAL_S * 1e6), axes, axis=1)
     _, trace = bank.run_traced(t, u, y)
     deviation = trace.theta[late] - model.theta0[:, np.newaxis]

@@ -26,5 +26,5 @@ def part(rec: Record, start: int, stop: int | None = None) -> Record:
 
 def state(monitor: AxisMonitor) -> tuple[bytes, bytes]:
     """All bits but the sign of a zero, which a sum with zero forgets."""
-    floats, ints = monitor.bank.column(monitor.axis)
+    floats, ints = monitor.batch.column(monitor.lane)
     return (floats + 0.0).tobytes(), ints.tobytes()

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Conditions, Operating
 from monitor_core.monitoring.axis_monitor import AxisMonitor
@@ -23,7 +23,7 @@ MOVING = 0.5
 """rad/s, a hundredth of the largest speed: slower, the axis stands."""
 
 
-class Alarm(NamedTuple):
+class FaultAlarm(NamedTuple):
     """An alarm, with seconds from the beginning of what was watched; ``named_s`` is infinite before it is named."""
 
     parameter: str
@@ -45,14 +45,14 @@ class Watch:
     monitor: AxisMonitor = field(init=False)
 
     def __post_init__(self) -> None:
-        self.monitor = AxisMonitor.alone(self.model, self.settings)
+        self.monitor = AxisMonitor(self.model, self.settings)
 
     def copy(self) -> Watch:
         other = Watch(self.model, self.settings, self.conditions)
         other.monitor.from_arrays(self.monitor.to_arrays())
         return other
 
-    def take(self, block: Block) -> tuple[list[Episode], Floats]:
+    def take(self, block: Block) -> tuple[list[Alarm], Floats]:
         """What it raises or changes; and how far theta is off, in sizes (N, p)."""
         temperature = block.temperature[:, np.newaxis]
         shift, gate = Operating(self.model, self.conditions).take(block.t_us, block.y, temperature)
@@ -62,7 +62,7 @@ class Watch:
 
 def after_fault(
     plant: MismatchPlant, watch: Watch, fault: Mapping[str, float], seconds: float
-) -> Alarm | None:
+) -> FaultAlarm | None:
     """What the first named alarm says when the plant breaks now; None: there is none in so many seconds of motion.
 
     Plant and monitor stay as they are.
@@ -80,11 +80,11 @@ def after_fault(
     return None
 
 
-def alarm_of(e: Episode, model: AxisModel, start_us: int, named_s: float) -> Alarm:
+def alarm_of(e: Alarm, model: AxisModel, start_us: int, named_s: float) -> FaultAlarm:
     size = e.size / float(model.scale[model.monitored.index(e.parameter)])
-    return Alarm(e.parameter, e.direction, (e.raised_us - start_us) * 1e-6, named_s, size, e.first[0])
+    return FaultAlarm(e.parameter, e.direction, (e.raised_us - start_us) * 1e-6, named_s, size, e.first[0])
 
 
-def right(name: str, alarm: Alarm | None) -> bool:
+def right(name: str, alarm: FaultAlarm | None) -> bool:
     """Whether it names an increase of that parameter."""
     return alarm is not None and (alarm.parameter, alarm.direction) == (name, "up")

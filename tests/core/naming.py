@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.excitation.reference_experiment import reference_model
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.figures import settings_of
 
@@ -20,17 +20,17 @@ H_US = 5000
 
 def histories(
     seed: int, t_us: Sequence[int], u: Floats, y: Floats, joint: bool = False
-) -> tuple[list[list[Episode]], list[AxisMonitor]]:
+) -> tuple[list[list[Alarm]], list[AxisMonitor]]:
     """Everything each axis, a column, said; and its monitor."""
     W = u.shape[1]
     settings = replace(settings_of("speed", seed), joint=joint)
-    bank = Bank([MODEL] * W, [settings] * W)
-    monitors = [AxisMonitor(bank, a) for a in range(W)]
-    said: list[list[Episode]] = [[] for _ in monitors]
+    bank = AxisBatch([MODEL] * W, [settings] * W)
+    monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
+    said: list[list[Alarm]] = [[] for _ in monitors]
     for a, event in bank.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
         said[a] += monitors[a].apply(event)
     return said, monitors
 
 
-def first_named(said: Sequence[Episode]) -> Episode | None:
+def first_named(said: Sequence[Alarm]) -> Alarm | None:
     return next((e for e in said if e.stage == "named"), None)

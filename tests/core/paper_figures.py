@@ -12,7 +12,7 @@ from monitor_core.calibration.healthy import Samples, deviations
 from monitor_core.calibration.learned import learned
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import FAULT_AT, INTERVAL_S
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE
@@ -66,8 +66,8 @@ def _outcomes(
 ) -> list[One]:
     t_us, u, y = records(model, seeds, fault)
     W = len(seeds)
-    bank = Bank([model] * W, [settings] * W)
-    monitors = [AxisMonitor(bank, a) for a in range(W)]
+    bank = AxisBatch([model] * W, [settings] * W)
+    monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
     found = [One() for _ in range(W)]
     for a, event in bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y):
         for e in monitors[a].apply(event):

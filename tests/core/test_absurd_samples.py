@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.excitation.reference_experiment import Record, experiment
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.facts import Observation
+from monitor_core.monitoring.axis_status import Observation
 from monitor_core.settings import Settings
 from tests.core.figures import steady_p
 from tests.core.laws import part
@@ -22,7 +22,7 @@ def settings() -> Settings:
 
 
 def counted(monitor: AxisMonitor, before: dict[str, int]) -> dict[str, int]:
-    now = monitor.facts().counters
+    now = monitor.status().counters
     return {name: now[name] - before[name] for name in now if now[name] != before[name]}
 
 
@@ -30,11 +30,11 @@ def counted(monitor: AxisMonitor, before: dict[str, int]) -> dict[str, int]:
 def test_an_absurd_output_is_an_outlier_and_changes_no_estimate(
     huge: float, settings: Settings, seed: int
 ) -> None:
-    monitor, rec = AxisMonitor.alone(MODEL, settings), experiment(seed)
+    monitor, rec = AxisMonitor(MODEL, settings), experiment(seed)
     monitor.run(*part(rec, 0, 1000))
-    st = monitor.bank.state
+    st = monitor.batch.state
     kept = [field.copy() for field in (st.theta, st.P, st.g, st.lam0_running)]
-    before = dict(monitor.facts().counters)
+    before = dict(monitor.status().counters)
     rec.y[1000] = huge
     monitor.run(*part(rec, 1000, 1001))
     assert counted(monitor, before) == {"outlier": 1}
@@ -43,7 +43,7 @@ def test_an_absurd_output_is_an_outlier_and_changes_no_estimate(
     assert np.isfinite(st.x).all()
     assert abs(st.x).max() < 100
     monitor.run(*part(rec, 1001))
-    assert (abs(monitor.bank.state.theta[:, 0] / MODEL.theta0 - 1) < [0.3, 0.15, 0.9]).all()
+    assert (abs(monitor.batch.state.theta[:, 0] / MODEL.theta0 - 1) < [0.3, 0.15, 0.9]).all()
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["P(0) known", "P(0) to be found"])
@@ -52,16 +52,16 @@ def test_an_axis_that_never_moves_learns_nothing_and_can_be_asked(
 ) -> None:
     """No torque, no speed, no noise; and then it moves as if nothing had been."""
     N = 3000
-    monitor = AxisMonitor.alone(MODEL, settings if known else replace(settings, P0=()))
+    monitor = AxisMonitor(MODEL, settings if known else replace(settings, P0=()))
     assert monitor.run(5000 * np.arange(N), np.zeros(N), np.zeros(N)) == []
-    facts = monitor.facts()
-    assert (monitor.bank.state.theta[:, 0] == MODEL.theta0).all()
-    assert facts.counters["starved"] > 0.8 * N
-    assert {p.observation for p in facts.parameters} == {Observation.UNSEEN}
-    other = AxisMonitor.alone(MODEL, monitor.settings)
+    status = monitor.status()
+    assert (monitor.batch.state.theta[:, 0] == MODEL.theta0).all()
+    assert status.counters["starved"] > 0.8 * N
+    assert {p.observation for p in status.parameters} == {Observation.UNSEEN}
+    other = AxisMonitor(MODEL, monitor.settings)
     other.from_arrays(monitor.to_arrays())
     rec = experiment(seed, samples=4000, fault_at=4000)
     later = Record(rec.t_us + 5000 * N, rec.u, rec.y)
     assert other.run(*later) == monitor.run(*later)
-    assert Observation.UNSEEN not in {p.observation for p in monitor.facts().parameters}
-    assert (abs(monitor.bank.state.theta[:, 0] / MODEL.theta0 - 1) < [0.3, 0.15, 0.9]).all()
+    assert Observation.UNSEEN not in {p.observation for p in monitor.status().parameters}
+    assert (abs(monitor.batch.state.theta[:, 0] / MODEL.theta0 - 1) < [0.3, 0.15, 0.9]).all()

@@ -11,7 +11,7 @@ from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Threshold
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
@@ -64,7 +64,7 @@ def test_kernel_equals_the_transcription(
     case: Case, seed: int, results: dict[object, tuple[Record, Paper]]
 ) -> None:
     rec, paper = by_the_paper(case, seed, results)
-    bank = Bank([case.model], [paper.s])
+    bank = AxisBatch([case.model], [paper.s])
     events, trace = bank.run_traced(*as_columns(rec))
     differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
     differences["all of P"] = float(np.abs(bank.state.P[:, :, 0] / paper.P - 1).max())
@@ -96,7 +96,7 @@ def test_alarms_and_their_onsets(
         lambda: record(seed, case, SAMPLES, true={**case.values, "kT": 1.1, "fm": 0.03}),
         lambda: Paper(case.model, settings),
     )
-    bank = Bank([case.model], [settings])
+    bank = AxisBatch([case.model], [settings])
     events = bank.run(*as_columns(rec))
     found = [
         (DIRECTIONS.index(e.direction), case.monitored.index(e.parameter), e.time_us, e.onset_us)
@@ -114,7 +114,7 @@ def test_run_on_keeps_g(seed: int) -> None:
     settings = case.settings(alpha1=0.5, alpha2=0.5, run_on=True)
     paper = Paper(case.model, settings)
     paper.run(*rec)
-    monitor = AxisMonitor.alone(case.model, settings)
+    monitor = AxisMonitor(case.model, settings)
     _, trace = monitor.run_traced(*rec)
     assert paper.g[0, 0] > 2 * settings.alpha2
     assert apart(trace.g, paper.log.g) < TOLERANCE
@@ -126,7 +126,7 @@ def test_search_for_P0_equals_the_transcription(name: str, seed: int) -> None:
     case = BY_NAME[name]
     rec = record(seed, case, 900)
     settings = case.settings(P0=(), lam=0.98)
-    bank = Bank([case.model], [settings])
+    bank = AxisBatch([case.model], [settings])
     paper = Paper(case.model, settings, P_start=bank.state.P[:, :, 0])
     paper.run(*rec)
     _, trace = bank.run_traced(*as_columns(rec))
@@ -141,7 +141,7 @@ def test_waiting_after_lost_samples(seed: int) -> None:
     rec = record(seed, case, 600, jitter=0.2)
     paper = Paper(case.model, case.settings())
     paper.run(*rec)
-    bank = Bank([case.model], [paper.s])
+    bank = AxisBatch([case.model], [paper.s])
     _, trace = bank.run_traced(*as_columns(rec))
     assert max(worst(Trace(*(field[..., 0] for field in trace)), paper.log).values()) < TOLERANCE
     assert 50 < bank.state.counts[COUNTERS.index("settling"), 0] - 60 < 500
@@ -153,7 +153,7 @@ def test_psi_is_the_derivative_of_the_prediction(case: Case, seed: int) -> None:
     rec = record(seed, case, 250, jitter=0.3)
     model, settings = case.model, replace(case.settings(settle_s=0.0), P0=tuple(1e-40 * case.model.scale**2))
     theta = model.theta0
-    monitor = AxisMonitor.alone(model, settings)
+    monitor = AxisMonitor(model, settings)
     _, trace = monitor.run_traced(*rec)
     assert np.abs(trace.theta - theta).max() <= 1e-12 * np.abs(theta).max()
     for i in range(len(theta)):

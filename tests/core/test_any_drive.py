@@ -9,7 +9,7 @@ from monitor_core.drive.structure import Output
 from monitor_core.kernel import block
 from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from tests.core.cases import BY_NAME, Case, as_columns, record
 from tests.core.chains import Sensor, chain, values
 from tests.core.differences import TOLERANCE, worst
@@ -45,14 +45,16 @@ def test_five_masses_and_six_parameters(
 ) -> None:
     monkeypatch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
     three_masses = BY_NAME["paper"]
-    Bank([three_masses.model], [three_masses.settings()]).run(*as_columns(record(seed, three_masses, 20)))
+    AxisBatch([three_masses.model], [three_masses.settings()]).run(
+        *as_columns(record(seed, three_masses, 20))
+    )
     compiled = signatures()
     assert compiled
 
     rec = record(seed, case, SAMPLES, jitter=0.2, gaps=1)
     paper = Paper(case.model, case.settings(alpha1=0.5, alpha2=0.1))
     paper.run(*rec)
-    bank = Bank([case.model], [paper.s])
+    bank = AxisBatch([case.model], [paper.s])
     events, trace = bank.run_traced(*as_columns(rec))
 
     assert signatures() == compiled
@@ -82,6 +84,6 @@ def test_any_number_of_masses_and_any_parameters(masses: int, seed: int) -> None
     rec = record(seed, case, SAMPLES, jitter=0.2, gaps=1)
     paper = Paper(case.model, case.settings(alpha1=0.5, alpha2=0.5))
     paper.run(*rec)
-    _, trace = Bank([case.model], [paper.s]).run_traced(*as_columns(rec))
+    _, trace = AxisBatch([case.model], [paper.s]).run_traced(*as_columns(rec))
     differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
     assert max(differences.values()) < TOLERANCE, (output, sensor, names, differences)

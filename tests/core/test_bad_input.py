@@ -6,14 +6,14 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.detection.alarm_arrays import episodes_to_array
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Term
 from monitor_core.excitation.reference_experiment import MONITORED, experiment, reference_model
 from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings, Threshold
 
@@ -115,27 +115,27 @@ def test_settings_at_the_ends_of_their_ranges() -> None:
 @pytest.mark.parametrize("number", [1, 4, 6])
 def test_a_gain_for_another_number_of_states(number: int) -> None:
     with pytest.raises(ValueError, match=f"K has {number} entries, the drive 5 states"):
-        Bank([MODEL], [replace(SETTINGS, K=(0.0,) * number)])
+        AxisBatch([MODEL], [replace(SETTINGS, K=(0.0,) * number)])
 
 
 def test_P0_for_another_number_of_parameters() -> None:
     with pytest.raises(ValueError, match="P0 has 2 entries, 3 parameters are monitored"):
-        Bank([MODEL], [replace(SETTINGS, P0=(1.0, 1.0))])
+        AxisBatch([MODEL], [replace(SETTINGS, P0=(1.0, 1.0))])
 
 
 def test_thresholds_for_another_number_of_parameters() -> None:
     with pytest.raises(ValueError, match="there are 2 thresholds, 3 parameters are monitored"):
-        Bank([MODEL], [replace(SETTINGS, thresholds=(Threshold(3.0, 20.0),) * 2)])
+        AxisBatch([MODEL], [replace(SETTINGS, thresholds=(Threshold(3.0, 20.0),) * 2)])
 
 
 def test_a_bank_of_nothing_or_of_unequal_axes() -> None:
     with pytest.raises(ValueError, match="0 models and 0 settings"):
-        Bank([], [])
+        AxisBatch([], [])
     with pytest.raises(ValueError, match="2 models and 1 settings"):
-        Bank([MODEL, MODEL], [SETTINGS])
+        AxisBatch([MODEL, MODEL], [SETTINGS])
     for other in (reference_model("angle"), reference_model(monitored=("kT", "fm", "1/Ja"))):
         with pytest.raises(ValueError, match="must share the drive and the monitored parameters"):
-            Bank([MODEL, other], [SETTINGS, SETTINGS])
+            AxisBatch([MODEL, other], [SETTINGS, SETTINGS])
 
 
 @pytest.mark.parametrize(
@@ -143,45 +143,45 @@ def test_a_bank_of_nothing_or_of_unequal_axes() -> None:
     [((5, 1), (5, 2), (5, 2)), ((5, 2), (4, 2), (5, 2)), ((5, 2), (5, 2), (5,)), ((5,), (5,), (5,))],
 )
 def test_blocks_of_wrong_shape(t: tuple[int, ...], u: tuple[int, ...], y: tuple[int, ...]) -> None:
-    bank = Bank([MODEL] * 2, [SETTINGS] * 2)
+    bank = AxisBatch([MODEL] * 2, [SETTINGS] * 2)
     with pytest.raises(ValueError, match=r"need \(N, 2\) each"):
         bank.run(np.zeros(t, np.int64), np.zeros(u), np.zeros(y))
 
 
 @pytest.mark.parametrize("count", [[5], [5, 6], [-1, 5], [5, 5, 5]])
 def test_counts_that_do_not_fit(count: list[int]) -> None:
-    bank = Bank([MODEL] * 2, [SETTINGS] * 2)
+    bank = AxisBatch([MODEL] * 2, [SETTINGS] * 2)
     with pytest.raises(ValueError, match="need 2 numbers from 0 to 5"):
         bank.run(np.zeros((5, 2), np.int64), np.zeros((5, 2)), np.zeros((5, 2)), np.array(count))
 
 
 def test_a_saved_state_of_another_model_or_damaged(seed: int) -> None:
-    monitor = AxisMonitor.alone(MODEL, SETTINGS)
+    monitor = AxisMonitor(MODEL, SETTINGS)
     monitor.run(*experiment(seed))
     arrays = monitor.to_arrays()
-    angle = AxisMonitor.alone(reference_model("angle"), SETTINGS)
+    angle = AxisMonitor(reference_model("angle"), SETTINGS)
     with pytest.raises(ValueError, match="does not fit this model"):
         angle.from_arrays(arrays)
     broken = arrays["floats"].astype(float)
     broken[3] = nan
-    fresh = AxisMonitor.alone(MODEL, SETTINGS)
-    before = [column.copy() for column in fresh.bank.column(0)]
+    fresh = AxisMonitor(MODEL, SETTINGS)
+    before = [column.copy() for column in fresh.batch.column(0)]
     with pytest.raises(ValueError, match="not finite"):
         fresh.from_arrays({**arrays, "floats": broken})
-    foreign = Episode("kg", "up", 1, 2, 3, None, size=1.0, size_sd=1.0, crossings=1)
+    foreign = Alarm("kg", "up", 1, 2, 3, None, size=1.0, size_sd=1.0, crossings=1)
     with pytest.raises(ValueError, match="an episode of kg, which is not monitored"):
         fresh.from_arrays({**arrays, "episodes": episodes_to_array([foreign])})
     with pytest.raises(ValueError, match="no episodes: "):
         fresh.from_arrays({**arrays, "episodes": np.array([[7, 0, 1, 2, 3, 1]])})
     with pytest.raises(KeyError, match="ints"):
         fresh.from_arrays({name: array for name, array in arrays.items() if name != "ints"})
-    assert all((a == b).all() for a, b in zip(before, fresh.bank.column(0), strict=True))
+    assert all((a == b).all() for a, b in zip(before, fresh.batch.column(0), strict=True))
     assert fresh.book.open == ()
 
 
 def test_key_tells_which_states_are_interchangeable() -> None:
     def key(model: AxisModel = MODEL, **changes: float | tuple[float | Threshold, ...]) -> str:
-        return AxisMonitor.alone(model, replace(SETTINGS, **changes)).key  # type: ignore[arg-type]
+        return AxisMonitor(model, replace(SETTINGS, **changes)).key  # type: ignore[arg-type]
 
     assert key(alpha1=1.0, alpha2=5.0, P0=(1.0, 1.0, 1.0), max_gap_s=1.0) == key()
     assert key(thresholds=(Threshold(1.0, 2.0),) * 3) == key()

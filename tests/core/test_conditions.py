@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.cases import CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, cases, law, lively, part, seeds, state
@@ -26,7 +26,7 @@ def shifts(seed: int, case: Case, size: float = 0.02) -> np.ndarray:
 
 
 def fates(monitor: AxisMonitor) -> dict[str, int]:
-    return {name: n for name, n in monitor.facts().counters.items() if n}
+    return {name: n for name, n in monitor.status().counters.items() if n}
 
 
 def test_another_nominal_value_from_the_start_is_another_model(seed: int) -> None:
@@ -36,13 +36,13 @@ def test_another_nominal_value_from_the_start_is_another_model(seed: int) -> Non
         values[name.removeprefix("1/")] = 1 / value if name.startswith("1/") else value
     moved = replace(PAPER.model, nominal=values)
     rec = record(seed, PAPER, SAMPLES)
-    here, there = AxisMonitor.alone(PAPER.model, lively(PAPER)), AxisMonitor.alone(moved, lively(PAPER))
+    here, there = AxisMonitor(PAPER.model, lively(PAPER)), AxisMonitor(moved, lively(PAPER))
     _, found = here.run_traced(*rec, shift=np.tile(shift, (SAMPLES, 1)))
     _, expected = there.run_traced(*rec)
     np.testing.assert_allclose(found.theta[1:], expected.theta[1:], rtol=1e-9)
     np.testing.assert_allclose(found.P[1:], expected.P[1:], rtol=1e-8)
-    facts = zip(here.facts().parameters, there.facts().parameters, strict=True)
-    assert all(one.nominal == pytest.approx(other.nominal, rel=1e-12) for one, other in facts)
+    status = zip(here.status().parameters, there.status().parameters, strict=True)
+    assert all(one.nominal == pytest.approx(other.nominal, rel=1e-12) for one, other in status)
     assert np.abs(expected.theta - moved.theta0).max() > 0, "nothing was learned"
 
 
@@ -50,15 +50,15 @@ def test_the_predictor_moves_with_its_conditions(seed: int) -> None:
     """Each interval with the nominal values at its end, as a transcription has it; nothing is learned meanwhile."""
     model, rec, shift = PAPER.model, record(seed, PAPER, SAMPLES), shifts(seed, PAPER, 0.2)
     s = lively(PAPER)
-    monitor = AxisMonitor.alone(model, s)
+    monitor = AxisMonitor(model, s)
     monitor.run(*rec, shift=shift, gate=np.zeros(SAMPLES, np.bool_))
     x = model.drive.matrix("rest", model.nominal)[:, 0] * rec.y[0]
     for k in range(1, SAMPLES):
         A, B, _ = model.matrices(model.theta0 + shift[k])
         h = (rec.t_us[k] - rec.t_us[k - 1]) * 1e-6
         x = held_over(A, B @ inputs(model, s, rec.u[k - 1], rec.y[k - 1], x), x, h)
-    np.testing.assert_allclose(monitor.bank.state.x[:, 0], x, rtol=1e-9)
-    np.testing.assert_allclose(monitor.bank.state.theta[:, 0], model.theta0 + shift[-1], rtol=1e-13)
+    np.testing.assert_allclose(monitor.batch.state.x[:, 0], x, rtol=1e-9)
+    np.testing.assert_allclose(monitor.batch.state.theta[:, 0], model.theta0 + shift[-1], rtol=1e-13)
 
 
 @law
@@ -66,7 +66,7 @@ def test_the_predictor_moves_with_its_conditions(seed: int) -> None:
 def test_behind_a_closed_gate_nothing_is_learned(seed: int, case: Case, start: int, length: int) -> None:
     rec, gate = record(seed, case, SAMPLES, jitter=0.3), np.ones(SAMPLES, np.bool_)
     gate[start : start + length] = False
-    monitor, open_ = (AxisMonitor.alone(case.model, lively(case)) for _ in range(2))
+    monitor, open_ = (AxisMonitor(case.model, lively(case)) for _ in range(2))
     _, trace = monitor.run_traced(*rec, gate=gate)
     open_.run(*rec)
     learned = np.isfinite(trace.eps)
@@ -88,7 +88,7 @@ def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, le
     unknown[start : start + length] = np.nan
     held = shift.copy()
     held[start : start + length] = shift[start - 1]
-    one, other = (AxisMonitor.alone(case.model, lively(case)) for _ in range(2))
+    one, other = (AxisMonitor(case.model, lively(case)) for _ in range(2))
     assert one.run(*rec, shift=unknown) == other.run(*rec, shift=held, gate=gate)
     assert state(one) == state(other)
 
@@ -98,7 +98,7 @@ def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, le
 def test_blocks_and_neighbours_change_nothing(seed: int, case: Case, cut: int) -> None:
     rec, shift = record(seed, case, SAMPLES, jitter=0.3, gaps=1), shifts(seed, case)
     gate = np.random.default_rng(seed).random(SAMPLES) < 0.9
-    alone, among = Bank([case.model], [lively(case)]), Bank([case.model] * 9, [lively(case)] * 9)
+    alone, among = AxisBatch([case.model], [lively(case)]), AxisBatch([case.model] * 9, [lively(case)] * 9)
     alone.run(*as_columns(rec), shift=shift[..., None], gate=gate[:, None])
     for piece in (slice(0, cut), slice(cut, SAMPLES)):
         one = as_columns(part(rec, piece.start, piece.stop))
@@ -106,12 +106,12 @@ def test_blocks_and_neighbours_change_nothing(seed: int, case: Case, cut: int) -
         there, opened = np.repeat(shift[piece, :, None], 9, axis=2), np.repeat(gate[piece, None], 9, axis=1)
         among.run(t, u, y, shift=there, gate=opened)
     for a in range(9):
-        assert state(AxisMonitor(among, a)) == state(AxisMonitor(alone, 0))
+        assert state(AxisMonitor.of_lane(among, a)) == state(AxisMonitor.of_lane(alone, 0))
     assert among.state.counts[COUNTERS.index("gated")].min() > 0
 
 
 def test_shapes_that_do_not_fit_are_refused() -> None:
-    bank = Bank([PAPER.model], [lively(PAPER)])
+    bank = AxisBatch([PAPER.model], [lively(PAPER)])
     t, u = np.arange(5, dtype=np.int64)[:, None] * 5000, np.zeros((5, 1))
     with pytest.raises(ValueError, match=r"shift, gate of shapes \(5, 1\)"):
         bank.run(t, u, u, shift=np.zeros((5, 1)))

@@ -13,10 +13,10 @@ from tests.core.cases import BY_NAME, record
 def test_numbers_of_a_parameter(seed: int) -> None:
     case = BY_NAME["speed-zero-nominals"]
     settings = case.settings(alpha1=0.7, alpha2=0.9, lam=0.97)
-    monitor = AxisMonitor.alone(case.model, settings)
+    monitor = AxisMonitor(case.model, settings)
     monitor.run(*record(seed, case, 400))
-    st = monitor.bank.state
-    for i, p in enumerate(monitor.facts().parameters):
+    st = monitor.batch.state
+    for i, p in enumerate(monitor.status().parameters):
         P_ii = float(st.P[i, i, 0])
         assert (p.name, p.nominal, p.estimate) == (case.monitored[i], case.model.theta0[i], st.theta[i, 0])
         assert p.p_diagonal == P_ii
@@ -24,16 +24,16 @@ def test_numbers_of_a_parameter(seed: int) -> None:
         assert p.nu == pytest.approx(0.7 * sqrt(settings.lam0 * P_ii))
         assert p.h == pytest.approx(0.9 * case.model.scale[i])
         assert (p.g_up, p.g_down) == tuple(st.g[:, i, 0])
-    assert monitor.facts().time_us == 399 * 5000
+    assert monitor.status().time_us == 399 * 5000
 
 
 def test_nu_and_h_of_thresholds_of_its_own(seed: int) -> None:
     case = BY_NAME["speed-zero-nominals"]
     own = (Threshold(0.7, 0.9), Threshold(0.5, 2.0, 0.1), Threshold(1.0, 3.0, 0.2))
     settings = replace(case.settings(), thresholds=own)
-    monitor = AxisMonitor.alone(case.model, settings)
+    monitor = AxisMonitor(case.model, settings)
     monitor.run(*record(seed, case, 10))
-    for i, p in enumerate(monitor.facts().parameters):
+    for i, p in enumerate(monitor.status().parameters):
         size = case.model.scale[i]
         expected = own[i].alpha1 * sqrt(settings.lam0 * p.p_diagonal) + own[i].allowance * size
         assert p.nu == pytest.approx(expected)
@@ -43,7 +43,7 @@ def test_nu_and_h_of_thresholds_of_its_own(seed: int) -> None:
 def test_an_alarm_tells_its_size_with_standard_deviation(seed: int) -> None:
     case = BY_NAME["paper"]
     settings = case.settings(alpha1=0.5, alpha2=0.5)
-    monitor = AxisMonitor.alone(case.model, settings)
+    monitor = AxisMonitor(case.model, settings)
     rec = record(seed, case, 1500, true={**case.values, "kT": 1.3})
     episodes, trace = monitor.run_traced(*rec)
     before, checked = 0.0, 0

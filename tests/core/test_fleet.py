@@ -46,9 +46,9 @@ def cut(block: Block, start: int, stop: int) -> Block:
 
 
 def alone(model: AxisModel, s: Settings, blocks: list[Block]) -> tuple[AxisMonitor, Events]:
-    monitor, events = AxisMonitor.alone(model, s), Events()
+    monitor, events = AxisMonitor(model, s), Events()
     for b in blocks:
-        found = monitor.bank.run(
+        found = monitor.batch.run(
             *as_columns(Record(b.t_us, b.u, b.y)),
             shift=None if b.shift is None else b.shift[..., np.newaxis],
             gate=None if b.gate is None else b.gate[..., np.newaxis],
@@ -59,7 +59,7 @@ def alone(model: AxisModel, s: Settings, blocks: list[Block]) -> tuple[AxisMonit
 
 def state(monitor: AxisMonitor) -> tuple[bytes, bytes]:
     """All bits but the sign of a zero, which a sum with zero forgets."""
-    floats, ints = monitor.bank.column(monitor.axis)
+    floats, ints = monitor.batch.column(monitor.lane)
     return (floats + 0.0).tobytes(), ints.tobytes()
 
 

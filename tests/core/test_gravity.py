@@ -14,7 +14,7 @@ from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.tables import COSINE, SINE
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.core.cases import BY_NAME, Case, H, record
 from tests.core.chains import Sensor, chain, values
@@ -116,15 +116,15 @@ def test_scales_lead_from_what_is_known_to_the_flange() -> None:
 def test_a_state_that_is_not_the_speed_at_the_sensor_is_refused() -> None:
     model = AxisModel(replace(chain(2, "angle"), speed_state=2), values(2), ("gc",))
     with pytest.raises(ValueError, match="Coulomb friction needs the speed at the sensor, which w2 is not"):
-        Bank([model], [BY_NAME["gravity"].settings()])
+        AxisBatch([model], [BY_NAME["gravity"].settings()])
 
 
 def test_gravity_follows_the_measured_angle_and_not_theta(seed: int) -> None:
     case = BY_NAME["gravity"]
     rec = record(seed, case, 300)
-    monitor = AxisMonitor.alone(case.model, case.settings())
+    monitor = AxisMonitor(case.model, case.settings())
     monitor.run(*rec)
-    st, angle = monitor.bank.state, case.values["r"] * rec.y[-1]
+    st, angle = monitor.batch.state, case.values["r"] * rec.y[-1]
     assert st.u[4:, 0] == pytest.approx([np.cos(angle), np.sin(angle)], rel=1e-14)
     assert (st.du[:, 4:] == 0).all()
     assert (st.du[:, (1, 3)] != 0).all()
@@ -148,30 +148,30 @@ def test_the_estimates_do_not_depend_on_the_side_of_the_gear_that_is_measured(
         per_state[-1] = r  # the angle itself is a state
     gain = tuple(np.array(own.K) * per_state / r)
     theirs = replace(own, K=gain, lam0=own.lam0 * r**2, P0=tuple(np.array(own.P0) / r**2))
-    near, far = AxisMonitor.alone(at_motor.model, own), AxisMonitor.alone(at_gear.model, theirs)
+    near, far = AxisMonitor(at_motor.model, own), AxisMonitor(at_gear.model, theirs)
     near.run(*rec)
     far.run(*rec._replace(y=rec.y * r))
-    moved = near.bank.state.theta[:, 0] / near.model.theta0 - 1
+    moved = near.batch.state.theta[:, 0] / near.model.theta0 - 1
     assert (abs(moved) > 1e-5).all()
-    assert far.bank.state.theta[:, 0] == pytest.approx(near.bank.state.theta[:, 0], rel=1e-9)
-    spread = [[p.standard_deviation for p in m.facts().parameters] for m in (near, far)]
+    assert far.batch.state.theta[:, 0] == pytest.approx(near.batch.state.theta[:, 0], rel=1e-9)
+    spread = [[p.standard_deviation for p in m.status().parameters] for m in (near, far)]
     assert spread[1] == pytest.approx(spread[0], rel=1e-9)
 
 
 def test_a_heavier_load_is_found(seed: int) -> None:
     case = Case("load", "angle", ("gc", "gs", "f"), values(2), drive=lambda output: chain(2, output))
     rec = record(seed, case, 4000, true={**case.values, "gc": 1.2 * case.values["gc"]})
-    monitor = AxisMonitor.alone(case.model, case.settings(relative_sd=0.05, lam=0.999))
+    monitor = AxisMonitor(case.model, case.settings(relative_sd=0.05, lam=0.999))
     episodes = monitor.run(*rec)
     assert (episodes[0].parameter, episodes[0].direction) == ("gc", "up")
-    gc = monitor.facts().parameters[0]
+    gc = monitor.status().parameters[0]
     assert gc.estimate / gc.nominal == pytest.approx(1.2, abs=0.05)
 
 
 def test_both_kinds_of_gravity_are_told_apart() -> None:
     case = BY_NAME["gravity-behind-the-gear"]
     assert case.model.drive.inputs[4:] == (COSINE, SINE)
-    monitor = AxisMonitor.alone(case.model, case.settings())
+    monitor = AxisMonitor(case.model, case.settings())
     rec = Record(np.array([0]), np.zeros(1), np.array([0.25]))
     monitor.run(*rec)
-    assert monitor.bank.state.u[4:, 0] == pytest.approx([0.96891242171, 0.24740395925], rel=1e-10)
+    assert monitor.batch.state.u[4:, 0] == pytest.approx([0.96891242171, 0.24740395925], rel=1e-10)

@@ -51,7 +51,7 @@ def test_the_sensitivities_that_the_bound_stands_on_are_those_of_the_kernel(name
     settings = case.settings(settle_s=0.0, P0=tuple(1e-30 * case.model.scale**2))
     rec = experiment(seed, output=case.output, samples=600)
     rec.y[0] = 0.0  # the kernel starts from the first sample, the matrices from rest
-    _, trace = AxisMonitor.alone(case.model, settings).run_traced(*rec)
+    _, trace = AxisMonitor(case.model, settings).run_traced(*rec)
     psi = sensitivities(case.model, settings, rec.u[:, np.newaxis], rec.y[:, np.newaxis])[..., 0]
     size = abs(psi).max(axis=0)
     assert (abs(trace.psi[1:] - psi[1:]) < 1e-9 * size).all()

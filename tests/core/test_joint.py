@@ -8,7 +8,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.excitation.reference_experiment import INTERVAL_S, experiments, reference_model
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of, steady_p
 
@@ -19,7 +19,7 @@ AXES = 32
 def healthy(settings: Settings, seed: int) -> tuple[Floats, Floats]:
     """theta / theta_0 - 1 at some times (times, p, AXES), and the standard deviation that is reported (p,)."""
     t, u, y = experiments(range(seed, seed + AXES))
-    bank = Bank([MODEL] * AXES, [settings] * AXES)
+    bank = AxisBatch([MODEL] * AXES, [settings] * AXES)
     _, trace = bank.run_traced(np.repeat(t[:, None], AXES, axis=1), u, y)
     reported = np.sqrt(settings.lam0 * trace.P[700::50].mean(axis=(0, 2)) / (1 + settings.lam)) / MODEL.theta0
     return trace.theta[700::50] / MODEL.theta0[:, None] - 1, reported

@@ -54,7 +54,7 @@ def test_innovations_are_white_and_of_variance_lambda_0(output: Output, seed: in
     moved, _ = simulate_linear(model.drive, model.nominal, u + torque_noise * rng.standard_normal((N, 1)), H)
     y = moved + NOISE[output] * rng.standard_normal((N, 1))
     pinned = Settings(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2))
-    monitor = AxisMonitor.alone(model, pinned)
+    monitor = AxisMonitor(model, pinned)
     _, trace = monitor.run_traced(np.arange(N) * 5000, u[:, 0], y[:, 0])
     eps = trace.eps[1000:] / np.sqrt(lam0)
     assert np.mean(eps**2) == pytest.approx(1, abs=5 * np.sqrt(2 / N))
@@ -114,7 +114,7 @@ def test_the_time_constant_is_how_an_error_of_the_state_dies_out(torque_noise: f
     for first in (0.0, 1e3):
         y = rec.y.copy()
         y[0] += first
-        eps.append(AxisMonitor.alone(model, pinned).run_traced(rec.t_us, rec.u, y)[1].eps)
+        eps.append(AxisMonitor(model, pinned).run_traced(rec.t_us, rec.u, y)[1].eps)
     tau = slowest_time_constant(model, K, H) / H
     envelope = [np.nanmax(abs(eps[1] - eps[0])[round(k * tau) : round((k + 3) * tau)]) for k in (10, 20)]
     assert np.log(envelope[0] / envelope[1]) == pytest.approx(10, rel=0.15)

@@ -13,7 +13,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, as_columns, record
@@ -24,21 +24,21 @@ from tests.core.laws import SAMPLES, cases, cuts, law, lively, part, seeds, stat
 @given(seed=seeds, case=cases, cuts=cuts)
 def test_blocks_may_end_anywhere(seed: int, case: Case, cuts: list[int]) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    whole, parts = (Bank([case.model], [lively(case)]) for _ in range(2))
+    whole, parts = (AxisBatch([case.model], [lively(case)]) for _ in range(2))
     expected = whole.run(*as_columns(rec))
     edges = [0, *sorted(cuts), SAMPLES]
     found = [
         event for start, stop in pairwise(edges) for event in parts.run(*as_columns(part(rec, start, stop)))
     ]
     assert found == expected
-    assert state(AxisMonitor(parts, 0)) == state(AxisMonitor(whole, 0))
+    assert state(AxisMonitor.of_lane(parts, 0)) == state(AxisMonitor.of_lane(whole, 0))
 
 
 @law
 @given(seed=seeds, case=cases, cut=st.integers(0, SAMPLES))
 def test_a_saved_monitor_goes_on_as_if_nothing_had_happened(seed: int, case: Case, cut: int) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    whole, before, after = (AxisMonitor.alone(case.model, lively(case)) for _ in range(3))
+    whole, before, after = (AxisMonitor(case.model, lively(case)) for _ in range(3))
     whole.run(*part(rec, 0, cut))
     expected = whole.run(*part(rec, cut))
     before.run(*part(rec, 0, cut))
@@ -76,7 +76,7 @@ def test_an_axis_does_not_feel_its_neighbours(
     axes = different_axes(rng, case, W)
     records = [record(seed + a, case, 60, jitter=0.3, gaps=1) for a in range(W)]
     counts = data.draw(st.lists(st.integers(0, 60), min_size=W, max_size=W))
-    bank = Bank([model for model, _ in axes], [s for _, s in axes])
+    bank = AxisBatch([model for model, _ in axes], [s for _, s in axes])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
         patch.setattr(bank_module, "MOST_LANES", lanes)
@@ -87,9 +87,9 @@ def test_an_axis_does_not_feel_its_neighbours(
         )
         events += bank.run(*block, n)
     for a, (model, s) in enumerate(axes):
-        alone = Bank([model], [s])
+        alone = AxisBatch([model], [s])
         expected = alone.run(*as_columns(records[a]))
-        assert state(AxisMonitor(bank, a)) == state(AxisMonitor(alone, 0))
+        assert state(AxisMonitor.of_lane(bank, a)) == state(AxisMonitor.of_lane(alone, 0))
         assert [event for axis, event in events if axis == a] == [event for _, event in expected]
 
 
@@ -116,7 +116,7 @@ def with_unusable(rec: Record, at: int, reason: str, value: float, torque: bool)
 @given(seed=seeds, case=cases, data=st.data())
 def test_unusable_samples_are_counted_and_change_nothing(seed: int, case: Case, data: st.DataObject) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    clean, dirty = (AxisMonitor.alone(case.model, lively(case)) for _ in range(2))
+    clean, dirty = (AxisMonitor(case.model, lively(case)) for _ in range(2))
     expected = clean.run(*rec)
     added = dict.fromkeys(UNUSABLE, 0)
     for at in sorted(data.draw(st.sets(st.integers(0, SAMPLES - 1), max_size=10)), reverse=True):
@@ -125,7 +125,7 @@ def test_unusable_samples_are_counted_and_change_nothing(seed: int, case: Case, 
         added[reason] += 1
     assert dirty.run(*rec) == expected
     assert state(dirty)[0] == state(clean)[0]
-    before, after = (np.array(m.bank.state.counts[:, 0]) for m in (clean, dirty))
+    before, after = (np.array(m.batch.state.counts[:, 0]) for m in (clean, dirty))
     counted = dict(zip(COUNTERS, after - before, strict=True))
     assert counted == dict.fromkeys(COUNTERS, 0) | added
 
@@ -134,10 +134,10 @@ def test_unusable_samples_are_counted_and_change_nothing(seed: int, case: Case, 
 @given(seed=seeds, case=cases, shift=st.integers(-(2**60), 2**60))
 def test_only_differences_of_time_count(seed: int, case: Case, shift: int) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    here, there = (Bank([case.model], [lively(case)]) for _ in range(2))
+    here, there = (AxisBatch([case.model], [lively(case)]) for _ in range(2))
     expected = here.run(*as_columns(rec))
     found = there.run(*as_columns(rec._replace(t_us=rec.t_us + shift)))
-    assert state(AxisMonitor(there, 0))[0] == state(AxisMonitor(here, 0))[0]
+    assert state(AxisMonitor.of_lane(there, 0))[0] == state(AxisMonitor.of_lane(here, 0))[0]
     assert [event.time_us - shift for _, event in found] == [event.time_us for _, event in expected]
 
 
@@ -146,8 +146,8 @@ def test_the_laws_see_something_happen(case: Case, seed: int) -> None:
     """Crossings, updates and gaps do occur in such records: else the laws above would hold of nothing."""
     episodes = 0
     for k in range(5):
-        monitor = AxisMonitor.alone(case.model, lively(case))
+        monitor = AxisMonitor(case.model, lively(case))
         episodes += len(monitor.run(*record(seed + k, case, SAMPLES, jitter=0.3, gaps=1)))
-        assert monitor.facts().counters["gap"] >= 1
-        assert monitor.facts().counters["used"] > SAMPLES / 2
+        assert monitor.status().counters["gap"] >= 1
+        assert monitor.status().counters["used"] > SAMPLES / 2
     assert episodes > 3

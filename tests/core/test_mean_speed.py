@@ -15,7 +15,7 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, MONITORED, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
@@ -36,7 +36,7 @@ def deviations(drive: Drive, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Mean of the estimates over nominal, minus 1, in percent (p,)."""
     model = AxisModel(drive, REFERENCE_VALUES, MONITORED)
     settings = Settings(H, settle_s=2.7, P0=tuple((0.05 * model.scale) ** 2))
-    bank = Bank([model] * SEEDS, [settings] * SEEDS)
+    bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
     t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
     _, trace = bank.run_traced(t_us, u, y)
     return np.asarray(100 * (trace.theta[1500:].mean(axis=(0, 2)) / model.theta0 - 1))
@@ -101,7 +101,7 @@ def test_innovations_are_white_and_as_large_as_said(seed: int) -> None:
     model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
     K, lam0 = filter_gain(model, H, 0.3, 0.2)
     settings = Settings(H, K=tuple(K), lam0=lam0, settle_s=2.5, P0=(1e-20,))
-    bank = Bank([model] * SEEDS, [settings] * SEEDS)
+    bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
     t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
     eps = bank.run_traced(t_us, u, y + 0.2 * white[1])[1].eps[501:]
     n = eps.size
@@ -121,9 +121,9 @@ def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, s
     y = np.append(0.0, np.diff(angle[::fine, 0]) / H)
     model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
     settings = Settings(H, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0)
-    _, trace = AxisMonitor.alone(model, settings).run_traced(np.arange(2000)[kept] * 5000, u[kept], y[kept])
+    _, trace = AxisMonitor(model, settings).run_traced(np.arange(2000)[kept] * 5000, u[kept], y[kept])
     assert np.nanmax(np.abs(trace.eps)) < 1e-9 * np.abs(y).max()
-    _, whole = AxisMonitor.alone(model, replace(settings, interval_s=0.5)).run_traced(
+    _, whole = AxisMonitor(model, replace(settings, interval_s=0.5)).run_traced(
         np.arange(2000)[kept] * 5000, u[kept], y[kept]
     )
     assert np.nanmax(np.abs(whole.eps)) > 0.01 * np.abs(y).max()  # it is not the mean since the last sample

@@ -14,7 +14,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import gains_after
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import NOISE, Record
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, H, as_columns, record
@@ -59,7 +59,7 @@ def test_however_supervised_blocks_may_end_anywhere_and_states_be_saved(
     seed: int, case: Case, way: Mapping[str, float | bool], cut: int
 ) -> None:
     rec = with_pause(seed, case)
-    whole, before, after = (AxisMonitor.alone(case.model, watched(case, way)) for _ in range(3))
+    whole, before, after = (AxisMonitor(case.model, watched(case, way)) for _ in range(3))
     expected = whole.run(*rec)
     found = before.run(*part(rec, 0, cut))
     after.from_arrays({name: array.copy() for name, array in before.to_arrays().items()})
@@ -78,13 +78,13 @@ def test_however_supervised_a_fleet_is_its_axes(
     for _ in range(W):
         values = {name: v * rng.uniform(0.9, 1.1) for name, v in case.model.nominal.items()}
         models.append(replace(case.model, nominal=values))
-    fleet = Bank(models, [watched(case, way)] * W)
+    fleet = AxisBatch(models, [watched(case, way)] * W)
     events = fleet.run(*(np.stack(columns, axis=1) for columns in zip(*records, strict=True)))
     for a, (model, rec) in enumerate(zip(models, records, strict=True)):
-        alone = Bank([model], [watched(case, way)])
+        alone = AxisBatch([model], [watched(case, way)])
         expected = alone.run(*as_columns(rec))
         assert [event for axis, event in events if axis == a] == [event for _, event in expected]
-        assert state(AxisMonitor(fleet, a)) == state(AxisMonitor(alone, 0))
+        assert state(AxisMonitor.of_lane(fleet, a)) == state(AxisMonitor.of_lane(alone, 0))
 
 
 class Units(NamedTuple):
@@ -156,8 +156,8 @@ def test_units_scale_results_and_nothing_else(
     other = units.model(model)
     output = units.of("rad" if case.output == "angle" else "rad/s")
     t = rec.t_us * round(units.time)
-    _, here = AxisMonitor.alone(model, s).run_traced(*rec)
-    _, there = AxisMonitor.alone(other, units.settings(s, model)).run_traced(
+    _, here = AxisMonitor(model, s).run_traced(*rec)
+    _, there = AxisMonitor(other, units.settings(s, model)).run_traced(
         t, rec.u * units.torque, rec.y * output
     )
     size, new = model.scale, other.scale
@@ -187,8 +187,8 @@ def test_a_missing_sample_is_a_double_interval(seed: int, case: Case) -> None:
     )
     rec = record(seed, case, SAMPLES)
     half = Record(rec.t_us[::2], rec.u[::2], rec.y[::2])
-    _, missing = AxisMonitor.alone(case.model, replace(s, lost_s=0.0)).run_traced(*half)
-    _, double = AxisMonitor.alone(case.model, replace(slow, lost_s=0.0)).run_traced(*half)
+    _, missing = AxisMonitor(case.model, replace(s, lost_s=0.0)).run_traced(*half)
+    _, double = AxisMonitor(case.model, replace(slow, lost_s=0.0)).run_traced(*half)
     for a, b in zip(missing, double, strict=True):
         assert close(a, b)
 
@@ -200,8 +200,8 @@ def test_the_ways_differ(way: Mapping[str, float | bool], seed: int) -> None:
     for settings_ in ({}, way):
         total = 0.0
         for k, case in enumerate(CASES):
-            monitor = AxisMonitor.alone(case.model, watched(case, settings_))
+            monitor = AxisMonitor(case.model, watched(case, settings_))
             monitor.run(*with_pause(seed + k, case))
-            total += float((monitor.bank.state.theta[:, 0] / case.model.scale).sum())
+            total += float((monitor.batch.state.theta[:, 0] / case.model.scale).sum())
         ends.append(total)
     assert ends[0] != ends[1]

@@ -46,8 +46,8 @@ def test_a_linear_regression_gives_recursive_least_squares(
     model, settings = linear(lam, torque_noise)
     rec = experiment(seed, {"kT": 1.2}, samples=400, fault_at=0)
     pinned = replace(settings, P0=tuple(1e-30 * model.scale**2))
-    _, at_nominal = AxisMonitor.alone(model, pinned).run_traced(*rec)
-    _, trace = AxisMonitor.alone(model, settings).run_traced(*rec)
+    _, at_nominal = AxisMonitor(model, pinned).run_traced(*rec)
+    _, trace = AxisMonitor(model, settings).run_traced(*rec)
     for n in (3, 50, 399):
         psi, eps = at_nominal.psi[1 : n + 1], at_nominal.eps[1 : n + 1]
         expected = model.theta0 + least_squares(psi, eps, settings)
@@ -71,9 +71,9 @@ def test_without_forgetting_the_end_is_the_off_line_estimate(joint: bool, within
     settings = Settings(
         INTERVAL_S, lam=FOREVER, P0=tuple((0.05 * model.scale) ** 2), settle_s=3.0, alpha2=1e9, joint=joint
     )
-    monitor = AxisMonitor.alone(model, settings)
+    monitor = AxisMonitor(model, settings)
     monitor.start_from(model.theta0 * [1.03, 0.97, 1.03])
     monitor.run(*rec)
-    apart = (monitor.bank.state.theta[:, 0] - off_line.theta) / off_line.sd
+    apart = (monitor.batch.state.theta[:, 0] - off_line.theta) / off_line.sd
     print(f"from the off-line estimate by {apart} of its standard deviations {off_line.sd / model.theta0}")
     assert (abs(apart) < within).all()

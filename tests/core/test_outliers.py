@@ -21,7 +21,7 @@ from monitor_core.excitation.reference_experiment import (
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, H, record
@@ -60,15 +60,15 @@ def strike(values: Floats, sizes: tuple[float, float], rng: np.random.Generator)
     return np.where(hit, values + size, values), hit
 
 
-def spread(settings: Settings, samples: Samples) -> tuple[Bank, Floats]:
+def spread(settings: Settings, samples: Samples) -> tuple[AxisBatch, Floats]:
     """The bank at its end, and of each axis the root mean square of theta's relative deviations (p, AXES)."""
-    bank = Bank([MODEL] * AXES, [settings] * AXES)
+    bank = AxisBatch([MODEL] * AXES, [settings] * AXES)
     _, trace = bank.run_traced(*samples)
     late = trace.theta[600::200] / MODEL.theta0[:, None] - 1
     return bank, np.asarray(np.sqrt((late**2).mean(axis=0)))
 
 
-def counted(bank: Bank) -> int:
+def counted(bank: AxisBatch) -> int:
     return int(bank.state.counts[COUNTERS.index("outlier")].sum())
 
 
@@ -112,7 +112,7 @@ def test_a_lasting_change_is_no_outlier(settings: Settings, seed: int) -> None:
     quiet = replace(settings, lam=0.98, settle_s=1.0, K=tuple(K), lam0=lam0)
     noise = 10 * NOISE["speed"] * np.random.default_rng(seed).standard_normal(clean.y.shape)
     noise[: len(noise) // 4] = 0.0
-    bank = Bank([MODEL] * AXES, [quiet] * AXES)
+    bank = AxisBatch([MODEL] * AXES, [quiet] * AXES)
     _, trace = bank.run_traced(clean.t, clean.u, clean.y + noise)
     assert counted(bank) <= AXES * (3 + 0.02 * len(noise))
     assert bank.state.lam0_running.mean() == pytest.approx(np.nanmean(trace.eps[-1000:] ** 2), rel=0.25)
@@ -138,15 +138,15 @@ def test_as_transcribed(name: str, grows: bool, seed: int) -> None:
     y[0] += 1000 * NOISE[case.output]  # it begins anew
     y[10:14] += 1000 * NOISE[case.output]  # later than that it does not, though it has not settled
     rec = Record(rec.t_us, rec.u, y)
-    monitor, paper = AxisMonitor.alone(case.model, s), Paper(case.model, s)
+    monitor, paper = AxisMonitor(case.model, s), Paper(case.model, s)
     _, trace = monitor.run_traced(*rec)
     log = paper.run(*rec)
-    assert monitor.facts().counters["outlier"] == paper.outliers >= 3
-    assert (monitor.facts().counters["started"], paper.starts) == (1, 2)
+    assert monitor.status().counters["outlier"] == paper.outliers >= 3
+    assert (monitor.status().counters["started"], paper.starts) == (1, 2)
     np.testing.assert_array_equal(np.isnan(trace.eps), np.isnan(log.eps))
     np.testing.assert_allclose(trace.theta, log.theta, rtol=1e-8)
     np.testing.assert_allclose(trace.g, log.g, rtol=1e-6, atol=1e-9 * case.model.scale.max())
-    assert monitor.facts().innovation_variance == pytest.approx(paper.running, rel=1e-8)
+    assert monitor.status().innovation_variance == pytest.approx(paper.running, rel=1e-8)
 
 
 def errors_after_a_push(
@@ -160,7 +160,7 @@ def errors_after_a_push(
     y, _ = simulate_linear(model.drive, REFERENCE_VALUES, acting[:, np.newaxis], H)
     y = y[:, 0] + ANGLE_NOISE * rng.standard_normal(N)
     s = Settings(H, lam0=lam0, K=gain, K_after=after, outlier=WIDTH)
-    _, trace = AxisMonitor.alone(model, s).run_traced(np.arange(N) * round(H * 1e6), u, y)
+    _, trace = AxisMonitor(model, s).run_traced(np.arange(N) * round(H * 1e6), u, y)
     assert np.isnan(trace.eps[2801:2804]).all()
     return float(np.nansum(np.abs(trace.eps[2806:2830])) / np.sqrt(lam0))
 
@@ -183,7 +183,7 @@ def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:
     t, u, y = experiments(range(seed, seed + AXES), {"kT": 2.0})
     first = []
     for s in (settings, replace(settings, outlier=0.0)):
-        bank = Bank([MODEL] * AXES, [s] * AXES)
+        bank = AxisBatch([MODEL] * AXES, [s] * AXES)
         _, trace = bank.run_traced(np.repeat(t[:, None], AXES, axis=1), u, y)
         crossed = trace.g[FAULT_AT:, 0, 0] > bank.thresholds[0]
         assert crossed.any(axis=0).all()

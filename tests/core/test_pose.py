@@ -23,7 +23,7 @@ from monitor_core.excitation.reference_experiment import (
     reference_model,
 )
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of
 
@@ -77,7 +77,7 @@ class Outcome(NamedTuple):
 
 def watched(record: Record, settings: Settings, parameter: str, shift: Floats | None) -> Outcome:
     W = record.u.shape[1]
-    bank = Bank([MODEL] * W, [settings] * W)
+    bank = AxisBatch([MODEL] * W, [settings] * W)
     moved = None if shift is None else np.repeat(shift[..., np.newaxis], W, axis=2)
     times = np.repeat(record.t_us[:, np.newaxis], W, axis=1)
     _, trace = bank.run_traced(times, record.u, record.y, shift=moved)

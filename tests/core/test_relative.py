@@ -39,8 +39,8 @@ def test_the_monitor_is_the_same_in_other_units(case: Case, seed: int) -> None:
     s, unit = case.settings(), relative.unit
     P0 = tuple(np.asarray(s.P0) / unit**2) if s.P0 else ()
     t, u, y = (column[:, 0] for column in as_columns(record(seed, case, N)))
-    _, si = AxisMonitor.alone(case.model, s).run_traced(t.astype(np.int64), u.astype(float), y.astype(float))
-    monitor = AxisMonitor.alone(relative, replace(s, P0=P0))
+    _, si = AxisMonitor(case.model, s).run_traced(t.astype(np.int64), u.astype(float), y.astype(float))
+    monitor = AxisMonitor(relative, replace(s, P0=P0))
     _, rel = monitor.run_traced(t.astype(np.int64), u.astype(float), y.astype(float))
     assert np.allclose(rel.eps, si.eps, rtol=1e-7, atol=1e-9 * np.nanmax(np.abs(si.eps)), equal_nan=True)
     assert np.allclose(rel.theta * unit, si.theta, rtol=1e-7)

@@ -12,7 +12,7 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.figures import steady_p
 
@@ -37,7 +37,7 @@ def records(seed: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
 
 def watched(
     monitored: tuple[str, ...], u: np.ndarray, y: np.ndarray
-) -> tuple[Bank, list[tuple[int, Crossing]]]:
+) -> tuple[AxisBatch, list[tuple[int, Crossing]]]:
     if "delay" in monitored:
         nominal = {**REFERENCE_VALUES, "delay": 0.0}
         model = AxisModel(DELAYED, nominal, monitored, {"delay": H / 10}, {"delay": (-H, H)})
@@ -46,7 +46,7 @@ def watched(
     K, lam0 = filter_gain(model, H, TORQUE_NOISE, NOISE)
     settings = Settings(H, K=tuple(K), lam0=lam0, settle_s=2.0, floor=0.05, starved=0.05)
     settings = replace(settings, P0=steady_p(model, settings, range(20)))
-    bank = Bank([model] * SEEDS, [settings] * SEEDS)
+    bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
     t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, None] * 5000, SEEDS, axis=1)
     return bank, [(a, e) for a, e in bank.run(t, u, y) if isinstance(e, Crossing)]
 

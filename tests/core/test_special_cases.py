@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import (
@@ -19,7 +19,7 @@ from monitor_core.excitation.reference_experiment import (
 from monitor_core.kernel.state import NEVER
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.facts import Status
+from monitor_core.monitoring.axis_status import Status
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, record
 
@@ -28,7 +28,7 @@ SPEED = reference_model()
 
 def alone(case: Case) -> AxisMonitor:
     """No alarm gets in the way."""
-    return AxisMonitor.alone(case.model, case.settings(alpha2=1e9))
+    return AxisMonitor(case.model, case.settings(alpha2=1e9))
 
 
 def run(monitor: AxisMonitor, rec: Record, start: int, stop: int | None = None, later_us: int = 0) -> None:
@@ -37,7 +37,7 @@ def run(monitor: AxisMonitor, rec: Record, start: int, stop: int | None = None, 
 
 
 def counts(monitor: AxisMonitor) -> dict[str, int]:
-    return {name: n for name, n in monitor.facts().counters.items() if n}
+    return {name: n for name, n in monitor.status().counters.items() if n}
 
 
 @pytest.mark.parametrize("jump_us", [51_000, 10**12, -1_000_000_000], ids=["just", "days", "back"])
@@ -46,7 +46,7 @@ def test_a_gap_starts_the_predictor_anew_and_keeps_the_rest(case: Case, jump_us:
     rec = record(seed, case, 400)
     monitor = alone(case)
     run(monitor, rec, 0, 300)
-    st = monitor.bank.state
+    st = monitor.batch.state
     theta, P, g = st.theta.copy(), st.P.copy(), st.g.copy()
     assert (theta[:, 0] != case.model.theta0).all()
     later = jump_us - 5000 if jump_us > 0 else jump_us
@@ -57,29 +57,29 @@ def test_a_gap_starts_the_predictor_anew_and_keeps_the_rest(case: Case, jump_us:
     assert (st.theta == theta).all()
     assert (st.P == P).all()
     assert (st.g == g).all()
-    assert monitor.facts().parameters[0].status is Status.SETTLING
-    assert monitor.facts().counters["gap"] == 1
+    assert monitor.status().parameters[0].status is Status.SETTLING
+    assert monitor.status().counters["gap"] == 1
     run(monitor, rec, 360, 361, later)
     assert (st.theta != theta).all()
-    assert monitor.facts().parameters[0].status is Status.TRACKING
+    assert monitor.status().parameters[0].status is Status.TRACKING
 
 
 def test_the_longest_interval_is_not_a_gap() -> None:
     rec = experiment(1)
-    monitor = AxisMonitor.alone(SPEED, Settings(0.005, max_gap_s=0.05))
+    monitor = AxisMonitor(SPEED, Settings(0.005, max_gap_s=0.05))
     monitor.run(np.array([0, 50_000, 100_001]), rec.u[:3], rec.y[:3])
-    assert monitor.facts().counters["gap"] == 1
+    assert monitor.status().counters["gap"] == 1
 
 
 def test_first_state_is_the_drive_moving_rigidly() -> None:
     """From such a state, with the torque that friction takes, the prediction stays where it is."""
     values = SPEED.nominal
     speed = 3.0
-    monitor = AxisMonitor.alone(SPEED, Settings(0.005))
+    monitor = AxisMonitor(SPEED, Settings(0.005))
     torque = np.full(200, values["fm"] * speed / values["kT"])
     _, trace = monitor.run_traced(np.arange(200) * 5000, torque, np.full(200, speed))
     assert np.nanmax(abs(trace.eps), initial=0) < 1e-9
-    assert abs(monitor.bank.state.x[2, 0] - speed) < 1e-9
+    assert abs(monitor.batch.state.x[2, 0] - speed) < 1e-9
 
 
 def test_an_angle_far_from_zero_is_no_trouble(seed: int) -> None:
@@ -89,17 +89,17 @@ def test_an_angle_far_from_zero_is_no_trouble(seed: int) -> None:
     near, far = (alone(case) for _ in range(2))
     run(near, rec, 0)
     run(far, rec._replace(y=rec.y + 2.0**12), 0)
-    difference = far.bank.state.theta / near.bank.state.theta - 1
+    difference = far.batch.state.theta / near.batch.state.theta - 1
     assert abs(difference).max() < 1e-8
 
 
 def test_status_of_an_axis_through_its_life() -> None:
-    monitor = AxisMonitor.alone(SPEED, Settings(0.005, lam=0.95, settle_s=0.5))
-    seen = [monitor.facts().parameters[0].status]
+    monitor = AxisMonitor(SPEED, Settings(0.005, lam=0.95, settle_s=0.5))
+    seen = [monitor.status().parameters[0].status]
     rec = experiment(3, samples=400)
     for k in range(400):
         run(monitor, rec, k, k + 1)
-        status = monitor.facts().parameters[0].status
+        status = monitor.status().parameters[0].status
         if status is not seen[-1]:
             seen.append(status)
     assert seen == [Status.WAITING, Status.SETTLING, Status.SEEDING, Status.TRACKING]
@@ -111,22 +111,22 @@ def test_every_sample_is_counted_once(seed: int) -> None:
     case = BY_NAME["paper"]
     monitor = alone(case)
     run(monitor, record(seed, case, 500, jitter=0.3, gaps=2), 0)
-    assert monitor.facts().samples == 500
+    assert monitor.status().samples == 500
 
 
 def test_theta_is_held_by_its_bounds_and_it_is_counted(seed: int) -> None:
     model = replace(SPEED, bounds={"kT": (0.9, 1.05)})
     settings = Settings(0.005, P0=tuple((0.1 * model.scale) ** 2), alpha2=1e9)
-    monitor = AxisMonitor.alone(model, settings)
+    monitor = AxisMonitor(model, settings)
     _, trace = monitor.run_traced(*experiment(seed, {"kT": 1.3}))
     assert trace.theta[:, 0].max() == 1.05
     assert trace.theta[-100:, 0].min() > 1.0
-    assert monitor.facts().counters["projected"] > 50
+    assert monitor.status().counters["projected"] > 50
 
 
 def unstable(settle_s: float) -> AxisMonitor:
     """Friction far below zero: the state overflows within seconds.  theta is as good as pinned."""
-    monitor = AxisMonitor.alone(SPEED, Settings(0.005, P0=tuple(1e-40 * SPEED.scale**2), settle_s=settle_s))
+    monitor = AxisMonitor(SPEED, Settings(0.005, P0=tuple(1e-40 * SPEED.scale**2), settle_s=settle_s))
     monitor.start_from(SPEED.theta0 * [1, 1, -100])
     return monitor
 
@@ -134,49 +134,49 @@ def unstable(settle_s: float) -> AxisMonitor:
 def test_a_predictor_that_runs_away_is_started_anew(seed: int) -> None:
     monitor, rec = unstable(settle_s=4.0), experiment(seed)
     run(monitor, rec, 0, 1000)
-    assert monitor.facts().counters["diverged"] >= 1
-    assert (monitor.bank.state.theta[:, 0] == SPEED.theta0 * [1, 1, -100]).all()
+    assert monitor.status().counters["diverged"] >= 1
+    assert (monitor.batch.state.theta[:, 0] == SPEED.theta0 * [1, 1, -100]).all()
     monitor.start_from(SPEED.theta0)
     run(monitor, rec, 1000, later_us=10**6)
-    assert np.isfinite(monitor.bank.state.x).all()
-    assert abs(monitor.bank.state.x[2, 0]) < 50
-    assert 0.5 < monitor.facts().innovation_variance < 2
-    assert monitor.facts().parameters[0].status is Status.TRACKING
+    assert np.isfinite(monitor.batch.state.x).all()
+    assert abs(monitor.batch.state.x[2, 0]) < 50
+    assert 0.5 < monitor.status().innovation_variance < 2
+    assert monitor.status().parameters[0].status is Status.TRACKING
 
 
 def test_a_state_can_be_saved_right_after_the_predictor_ran_away(seed: int) -> None:
     monitor, rec = unstable(settle_s=4.0), experiment(seed)
     for k in range(1000):
         run(monitor, rec, k, k + 1)
-        if monitor.facts().counters["diverged"]:
+        if monitor.status().counters["diverged"]:
             break
-    assert monitor.bank.state.t[0] == NEVER
-    other = AxisMonitor.alone(SPEED, monitor.settings)
+    assert monitor.batch.state.t[0] == NEVER
+    other = AxisMonitor(SPEED, monitor.settings)
     other.from_arrays(monitor.to_arrays())
-    assert other.facts() == monitor.facts()
+    assert other.status() == monitor.status()
 
 
 def test_facts_of_a_predictor_that_is_running_away(seed: int) -> None:
     monitor, rec = unstable(settle_s=0.1), experiment(seed)
     for k in range(2000):
         run(monitor, rec, k, k + 1)
-        assert all(p.standard_deviation >= 0 for p in monitor.facts().parameters)
+        assert all(p.standard_deviation >= 0 for p in monitor.status().parameters)
 
 
 @pytest.mark.parametrize("huge", [1e30, 1e160, 1e300])
 def test_one_absurd_value_leaves_everything_finite(huge: float, seed: int) -> None:
-    monitor = AxisMonitor.alone(SPEED, Settings(0.005, P0=tuple((0.01 * SPEED.scale) ** 2), settle_s=0.1))
+    monitor = AxisMonitor(SPEED, Settings(0.005, P0=tuple((0.01 * SPEED.scale) ** 2), settle_s=0.1))
     rec = experiment(seed)
     rec.y[1000] = huge
     run(monitor, rec, 0)
-    facts = monitor.facts()
-    assert np.isfinite(facts.innovation_variance)
-    assert all(np.isfinite([p.standard_deviation, p.g_up, p.g_down]).all() for p in facts.parameters)
-    assert np.isfinite(monitor.bank.state.theta).all()
-    AxisMonitor.alone(SPEED, monitor.settings).from_arrays(monitor.to_arrays())
+    status = monitor.status()
+    assert np.isfinite(status.innovation_variance)
+    assert all(np.isfinite([p.standard_deviation, p.g_up, p.g_down]).all() for p in status.parameters)
+    assert np.isfinite(monitor.batch.state.theta).all()
+    AxisMonitor(SPEED, monitor.settings).from_arrays(monitor.to_arrays())
 
 
-def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Episode]]:
+def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Alarm]]:
     """The reference drive with a precise encoder; every 7.5 s so many samples in a row are lost."""
     model, rng, N = reference_model("angle"), np.random.default_rng(seed), 8000
     u = multisine(rng, N, 0.005, BAND_HZ, TORQUE_RMS)
@@ -184,7 +184,7 @@ def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Episod
     y = simulate_linear(model.drive, model.nominal, acting, 0.005)[0][:, 0] + 1e-4 * rng.standard_normal(N)
     K, lam0 = filter_gain(model, 0.005, 0.05, 1e-4)
     settings = Settings(0.005, K=tuple(K), lam0=lam0, settle_s=4.5, lost_s=lost_s)
-    monitor = AxisMonitor.alone(model, settings)
+    monitor = AxisMonitor(model, settings)
     keep = np.arange(N) % 1500 >= lost
     t = 5000 * np.arange(N, dtype=np.int64)
     return monitor, monitor.run(t[keep], u[keep], y[keep])
@@ -195,8 +195,8 @@ def test_lost_samples_raise_no_alarm(lost: int, seed: int) -> None:
     """Nine in a row, with the torque guessed, are off by hundreds of standard deviations."""
     monitor, episodes = lossy(seed, lost, 0.45)
     assert episodes == []
-    assert (abs(monitor.bank.state.theta[:, 0] / monitor.model.theta0 - 1) < [0.02, 0.02, 0.2]).all()
-    assert monitor.facts().counters["used"] > 1000
+    assert (abs(monitor.batch.state.theta[:, 0] / monitor.model.theta0 - 1) < [0.02, 0.02, 0.2]).all()
+    assert monitor.status().counters["used"] > 1000
 
 
 def test_without_waiting_lost_samples_would_be_a_fault(seed: int) -> None:
@@ -207,41 +207,41 @@ def test_what_its_bounds_hold_is_invalid(seed: int) -> None:
     """A torque constant half as large again, and bounds that allow a tenth: no number, and the others have theirs."""
     model = replace(reference_model("speed"), bounds={"kT": (0.9, 1.1)})
     settings = Settings(0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, floor=0.05, starved=0.05)
-    monitor = AxisMonitor.alone(model, settings)
+    monitor = AxisMonitor(model, settings)
     rec, held = experiment(seed, {"kT": 1.5}, samples=2000), list[bool]()
     run(monitor, rec, 0, 1400)
     for start in range(1400, 2000, 20):
         run(monitor, rec, start, start + 20)
-        kT, *others = monitor.facts().parameters
+        kT, *others = monitor.status().parameters
         held.append(math.isnan(kT.estimate))
         assert kT.status in (Status.INVALID, Status.ALARM, Status.TRACKING)
     assert np.mean(held) > 0.5  # 0.8 to 1 of 60 seeds
-    assert monitor.facts().counters["projected"] > 100
+    assert monitor.status().counters["projected"] > 100
     assert all(np.isfinite(p.estimate) for p in others)
 
 
 def test_errors_far_beyond_the_model_are_invalid(seed: int) -> None:
     """Noise of twenty times what is expected, for ten memories of lambda_0."""
     settings = Settings(0.005, lam=0.98, lam0=1.0, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0, joint=True)
-    monitor = AxisMonitor.alone(reference_model("speed"), settings)
+    monitor = AxisMonitor(reference_model("speed"), settings)
     t, u, y = experiment(seed, samples=4000)
     monitor.run(t[:2000], u[:2000], y[:2000])
-    assert {p.status for p in monitor.facts().parameters} <= {Status.TRACKING, Status.ALARM}
+    assert {p.status for p in monitor.status().parameters} <= {Status.TRACKING, Status.ALARM}
     noise = 20 * np.random.default_rng(seed).standard_normal(2000)
     monitor.run(t[2000:], u[2000:], y[2000:] + noise)
-    assert {p.status for p in monitor.facts().parameters} <= {Status.INVALID, Status.ALARM}
-    assert all(np.isnan(p.estimate) for p in monitor.facts().parameters)
+    assert {p.status for p in monitor.status().parameters} <= {Status.INVALID, Status.ALARM}
+    assert all(np.isnan(p.estimate) for p in monitor.status().parameters)
 
 
 def test_nominal_values_that_a_record_could_not_tell_apart_are_not_tested(seed: int) -> None:
     settings = Settings(0.005, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0)
-    told = AxisMonitor.alone(reference_model("speed"), settings)
-    untold = AxisMonitor.alone(reference_model("speed"), replace(settings, untold=(("fm", "fc"),)))
+    told = AxisMonitor(reference_model("speed"), settings)
+    untold = AxisMonitor(reference_model("speed"), replace(settings, untold=(("fm", "fc"),)))
     rec = experiment(seed, {"kT": 1.3}, samples=3000)
     assert told.run(*rec)
     assert untold.run(*rec) == []
-    assert not untold.bank.state.g.any()
-    np.testing.assert_array_equal(untold.bank.state.theta, told.bank.state.theta)
-    assert untold.facts().confounded == (
+    assert not untold.batch.state.g.any()
+    np.testing.assert_array_equal(untold.batch.state.theta, told.batch.state.theta)
+    assert untold.status().confounded == (
         "fm and fc cannot be told apart by the record of their nominal values: nothing is tested",
     )

@@ -11,7 +11,7 @@ from monitor_core.drive.stability import stable_limits
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import INTERVAL_S, NOISE, experiment
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 
@@ -52,14 +52,14 @@ def test_bounds_end_where_the_predictor_is_stable(
 def test_friction_cannot_drive(seed: int) -> None:
     """Without a gain the reference drive is stable for positive friction only."""
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-    bank = Bank([model], [Settings(INTERVAL_S, P0=(1e-4, 1e-8, 1.0), settle_s=0.0)])
+    bank = AxisBatch([model], [Settings(INTERVAL_S, P0=(1e-4, 1e-8, 1.0), settle_s=0.0)])
     assert bank.limits[0][2, 0] == pytest.approx(0.0, abs=1e-4)
-    monitor = AxisMonitor(bank, 0)
+    monitor = AxisMonitor.of_lane(bank, 0)
     monitor.run(*experiment(seed, {"fm": -3.0}, samples=2000, fault_at=200))
-    fm = monitor.facts().parameters[2]
+    fm = monitor.status().parameters[2]
     assert bank.state.theta[2, 0] >= bank.limits[0][2, 0]
-    assert monitor.facts().counters["projected"] > 0
-    assert monitor.facts().counters["diverged"] == 0
+    assert monitor.status().counters["projected"] > 0
+    assert monitor.status().counters["diverged"] == 0
     assert np.isnan(fm.estimate) or fm.estimate < 0.5 * fm.nominal
 
 

@@ -12,9 +12,9 @@ from monitor_core.kernel.block import Trace
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.facts import Observation, Status
+from monitor_core.monitoring.axis_status import Observation, Status
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, Case, as_columns
 from tests.core.differences import worst
@@ -49,7 +49,7 @@ def test_the_kernel_is_the_transcription(name: str, seed: int, monkeypatch: pyte
     paper.run(*rec)
     for shape, fewest in (("scalar", 1000), ("lanes", 1)):
         monkeypatch.setattr(bank_module, "FEWEST_LANES", fewest)
-        _, trace = Bank([case.model], [settings]).run_traced(*as_columns(rec))
+        _, trace = AxisBatch([case.model], [settings]).run_traced(*as_columns(rec))
         differences = worst(Trace(*(field[..., 0] for field in trace)), paper.log)
         assert max(differences.values()) < 1e-7, (shape, differences)
     assert paper.starved_samples > 30 or "tau0" in case.monitored  # an offset shows at rest, too
@@ -78,7 +78,7 @@ def torque_of(kind: str | None, rng: np.random.Generator) -> Floats:
 
 def through_a_pause(
     kind: str | None, seed: int, seeds: int, settings: Settings, fault: dict[str, float]
-) -> tuple[Bank, Trace, int]:
+) -> tuple[AxisBatch, Trace, int]:
     """Reference drives, one for each seed; the fault comes at the returned sample."""
     rngs = [np.random.default_rng((seed, k)) for k in range(seeds)]
     first, last = ([multisine(r, n, H, BAND_HZ, TORQUE_RMS) for r in rngs] for n in (LIVELY, AGAIN))
@@ -92,7 +92,7 @@ def through_a_pause(
     after, _ = simulate_linear(drive, faulty(REFERENCE_VALUES, fault), acting[at:], H, x)
     noise = np.stack([r.standard_normal(len(u)) for r in rngs], axis=1)
     t_us = np.repeat(np.arange(len(u), dtype=np.int64)[:, np.newaxis] * round(H * 1e6), seeds, axis=1)
-    bank = Bank([MODEL] * seeds, [settings] * seeds)
+    bank = AxisBatch([MODEL] * seeds, [settings] * seeds)
     _, trace = bank.run_traced(t_us, u, np.concatenate([before, after]) + noise)
     return bank, trace, at
 
@@ -154,18 +154,18 @@ def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) 
 
 def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    monitor = AxisMonitor.alone(MODEL, replace(settings, K=(), K_after=()))
+    monitor = AxisMonitor(MODEL, replace(settings, K=(), K_after=()))
     rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 300), rng)
     monitor.run(*part(rec, 0, 3500))
-    st = monitor.bank.state
+    st = monitor.batch.state
     theta, P, g = st.theta.copy(), st.P.copy(), st.g.copy()
-    before = monitor.facts().counters
+    before = monitor.status().counters
     monitor.run(*part(rec, 3500, 5000))
     assert (st.theta == theta).all()
     assert (st.P == P).all()
     assert (st.g == g).all()
-    assert monitor.facts().counters["starved"] - before["starved"] == 1500
-    assert {p.observation for p in monitor.facts().parameters} == {Observation.UNSEEN}
+    assert monitor.status().counters["starved"] - before["starved"] == 1500
+    assert {p.observation for p in monitor.status().parameters} == {Observation.UNSEEN}
     monitor.run(*part(rec, 5000, 5300))
     assert (st.theta != theta).any()
 
@@ -174,55 +174,55 @@ def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
 def test_after_a_rest_all_is_watched_again(floor: float, settings: Settings, seed: int) -> None:
     """With the floor or without."""
     rng = np.random.default_rng(seed)
-    monitor = AxisMonitor.alone(MODEL, replace(settings, K=(), K_after=(), floor=floor))
+    monitor = AxisMonitor(MODEL, replace(settings, K=(), K_after=(), floor=floor))
     rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 600), rng)
     monitor.run(*part(rec, 0, 5000))
-    assert {p.observation for p in monitor.facts().parameters} == {Observation.UNSEEN}
-    theta = monitor.bank.state.theta.copy()
+    assert {p.observation for p in monitor.status().parameters} == {Observation.UNSEEN}
+    theta = monitor.batch.state.theta.copy()
     monitor.run(*part(rec, 5000))
-    assert {p.observation for p in monitor.facts().parameters} == {Observation.OBSERVED}
-    assert (monitor.bank.state.theta != theta).all()
+    assert {p.observation for p in monitor.status().parameters} == {Observation.OBSERVED}
+    assert (monitor.batch.state.theta != theta).all()
 
 
 def test_a_constant_speed_shows_friction_only(settings: Settings, seed: int) -> None:
     """Torque and friction balance: 1/Ja plays no part, kT and fm only as a ratio."""
     rng = np.random.default_rng(seed)
-    monitor = AxisMonitor.alone(MODEL, settings)
+    monitor = AxisMonitor(MODEL, settings)
     lively = moved(BY_NAME["paper"], multisine(rng, LIVELY, H, BAND_HZ, TORQUE_RMS), rng)
     monitor.run(*lively)
-    assert all(p.observation is Observation.OBSERVED for p in monitor.facts().parameters)
-    assert monitor.facts().confounded == ()
+    assert all(p.observation is Observation.OBSERVED for p in monitor.status().parameters)
+    assert monitor.status().confounded == ()
     steady = moved(BY_NAME["paper"], np.full(PAUSE, 0.5), rng)
     monitor.run(steady.t_us + lively.t_us[-1] + 10**6, steady.u, steady.y)
-    seen = {p.name: p.observation for p in monitor.facts().parameters}
+    seen = {p.name: p.observation for p in monitor.status().parameters}
     assert seen["1/Ja"] is Observation.UNSEEN
     assert seen["kT"] is seen["fm"] is Observation.UNSEEN
-    assert "kT and fm cannot be told apart" in monitor.facts().confounded
+    assert "kT and fm cannot be told apart" in monitor.status().confounded
 
 
 def test_what_is_not_observed_shows_its_last_observed_value_and_raises_no_alarm(
     settings: Settings, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    monitor = AxisMonitor.alone(MODEL, settings)
+    monitor = AxisMonitor(MODEL, settings)
     u = np.concatenate([multisine(rng, 1500, H, BAND_HZ, TORQUE_RMS), np.full(4000, 0.5)])
     rec = moved(BY_NAME["paper"], u, rng)
     monitor.run(*rec)
     i = MODEL.monitored.index("1/Ja")
-    assert monitor.facts().parameters[i].observation is Observation.UNSEEN
-    shown, g = monitor.facts().parameters[i].estimate, monitor.bank.state.g.copy()
-    monitor.bank.state.theta[i] *= 2  # as far off as can be
+    assert monitor.status().parameters[i].observation is Observation.UNSEEN
+    shown, g = monitor.status().parameters[i].estimate, monitor.batch.state.g.copy()
+    monitor.batch.state.theta[i] *= 2  # as far off as can be
     later = Record(rec.t_us[-1] + 5000 * np.arange(1, 401), u[-400:], rec.y[-400:])
     monitor.run(*later)
-    assert monitor.facts().parameters[i].estimate == shown
-    assert (monitor.bank.state.g[:, i] == g[:, i]).all()
+    assert monitor.status().parameters[i].estimate == shown
+    assert (monitor.batch.state.g[:, i] == g[:, i]).all()
 
 
 def test_P_stays_bounded_symmetric_and_definite_whatever_comes(seed: int) -> None:
     """Noise, silence, steps and spikes; the floor alone must hold."""
     rng = np.random.default_rng(seed)
     s = replace(SUPERVISED, lam=0.98, starved=0.0, settle_s=0.0, P0=tuple((0.01 * MODEL.scale) ** 2))
-    monitor = AxisMonitor.alone(MODEL, s)
+    monitor = AxisMonitor(MODEL, s)
     t = 0
     for _ in range(40):
         n = int(rng.integers(50, 1000))
@@ -230,7 +230,7 @@ def test_P_stays_bounded_symmetric_and_definite_whatever_comes(seed: int) -> Non
         u, y = size[0] * rng.standard_normal(n), size[1] * rng.standard_normal(n)
         monitor.run(t + 5000 * np.arange(1, n + 1), u + rng.choice([0, 1.0]), y)
         t += 5000 * n
-        P = monitor.bank.state.P[:, :, 0] / np.sqrt(np.outer(s.P0, s.P0))
+        P = monitor.batch.state.P[:, :, 0] / np.sqrt(np.outer(s.P0, s.P0))
         assert (P == P.T).all()
         assert np.linalg.eigvalsh(P).min() > 0
         assert np.diag(P).max() <= 1 / FLOOR * (1 + 1e-9)
@@ -252,13 +252,13 @@ def test_an_axis_that_stands_still_at_first_waits_with_P0(
 ) -> None:
     """A daemon starts before its robot moves: noise alone says nothing of the parameters, and must not seem to."""
     rng = np.random.default_rng(seed)
-    monitor = AxisMonitor.alone(MODEL, replace(settings, P0=()))
+    monitor = AxisMonitor(MODEL, replace(settings, P0=()))
     t, zero = np.arange(12_000, dtype=np.int64) * 5000, np.zeros(12_000)
     assert monitor.run(t, zero, noise * rng.standard_normal(12_000)) == []
-    assert {p.status for p in monitor.facts().parameters} == {Status.SEEDING}
-    np.testing.assert_array_equal(monitor.bank.state.theta[:, 0], MODEL.theta0)
+    assert {p.status for p in monitor.status().parameters} == {Status.SEEDING}
+    np.testing.assert_array_equal(monitor.batch.state.theta[:, 0], MODEL.theta0)
     rec = moved(BY_NAME["paper"], multisine(rng, 8000, H, BAND_HZ, TORQUE_RMS), rng)
     assert monitor.run(rec.t_us + t[-1] + 5000, rec.u, rec.y) == []
-    assert {p.status for p in monitor.facts().parameters} <= {Status.TRACKING, Status.WEAK}
+    assert {p.status for p in monitor.status().parameters} <= {Status.TRACKING, Status.WEAK}
     P0 = np.array(settings.P0)
-    assert (abs(np.log(monitor.bank.state.P_nom[:, 0] / P0)) < np.log(3)).all()
+    assert (abs(np.log(monitor.batch.state.P_nom[:, 0] / P0)) < np.log(3)).all()

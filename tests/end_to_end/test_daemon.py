@@ -72,10 +72,10 @@ def test_estimates_alarm_and_metrics_come_out_and_a_replay_of_the_record_gives_t
     assert result.returncode == 0, result.stderr
     replayed = json.loads(out.read_text(encoding="utf-8"))["axes"]
     for found, shown, monitor in zip(replayed, last, saved(config).values(), strict=True):
-        facts = monitor.facts()
-        assert found["samples"] == shown["samples"] == facts.samples
+        status = monitor.status()
+        assert found["samples"] == shown["samples"] == status.samples
         assert found["last_sample"] == shown["last_sample"]
-        for p, rest, kept in zip(found["parameters"], shown["parameters"], facts.parameters, strict=True):
+        for p, rest, kept in zip(found["parameters"], shown["parameters"], status.parameters, strict=True):
             for name in ("estimate", "standard_deviation", "p_diagonal"):
                 assert p[name] == rest[name] == getattr(kept, name)
     assert [a["parameter"] for a in replayed[1]["alarms"]][:1] == ["fm"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import load_of, torque
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.drive.assembly import Assembly
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.calibration.found import Calibration, Provenance
@@ -134,14 +134,14 @@ def faulty(found: Calibration, one: Samples, change: Mapping[str, float], start:
     return one._replace(u=u)
 
 
-def said(found: Calibration, one: Samples) -> tuple[list[Episode], AxisMonitor]:
+def said(found: Calibration, one: Samples) -> tuple[list[Alarm], AxisMonitor]:
     """All that the monitor reports of it, and the monitor."""
-    monitor = AxisMonitor.alone(found.model, found.settings)
+    monitor = AxisMonitor(found.model, found.settings)
     return monitor.run(one.t_us, one.u, one.y), monitor
 
 
 def peak_of_g(found: Calibration, one: Samples) -> float:
     """Largest g over its threshold, of any test."""
-    monitor = AxisMonitor.alone(found.model, found.settings)
+    monitor = AxisMonitor(found.model, found.settings)
     _, trace = monitor.run_traced(one.t_us, one.u, one.y)
-    return float(np.max(trace.g.max(axis=(0, 1)) / monitor.bank.thresholds[:, 0]))
+    return float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))

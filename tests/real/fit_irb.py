@@ -40,7 +40,7 @@ class Errors(NamedTuple):
 def prediction_errors(model: AxisModel, settings: Settings, record: Record) -> Errors:
     """The errors of the monitor's predictor with theta at nominal: the run that looks for P(0) never ends."""
     frozen = replace(settings, lam=1 - 1e-6, P0=())
-    _, trace = AxisMonitor.alone(model, frozen).run_traced(*record)
+    _, trace = AxisMonitor(model, frozen).run_traced(*record)
     eps, psi = trace.eps, trace.psi
     learned = np.isfinite(eps)
     return Errors(eps[learned], psi[learned])

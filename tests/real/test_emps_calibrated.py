@@ -15,7 +15,7 @@ import pytest
 
 from monitor_core.calibration.doubts import CalibrationError
 from monitor_core.calibration.healthy import Samples
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from service.calibration.found import Calibration
 from tests.real.emps_cart import (
     BUDGET_S,
@@ -80,7 +80,7 @@ def test_the_other_half_is_quiet(half: Halves) -> None:
     assert peak < 0.5
 
 
-def watch(half: Halves, change: Mapping[str, float], begins_s: float) -> tuple[float, Episode]:
+def watch(half: Halves, change: Mapping[str, float], begins_s: float) -> tuple[float, Alarm]:
     """Delay and last state of the only alarm."""
     start = round(begins_s / half.found.settings.interval_s)
     episodes, _ = said(half.found, faulty(half.found, half.other, change, start))

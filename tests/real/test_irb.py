@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.monitoring.axis_batch import standard_deviation
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from tests.real.fit_irb import (
@@ -41,9 +41,9 @@ def start_of_fault(record: Record) -> int:
     return len(record.u) // 2
 
 
-def run(record: Record) -> tuple[list[Episode], Floats, AxisMonitor]:
+def run(record: Record) -> tuple[list[Alarm], Floats, AxisMonitor]:
     """Episodes, largest g / size by direction and parameter, and the monitor after the record."""
-    monitor = AxisMonitor.alone(*model_and_settings())
+    monitor = AxisMonitor(*model_and_settings())
     episodes, trace = monitor.run_traced(*record)
     return episodes, trace.g.max(axis=0) / monitor.model.scale, monitor
 
@@ -59,16 +59,16 @@ def test_healthy_record_is_quiet(record: Record) -> None:
     episodes, g, monitor = run(record)
     assert episodes == []
     assert g.max() < 5  # a quarter of the threshold
-    facts = monitor.facts()
-    fates = {fate: count for fate, count in facts.counters.items() if count}
+    status = monitor.status()
+    fates = {fate: count for fate, count in status.counters.items() if count}
     assert fates == {"started": 1, "settling": 999, "used": len(record.u) - 1000}
     # Starts at lam0, with a memory of four seconds.
-    assert 4.6 < facts.innovation_variance < monitor.settings.lam0 / 4
+    assert 4.6 < status.innovation_variance < monitor.settings.lam0 / 4
 
 
 def test_reported_standard_deviations_are_those_of_the_estimates(record: Record) -> None:
     model, settings = model_and_settings()
-    _, trace = AxisMonitor.alone(model, settings).run_traced(*record)
+    _, trace = AxisMonitor(model, settings).run_traced(*record)
     late = slice(round(1 / settings.interval_s), None)
     reported = np.vectorize(lambda P_ii: standard_deviation(settings, P_ii))(trace.P[late])
     spread = np.sqrt(np.mean(((trace.theta[late] - model.theta0) / reported) ** 2, axis=0))
@@ -102,14 +102,14 @@ def test_a_fault_in_the_second_half_is_named(
 
 def test_size_of_the_fault_is_estimated(record: Record) -> None:
     start = start_of_fault(record)
-    by_torque = run(with_torque_constant(record, 1.2, start))[2].facts().parameters[0]
+    by_torque = run(with_torque_constant(record, 1.2, start))[2].status().parameters[0]
     assert by_torque.estimate == pytest.approx(1.2, abs=3 * by_torque.standard_deviation)
-    by_friction = run(with_viscous_friction(record, VISCOUS, start))[2].facts().parameters[2]
+    by_friction = run(with_viscous_friction(record, VISCOUS, start))[2].status().parameters[2]
     change = by_friction.estimate - by_friction.nominal
     assert change == pytest.approx(VISCOUS, abs=3 * by_friction.standard_deviation)
 
 
-def raised(episodes: Sequence[Episode]) -> set[tuple[str, str]]:
+def raised(episodes: Sequence[Alarm]) -> set[tuple[str, str]]:
     return {(episode.parameter, episode.direction) for episode in episodes}
 
 
@@ -141,7 +141,7 @@ def test_a_change_of_coulomb_friction_is_seen_as_one_of_viscous_friction(record:
     start = start_of_fault(record)
     episodes, _, monitor = run(with_coulomb_friction(record, 0.1, start))
     assert raised(episodes) == {("fm", "up")}
-    fm = monitor.facts().parameters[2]
+    fm = monitor.status().parameters[2]
     assert 0.1 < fm.estimate / fm.nominal - 1 < 0.3
 
 

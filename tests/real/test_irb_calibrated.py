@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from monitor_core.calibration.doubts import CalibrationError
-from monitor_core.detection.multimodel.multimodel_detector import BankDetector, Limits
+from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.calibration.found import Calibration, Provenance
 from service.calibration.running import Wishes, calibrate
@@ -38,10 +38,10 @@ def found(path: Path) -> Calibration:
 
 
 def test_the_healthy_record_is_quiet(found: Calibration, path: Path) -> None:
-    monitor = AxisMonitor.alone(found.model, found.settings)
+    monitor = AxisMonitor(found.model, found.settings)
     episodes, trace = monitor.run_traced(*read(path))
     assert episodes == []
-    assert (trace.g.max(axis=(0, 1)) < 0.5 * monitor.bank.thresholds[:, 0]).all()
+    assert (trace.g.max(axis=(0, 1)) < 0.5 * monitor.batch.thresholds[:, 0]).all()
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_fault_in_the_second_half_is_named_in_time(
     record: Record = read(path)
     start = len(record.u) // 2
     faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
-    episodes = AxisMonitor.alone(found.model, found.settings).run(*faulty)
+    episodes = AxisMonitor(found.model, found.settings).run(*faulty)
     assert {(e.parameter, e.direction) for e in episodes} == {alarm}
     delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
     print(f"irb {alarm}: {delay_s:.2f} s")
@@ -77,14 +77,14 @@ def test_the_bank_with_its_own_thresholds_is_quiet_and_finds_the_same_faults(
     assert found.bank is not None
     record: Record = read(path)
     limits = Limits(1.0, found.bank.limits.own)
-    watched = AxisMonitor.alone(
-        found.model, found.settings, BankDetector(found.model, found.settings, limits), "bank"
+    watched = AxisMonitor(
+        found.model, found.settings, MultiModelDetector(found.model, found.settings, limits), "bank"
     )
     assert watched.run(*record) == []
     start = len(record.u) // 2
     faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
-    watched = AxisMonitor.alone(
-        found.model, found.settings, BankDetector(found.model, found.settings, limits), "bank"
+    watched = AxisMonitor(
+        found.model, found.settings, MultiModelDetector(found.model, found.settings, limits), "bank"
     )
     episodes = watched.run(*faulty)
     delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6

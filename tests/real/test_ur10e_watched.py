@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.record import Record
@@ -95,8 +95,8 @@ def watched(
 
 def run(
     watched: tuple[AxisModel, Settings], record: Record, u: Floats
-) -> tuple[list[Episode], Trace, AxisMonitor]:
-    monitor = AxisMonitor.alone(*watched)
+) -> tuple[list[Alarm], Trace, AxisMonitor]:
+    monitor = AxisMonitor(*watched)
     episodes, trace = monitor.run_traced(np.round(record.t * 1e6).astype(np.int64), u, record.y)
     return episodes, trace, monitor
 
@@ -118,7 +118,7 @@ def test_friction_is_tracked_for_a_minute_without_an_alarm(
     episodes, trace, monitor = run((model, settings), record, record.u)
     assert episodes == []
     assert (trace.g < model.scale).all()
-    counters = monitor.facts().counters
+    counters = monitor.status().counters
     assert counters["used"] + counters["seeding"] > 0.97 * len(record)
     learned = np.isfinite(trace.eps) & (trace.theta != model.theta0).any(axis=1)
     reported = np.sqrt(settings.lam0 * trace.P[learned] / (1 + settings.lam))

@@ -121,11 +121,11 @@ def test_the_usual_fault_is_named_and_nothing_else(name: str, tmp_path: Path, se
     for block in blocks(read, FAULT_S + 15, seed, faults):
         core.take("can0", block)
         for change in core.run():
-            found.setdefault((change.axis_id, change.episode.parameter), change)
+            found.setdefault((change.axis_id, change.alarm.parameter), change)
     first = next(iter(found.values()))
     assert set(found) == {("demo.axis2", broken)}
-    assert first.episode.direction == "up"
-    assert first.episode.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
+    assert first.alarm.direction == "up"
+    assert first.alarm.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
 
 
 def test_a_part_of_a_merged_parameter_may_break(tmp_path: Path) -> None:

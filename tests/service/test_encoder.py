@@ -185,7 +185,7 @@ def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
     angles = [v.si for v in values if v.quantity == "angle"]
     assert 0.9 * period < max(angles) - min(angles) <= period
     assert max(map(abs, angles)) <= 0.51 * period  # the signal has a sign
-    facts = [core.monitors.by_id["demo.axis1"].facts() for core in (a, b)]
+    facts = [core.monitors.by_id["demo.axis1"].status() for core in (a, b)]
     assert facts[0].counters == facts[1].counters
     for p, q in zip(*(f.parameters for f in facts), strict=True):
         assert p.estimate == pytest.approx(

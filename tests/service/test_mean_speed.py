@@ -71,9 +71,9 @@ def test_estimates_are_right_and_the_fault_is_found(
     after = run(read(tmp_path / "a"), u, y)
     before = run(read(tmp_path / "b"), u[:FAULT], y[:FAULT])
     assert not before.book.open
-    for p in before.facts().parameters:
+    for p in before.status().parameters:
         assert abs(p.estimate - p.nominal) < 8 * p.standard_deviation, p.name
-    kT = after.facts().parameters[0]
+    kT = after.status().parameters[0]
     assert kT.estimate == pytest.approx(0.8, abs=8 * kT.standard_deviation)
     assert "kT" in {e.parameter for e in after.book.open}
 
@@ -82,7 +82,7 @@ def test_taken_for_the_speed_of_the_moment_they_are_off(
     course: tuple[np.ndarray, np.ndarray], tmp_path: Path
 ) -> None:
     u, y = (column[:FAULT] for column in course)
-    facts = run(read(tmp_path / "a", "averaged = false"), u, y).facts()
+    facts = run(read(tmp_path / "a", "averaged = false"), u, y).status()
     off = [abs(p.estimate - p.nominal) / p.standard_deviation for p in facts.parameters]
     assert max(off) > 25  # of 40 records the least was 50
 

@@ -56,7 +56,7 @@ def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Pa
     assert 0.5 < u.std() < 2.0
     monitors = Monitors([one])
     assert monitors.run({one.id: SampleBlock(times, u, y)}) == []
-    for p in monitors.by_id[one.id].facts().parameters:
+    for p in monitors.by_id[one.id].status().parameters:
         assert abs(p.estimate - p.nominal) < 0.15 * p.nominal, p.name
 
 

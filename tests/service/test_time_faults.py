@@ -73,7 +73,7 @@ def of_the_daemon(config: Config, frames: list[Frame]) -> dict[str, Mapping[str,
     core.run()
     ingest = core.ingests["can0"]
     return {
-        "counters": core.monitors.by_id["demo.axis1"].facts().counters,
+        "counters": core.monitors.by_id["demo.axis1"].status().counters,
         "dropped": ingest.axis_dropped("demo.axis1"),
         "clock": ingest.axis_events("demo.axis1"),
     }

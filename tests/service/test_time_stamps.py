@@ -24,7 +24,7 @@ from monitor_core.excitation.reference_experiment import (
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 from service.can.encode import FrameEncoder
 from service.can.frames import Frame
@@ -72,7 +72,7 @@ def spread(u: Floats, y: Floats, which: Sequence[Times], times: Sequence[Times])
     for a, (k, t_us) in enumerate(zip(which, times, strict=True)):
         t[: len(k), a], torque[: len(k), a], speed[: len(k), a] = t_us, u[k, a], y[k, a]
     settings = Settings(INTERVAL_S, lam=0.995, lam0=NOISE["speed"] ** 2, settle_s=2.5, alpha2=1e9)
-    _, trace = Bank([model] * AXES, [settings] * AXES).run_traced(t, torque, speed, count)
+    _, trace = AxisBatch([model] * AXES, [settings] * AXES).run_traced(t, torque, speed, count)
     fm = trace.theta[SETTLED : count.min(), 2] / model.theta0[2] - 1
     return float(np.sqrt(np.mean(fm**2)))
 
@@ -154,7 +154,7 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
     core.flush()
     core.run()
     fitted, raw, known = replayed(file, log), replayed(raw_file, log), replayed(raw_file, exact)
-    facts = core.monitors.by_id["demo.axis1"].facts()
+    facts = core.monitors.by_id["demo.axis1"].status()
     assert [p["estimate"] for p in fitted["parameters"]] == [p.estimate for p in facts.parameters]
     assert fitted["innovation_variance"] == facts.innovation_variance
     assert fitted["samples"] == facts.samples

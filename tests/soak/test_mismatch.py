@@ -26,7 +26,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from tests.core.mismatch_plant import MismatchPlant, redrawn
-from tests.core.mismatch_watch import FAULTS, Alarm, after_fault, right
+from tests.core.mismatch_watch import FAULTS, FaultAlarm, after_fault, right
 from tests.soak.mismatched import PARAMETERS, RefusedError, commissioned, watch_of
 
 pytestmark = pytest.mark.soak
@@ -43,7 +43,7 @@ class Watched(NamedTuple):
 
     plant: int
     false: Sequence[tuple[float, str]]
-    found: Sequence[tuple[str, Alarm | None]]
+    found: Sequence[tuple[str, FaultAlarm | None]]
     mean: Floats  # (p,)
     sd: Floats  # (p,)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiments
 from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, first_named, histories
 
@@ -51,6 +51,6 @@ def _outcomes(name: str, factor: float, joint: bool, seed: int) -> tuple[np.ndar
     )
 
 
-def _holds_onset(e: Episode) -> bool:
+def _holds_onset(e: Alarm) -> bool:
     assert e.onset_high_us is not None
     return (e.onset_low_us or 0) <= FAULT_AT * H_US <= e.onset_high_us

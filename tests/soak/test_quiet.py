@@ -33,7 +33,7 @@ def test_an_hour_without_a_fault_is_an_hour_without_an_alarm(config: Config, see
     changes = list(run(SimulatedRobot(config, seed), monitors, HOUR_S))
     assert changes == []
     for monitor in monitors.by_id.values():
-        facts = monitor.facts()
+        facts = monitor.status()
         assert facts.counters["used"] > 0.99 * facts.samples > 0.9 * HOUR_S * 200
         for p in facts.parameters:
             print(f"{p.name}: {p.estimate / p.nominal - 1:+.4f}, sd {p.standard_deviation / p.nominal:.4f}")
@@ -45,9 +45,9 @@ def test_a_fault_is_named(factor: float, config: Config, seed: int) -> None:
     axis_id = config.axes[seed % len(config.axes)].id
     robot = SimulatedRobot(config, seed, [Fault(axis_id, {"fm": factor}, FAULT_AFTER_S)])
     changes = list(run(robot, Monitors(config.axes), FAULTY_S))
-    found = {(c.axis_id, c.episode.parameter, c.episode.direction) for c in changes}
+    found = {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in changes}
     assert found == {(axis_id, "fm", "up" if factor > 1 else "down")}
-    assert min(c.episode.raised_us for c in changes) > FAULT_AFTER_S * 1e6
+    assert min(c.alarm.raised_us for c in changes) > FAULT_AFTER_S * 1e6
 
 
 def run(robot: SimulatedRobot, monitors: Monitors, length_s: int) -> Iterator[Change]:

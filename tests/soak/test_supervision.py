@@ -10,7 +10,7 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, faulty
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.figures import steady_p
@@ -28,7 +28,7 @@ class Axis:
 
     def __init__(self, settings: Settings, seed: int) -> None:
         self.rng = np.random.default_rng(seed)
-        self.monitor = AxisMonitor.alone(MODEL, settings)
+        self.monitor = AxisMonitor(MODEL, settings)
         self.x: Floats | None = None
         self.samples = 0
         self.alarms: list[tuple[int, str]] = []
@@ -58,7 +58,7 @@ class Axis:
         return np.full(n, 0.5 if kind == "constant speed" else 0.0)
 
     def check(self) -> None:
-        st, P0 = self.monitor.bank.state, np.array(self.monitor.settings.P0)
+        st, P0 = self.monitor.batch.state, np.array(self.monitor.settings.P0)
         P = st.P[:, :, 0] / np.sqrt(np.outer(P0, P0))
         assert (P == P.T).all()
         assert np.linalg.eigvalsh(P).min() > 0
@@ -82,13 +82,13 @@ def delays(settings: Settings, fault: dict[str, float], seed: int, day: Axis | N
     They differ in torque and noise only.  None in the time there is counts as all of it.
     """
     rng, lively = np.random.default_rng((seed, day is None)), AGAIN if day else FRESH
-    bank = Bank([MODEL] * AXES, [replace(settings, run_on=True)] * AXES)
+    bank = AxisBatch([MODEL] * AXES, [replace(settings, run_on=True)] * AXES)
     x = None
     if day:
         assert day.x is not None
         x = np.repeat(day.x, AXES, axis=1)
         for a in range(AXES):
-            bank.restore(a, *day.monitor.bank.column(0))
+            bank.restore(a, *day.monitor.batch.column(0))
     crossed, found = settings.alpha2 * MODEL.scale, np.full(AXES, FAULTY)
     for values, samples in ((REFERENCE_VALUES, lively), (faulty(REFERENCE_VALUES, fault), FAULTY)):
         u = np.stack([multisine(rng, samples, H, BAND_HZ, TORQUE_RMS) for _ in range(AXES)], axis=1)
@@ -120,7 +120,7 @@ def test_a_day_with_an_hour_of_motion(
     day = Axis(settings, seed)
     day.run("moving", HOUR)
     day.run(kind, 23 * HOUR)
-    print(f"\n24 h, 23 of them {kind}: alarms {day.alarms}, counters {day.monitor.facts().counters}")
+    print(f"\n24 h, 23 of them {kind}: alarms {day.alarms}, counters {day.monitor.status().counters}")
     assert day.alarms == []
     rested, fresh = delays(settings, fault, seed, day), delays(settings, fault, seed, None)
     ratio = np.median(rested) / np.median(fresh)
@@ -133,6 +133,6 @@ def test_a_day_with_an_hour_of_motion(
 def test_a_hundred_million_updates(settings: Settings, seed: int) -> None:
     axis = Axis(replace(settings, starved=0.0), seed)
     kinds = ("moving", "standing", "constant speed", "sine")
-    while axis.monitor.facts().counters["used"] < UPDATES:
+    while axis.monitor.status().counters["used"] < UPDATES:
         axis.run(str(axis.rng.choice(kinds)), CHUNK)
-    print(f"\n{axis.monitor.facts().counters['used']} updates: P symmetric and positive definite throughout")
+    print(f"\n{axis.monitor.status().counters['used']} updates: P symmetric and positive definite throughout")

@@ -16,14 +16,14 @@ import numpy as np
 
 from monitor_core.detection.alarm import (
     NO_PARAMETER,
-    Calm,
+    Alarm,
     Cause,
     Crossing,
     Doubt,
-    Episode,
     Event,
     Evidence,
     Kind,
+    Recovered,
 )
 from monitor_core.detection.change_time import SURE
 from monitor_core.detection.detector_protocol import SHOWN, Book, direction_of, with_name
@@ -52,7 +52,7 @@ class EpisodeBook(Book[Event]):
     def _take(self, event: Event) -> None:
         if isinstance(event, Crossing):
             self._cross(event)
-        elif isinstance(event, Calm):
+        elif isinstance(event, Recovered):
             self._end([e for e in self._open if e.parameter == event.parameter])
         elif isinstance(event, Evidence) and event.past is not None and self._open:
             self._judge(event)
@@ -86,7 +86,7 @@ class EpisodeBook(Book[Event]):
             self._look_again(known[0], evidence)
         self._measure(evidence)
 
-    def _second(self, fresh: Episode, known: Sequence[Episode], evidence: Evidence) -> None:
+    def _second(self, fresh: Alarm, known: Sequence[Alarm], evidence: Evidence) -> None:
         """Name the newer alarm given the older ones, or find that it belongs to them."""
         others = _causes(evidence, fresh, known)
         alone = _causes(evidence, fresh)
@@ -101,7 +101,7 @@ class EpisodeBook(Book[Event]):
             crossings = known[0].crossings + fresh.crossings
             self._put(replace(known[0], crossings=crossings, updated_us=evidence.time_us))
 
-    def _look_again(self, e: Episode, evidence: Evidence) -> None:
+    def _look_again(self, e: Alarm, evidence: Evidence) -> None:
         """The causes of the only alarm, by what is known now; its name is corrected only where it has to be."""
         causes = _causes(evidence, e)
         if not causes.stands_out(evidence.tolerance):  # it is about to end
@@ -113,7 +113,7 @@ class EpisodeBook(Book[Event]):
             doubt = e.doubt if e.doubt in NO_PARAMETER else _doubt(evidence, i, causes)
             self._put(replace(e, causes=_told(evidence, causes), doubt=doubt))
 
-    def _name(self, e: Episode, evidence: Evidence, causes: Causes, alone: bool) -> None:
+    def _name(self, e: Alarm, evidence: Evidence, causes: Causes, alone: bool) -> None:
         """Give an alarm its name, size, and onset."""
         i = causes.best
         ((size, sd),) = _sizes(evidence, [i])
@@ -142,8 +142,8 @@ class EpisodeBook(Book[Event]):
             self._put(replace(new, updated_us=evidence.time_us))
 
 
-def _raised(c: Crossing) -> Episode:
-    return Episode(
+def _raised(c: Crossing) -> Alarm:
+    return Alarm(
         parameter=c.parameter,
         direction=c.direction,
         onset_us=c.onset_us,
@@ -156,7 +156,7 @@ def _raised(c: Crossing) -> Episode:
     )
 
 
-def _updated(e: Episode, c: Crossing) -> Episode:
+def _updated(e: Alarm, c: Crossing) -> Alarm:
     """With one more crossing of its own parameter; the other way round, it has turned."""
     past = e.past if c.direction == e.direction else with_name(e, c.time_us)
     return replace(
@@ -170,7 +170,7 @@ def _updated(e: Episode, c: Crossing) -> Episode:
     )
 
 
-def _with_onset(e: Episode, evidence: Evidence, i: int, alone: bool) -> Episode:
+def _with_onset(e: Alarm, evidence: Evidence, i: int, alone: bool) -> Alarm:
     """With the onset and the kind of the change, as far as what is kept of the past can tell."""
     past = evidence.past
     change = None if past is None else change_of(past, i, alone)
@@ -195,7 +195,7 @@ def _kind(drift: float) -> Kind:
     return "drift" if drift > 0 else "step"
 
 
-def _causes(evidence: Evidence, crossed: Episode, known: Sequence[Episode] = ()) -> Causes:
+def _causes(evidence: Evidence, crossed: Alarm, known: Sequence[Alarm] = ()) -> Causes:
     left_out = [evidence.parameters.index(e.parameter) for e in known]
     prior = np.array([FIRST if name == crossed.first[0] else 1.0 for name in evidence.parameters])
     return single_faults(np.array(evidence.since), np.array(evidence.since_covariance), left_out, prior)

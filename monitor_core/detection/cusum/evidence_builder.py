@@ -23,7 +23,7 @@ HELD = 0.1
 """Of the way from the nominal value to a bound: an estimate that is held scatters by so much."""
 
 
-class Judge:
+class EvidenceBuilder:
     """Evidence of one axis.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.candidates import change
-from monitor_core.detection.multimodel.hypothesis import HEALTHY, NOW, Hypothesis
+from monitor_core.detection.multimodel.hypothesis import HEALTHY, REFERENCE, Hypothesis
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
@@ -20,7 +20,7 @@ GONE, REST = 2.0, 0.2
 the hypotheses are off by a tenth.  What is really left is then a change of its own, and seen as one."""
 
 
-class Standing:
+class ActiveFaults:
     """Of one axis.  Each cause stands as one hypothesis: all that there is of it."""
 
     def __init__(self, model: AxisModel, settings: Settings, hypotheses: Sequence[Hypothesis]) -> None:
@@ -53,7 +53,7 @@ class Standing:
 
     def lanes(self) -> tuple[Hypothesis, ...]:
         """All as it is now; what may change from here; the way back."""
-        base = NOW
+        base = REFERENCE
         for of in self._stands.values():
             base = of.after(base)
         changes = (self._now_likely(of).after(base) for of in self.hypotheses)
@@ -67,10 +67,10 @@ class Standing:
     def _way_back(self) -> Hypothesis:
         """All is as it was."""
         if not self._stands:
-            return replace(NOW, weight=1e-300)
+            return replace(REFERENCE, weight=1e-300)
         (cause, of), *others = self._stands.items()
         alone = not others and not math.isnan(of.size)
-        return Hypothesis(cause, -of.size) if alone else NOW
+        return Hypothesis(cause, -of.size) if alone else REFERENCE
 
     def ended(self, best: Share) -> list[str]:
         """Which causes are over if this is the likeliest change."""

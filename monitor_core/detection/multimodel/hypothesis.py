@@ -89,5 +89,5 @@ class Hypothesis:
         )
 
 
-NOW = Hypothesis(HEALTHY)
+REFERENCE = Hypothesis(HEALTHY)
 """Nothing has changed."""

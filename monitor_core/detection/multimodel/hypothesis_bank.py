@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.multimodel.active_faults import Standing
+from monitor_core.detection.multimodel.active_faults import ActiveFaults
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
@@ -81,7 +81,7 @@ class HypothesisBank:
     ) -> None:
         self.model, self.settings, self.sure = model, settings, sure
         chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
-        self.standing = Standing(model, settings, chosen)
+        self.standing = ActiveFaults(model, settings, chosen)
         """What has been named and is not over."""
         many = len(self.hypotheses)
         self._h, self._allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
@@ -207,8 +207,8 @@ class HypothesisBank:
     ) -> list[Event]:
         """Samples (N,) in the order of their receipt: times in us, torque in N m, output.
 
-        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``Bank.run``; NaN, and without
-        it, what it was last; while it is NaN nothing is tested.
+        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; NaN, and
+        without it, what it was last; while it is NaN nothing is tested.
 
         Raises:
             ValueError: shapes that do not fit.

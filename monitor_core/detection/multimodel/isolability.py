@@ -7,14 +7,14 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.candidates import torque_unit
-from monitor_core.detection.multimodel.hypothesis import NOW, Hypothesis
+from monitor_core.detection.multimodel.hypothesis import REFERENCE, Hypothesis
 from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.hypotheses import BankTrace, Block, run_hypotheses
 from monitor_core.settings import Settings
 
 _SAME = 1e-4
-"""Share of the evidence against NOW by which two may be told apart that count as one."""
+"""Share of the evidence against REFERENCE by which two may be told apart that count as one."""
 _MEMORIES = 6
 _STRENGTH = 5.0
 
@@ -24,7 +24,7 @@ def told_apart(model: AxisModel, settings: Settings, found: Sequence[Hypothesis]
 
     They are compared by what they predict for one random record, of which the last half counts.
     """
-    eps = _innovations(model, settings, (NOW, *found))
+    eps = _innovations(model, settings, (REFERENCE, *found))
     from_now = ((eps - eps[:, :1]) ** 2).sum(axis=0)
     kept: list[int] = []
     names: dict[int, list[str]] = {}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.detection.alarm_arrays import episodes_from_array, episodes_to_array
 from monitor_core.detection.multimodel.candidates import change
 from monitor_core.detection.multimodel.events import Event
@@ -103,7 +103,7 @@ def _default(axis: _Axis) -> tuple[Hypothesis, ...]:
     return default_hypotheses(axis.model, axis.settings)
 
 
-class BankDetector:
+class MultiModelDetector:
     """The bank of one axis and the book of its alarms.
 
     The bank is made when it is needed first: its hypotheses are told apart by the compiled kernel.
@@ -163,7 +163,7 @@ class BankDetector:
         """As ``run``, with what happened at every sample, as ``HypothesisBank.run_traced``."""
         return self.bank.run_traced(t_us, u, y, gate, shift)
 
-    def apply(self, event: Event) -> list[Episode]:
+    def apply(self, event: Event) -> list[Alarm]:
         """Take an event into the book; returns the episodes that it raised, changed or ended."""
         return self.book.apply(event)
 
@@ -171,9 +171,9 @@ class BankDetector:
         """The cause that is nearest its threshold, and g over h; none before the first sample."""
         return self.bank.leading() if self.made else ("", 0.0)
 
-    def adopt(self, open_episodes: Iterable[Episode]) -> None:
+    def adopt(self, open_alarms: Iterable[Alarm]) -> None:
         """Have these open alarms and no others; what is named in them stands from now on."""
-        episodes = list(open_episodes)
+        episodes = list(open_alarms)
         if _told(episodes) == _told(self.book.open):
             self.book = HypothesisBook(self.quantity, episodes)
             return
@@ -199,6 +199,6 @@ class BankDetector:
         self.book = HypothesisBook(self.quantity, episodes)
 
 
-def _told(episodes: Iterable[Episode]) -> list[tuple[object, ...]]:
+def _told(episodes: Iterable[Alarm]) -> list[tuple[object, ...]]:
     """What the bank has to know of them."""
     return sorted((e.raised_us, e.parameter, e.stage) for e in episodes)

@@ -7,7 +7,7 @@ size is known well, and it ends with ``Over``.  More of a cause that stands, or 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from monitor_core.detection.alarm import Cause, Episode
+from monitor_core.detection.alarm import Alarm, Cause
 from monitor_core.detection.detector_protocol import SHOWN, Book, direction_of, with_name
 from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
@@ -21,11 +21,11 @@ class HypothesisBook(Book[Event]):
 
     Args:
         quantity: of each cause.
-        open_episodes: those of before.
+        open_alarms: those of before.
     """
 
-    def __init__(self, quantity: Callable[[str], Quantity], open_episodes: Iterable[Episode] = ()) -> None:
-        super().__init__(open_episodes)
+    def __init__(self, quantity: Callable[[str], Quantity], open_alarms: Iterable[Alarm] = ()) -> None:
+        super().__init__(open_alarms)
         self._quantity = quantity
 
     def _take(self, event: Event) -> None:
@@ -64,10 +64,10 @@ class HypothesisBook(Book[Event]):
         fresh = self._since(event.since_us)
         self._open = [e for e in self._open if e != fresh and e.parameter != event.cause]
 
-    def _raised(self, since_us: int, onset: Onset, share: Share) -> Episode:
+    def _raised(self, since_us: int, onset: Onset, share: Share) -> Alarm:
         size, sd = self._quantity(share.cause).change(share.size, share.size_sd)
         low, best, high = _within(onset)
-        return Episode(
+        return Alarm(
             parameter=share.cause,
             direction=direction_of(share.size),
             onset_us=best,
@@ -81,7 +81,7 @@ class HypothesisBook(Book[Event]):
             onset_high_us=high,
         )
 
-    def _named(self, e: Episode, event: Named, onset_us: int | None) -> Episode:
+    def _named(self, e: Alarm, event: Named, onset_us: int | None) -> Alarm:
         """With the name and the size of the event, and its onset where ``onset_us`` is None."""
         share = event.shares[0]
         size, sd = self._quantity(share.cause).change(share.size, share.size_sd)
@@ -107,11 +107,11 @@ class HypothesisBook(Book[Event]):
         low, best, high = _within(event.onset)
         return replace(new, onset_us=best, onset_low_us=low, onset_high_us=high)
 
-    def _of(self, cause: str) -> Episode | None:
+    def _of(self, cause: str) -> Alarm | None:
         """The alarm that has this name."""
         return next((e for e in self._open if e.parameter == cause and e.stage == "named"), None)
 
-    def _since(self, since_us: int) -> Episode | None:
+    def _since(self, since_us: int) -> Alarm | None:
         return next((e for e in self._open if e.raised_us == since_us), None)
 
 

@@ -15,7 +15,7 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TO
 from monitor_core.kernel.compile import entry
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings, Threshold
 
 TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
@@ -90,7 +90,7 @@ def count(
     Healthy axes are watched with all of them at once.
     """
     axes = Axes(of, np.random.default_rng(seed), LANES)
-    bank = Bank([of.model] * LANES, [untested(of.settings)] * LANES)
+    bank = AxisBatch([of.model] * LANES, [untested(of.settings)] * LANES)
     own = np.ascontiguousarray(np.moveaxis(np.array(settings, float), 0, -1))  # (p, 3, settings)
     g = np.zeros((LANES, len(own), 2, len(settings)))
     alarms, seen, scale = np.zeros(len(settings)), 0, of.model.scale

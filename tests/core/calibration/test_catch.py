@@ -25,7 +25,7 @@ FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0
 def healthy(seed: int) -> Samples:
     """With thresholds as low as these now and then one holds a false alarm: not this one."""
     records = (record(OF, seed + k, 6000) for k in range(20))
-    return next(one for one in records if not AxisMonitor.alone(MODEL, SETTINGS).run(one.t_us, one.u, one.y))
+    return next(one for one in records if not AxisMonitor(MODEL, SETTINGS).run(one.t_us, one.u, one.y))
 
 
 def test_faults_are_found_and_named(healthy: Samples) -> None:
@@ -51,7 +51,7 @@ def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Sample
     assert load is not None
     u = healthy.u.copy()
     u[at:] = torque(MODEL, SETTINGS, healthy, load, np.zeros(3))[at:]
-    episodes = AxisMonitor.alone(MODEL, SETTINGS).run(healthy.t_us, u, healthy.y)
+    episodes = AxisMonitor(MODEL, SETTINGS).run(healthy.t_us, u, healthy.y)
     (first,) = [e.raised_us for e in episodes if e.raised_us > healthy.t_us[at]][:1]
     assert (first - int(healthy.t_us[at])) * 1e-6 + INTERVAL_S == pytest.approx(found.delay_s[-1], abs=1e-9)
 

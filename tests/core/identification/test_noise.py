@@ -99,7 +99,7 @@ def test_innovations_with_a_disturbance_are_white(output: Output, seed: int) -> 
     y = moved[::parts, 0] + NOISE[output] * rng.standard_normal(N)
     K, lam0 = filter_gain(model, H, white, NOISE[output], slow)
     pinned = Settings(H, K=tuple(K), lam0=lam0, P0=(1e-60,))
-    _, trace = AxisMonitor.alone(model, pinned).run_traced(np.arange(N) * 5000, u, y)
+    _, trace = AxisMonitor(model, pinned).run_traced(np.arange(N) * 5000, u, y)
     eps = trace.eps[2000:] / np.sqrt(lam0)
     assert np.std(d) == pytest.approx(slow, rel=0.3)
     assert np.mean(eps**2) == pytest.approx(1, abs=5 * np.sqrt(2 / N))

@@ -56,7 +56,7 @@ def test_errors_and_gradients_are_those_of_the_monitor(name: str, seed: int) -> 
     rec = case_record(seed, case, 400, jitter=0.3)
     pinned = case.settings(settle_s=0.0, P0=tuple(1e-60 * case.model.scale**2))
     t_us = np.rint(rec.t * 1e6).astype(np.int64)
-    _, trace = AxisMonitor.alone(case.model, pinned).run_traced(t_us, rec.u, rec.y)
+    _, trace = AxisMonitor(case.model, pinned).run_traced(t_us, rec.u, rec.y)
     predictor = Predictor(as_monitor(case), [rec], None)
     (found,) = predictor.errors(predictor.start())
     scale = float(np.nanstd(trace.eps))

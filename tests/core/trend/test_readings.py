@@ -16,7 +16,7 @@ from monitor_core.excitation.reference_experiment import (
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.kernel_constants import naming_samples
 from monitor_core.trend.axis_trends import AxisHistory
 from monitor_core.trend.entries import Reading
@@ -46,7 +46,7 @@ def readings(seed: int, blocks: int) -> list[list[Reading]]:
     model, settings = reference_model("speed"), SETTINGS
     n = naming_samples(settings)
     t, u, y = torque_and_output(seed, (HOURS * PER_HOUR + 12) * n)
-    bank = Bank([model] * AXES, [settings] * AXES)
+    bank = AxisBatch([model] * AXES, [settings] * AXES)
     found: list[list[Reading]] = [[] for _ in range(AXES)]
     for part in np.array_split(np.arange(len(t)), blocks):
         for a, event in bank.run(t[part], u[part], y[part]):

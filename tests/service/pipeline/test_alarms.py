@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from service.pipeline.alarm_journaling import RETRY_S, Alarms, Quantity
 from service.pipeline.axis_change import Change
 from service.store import database
@@ -20,8 +20,8 @@ QUANTITIES = {(AXIS, "fm"): Quantity("N m s/rad", 0.06), (AXIS, "kT"): Quantity(
 
 def episode(
     parameter: str = "fm", crossings: int = 1, ended_us: int | None = None, raised_us: int = 20
-) -> Episode:
-    return Episode(parameter, "up", 10, raised_us, raised_us + crossings, ended_us, 0.02, 0.001, crossings)
+) -> Alarm:
+    return Alarm(parameter, "up", 10, raised_us, raised_us + crossings, ended_us, 0.02, 0.001, crossings)
 
 
 class Clock:

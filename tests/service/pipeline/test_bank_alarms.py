@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from service.can.encode import FrameEncoder
 from service.can.frames import Frame
 from service.config import Config
@@ -73,7 +73,7 @@ class Run(NamedTuple):
         self.alarms.record(changes)
         return changes
 
-    def open(self, axis_id: str) -> list[Episode]:
+    def open(self, axis_id: str) -> list[Alarm]:
         return list(self.alarms.open(axis_id))
 
 
@@ -126,9 +126,9 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
     assert sizes["demo.axis2"] == pytest.approx(0.024, abs=0.01)
     words = episode_words(again.open(SWAPPED)[0], 0.0, "1")
     assert re.match("the measured (torque|motion) has changed its sign", words)
-    facts = again.core.monitors.by_id["demo.axis1"].facts()
-    assert [d.name for d in facts.detectors if d.alarms] == ["bank"]
-    assert {d.name for d in facts.detectors if d.open} == {"cusum", "bank"}
+    status = again.core.monitors.by_id["demo.axis1"].status()
+    assert [d.name for d in status.detectors if d.alarms] == ["bank"]
+    assert {d.name for d in status.detectors if d.open} == {"cusum", "bank"}
 
 
 def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
@@ -152,7 +152,7 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
     for message in again.messages:
         assert message.endswith("anew begin the evidence of the bank of hypotheses")
     for axis_id, found in again.core.monitors.by_id.items():
-        assert found.facts().samples == run.core.monitors.by_id[axis_id].facts().samples > 0
+        assert found.status().samples == run.core.monitors.by_id[axis_id].status().samples > 0
 
 
 def test_open_alarms_of_the_other_detector_are_taken_over(

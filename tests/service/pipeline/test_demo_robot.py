@@ -23,7 +23,7 @@ def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Faul
     for block in blocks(config, seconds, seed, faults):
         core.take("can0", block)
         for change in core.run():
-            found.setdefault((change.axis_id, change.episode.parameter, change.episode.direction), change)
+            found.setdefault((change.axis_id, change.alarm.parameter, change.alarm.direction), change)
     core.flush()
     assert all(sum(core.ingests["can0"].axis_dropped(axis.id).values()) == 0 for axis in config.axes)
     return list(found.values())
@@ -42,16 +42,16 @@ def test_a_fault_is_found_and_named(
     fault = Fault("demo.axis2", {name: factor}, FAULT_S)
     found = alarms(tmp_path, 2, FAULT_S + 10, seed, [fault])
     first = found[0]
-    assert (first.axis_id, first.episode.parameter, first.episode.direction) == (
+    assert (first.axis_id, first.alarm.parameter, first.alarm.direction) == (
         "demo.axis2",
         name,
         direction,
     )
     assert {change.axis_id for change in found} == {"demo.axis2"}
-    assert first.episode.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
+    assert first.alarm.onset_us >= 1_760_000_000_000_000 + FAULT_S * 1e6
     nominal = demo(tmp_path).axes[1].config.model.nominal
     change = (factor - 1) * (1 / nominal["Ja"] if name == "1/Ja" else nominal[name])
-    assert 0 < first.episode.size / change < 1.5
+    assert 0 < first.alarm.size / change < 1.5
 
 
 @pytest.mark.parametrize(

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 from monitor_core.excitation.reference_experiment import reference_model
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.facts import AxisFacts
+from monitor_core.monitoring.axis_status import AxisStatus
 from monitor_core.settings import Settings
 from service.pipeline.block_timing import BOUNDS_S, ProcessingTime
 from service.pipeline.recent_history import HistoryKeeper
 
-FACTS = AxisMonitor.alone(reference_model(), Settings(interval_s=0.005)).facts()
+FACTS = AxisMonitor(reference_model(), Settings(interval_s=0.005)).status()
 
 
-def at(t_us: int | None) -> AxisFacts:
+def at(t_us: int | None) -> AxisStatus:
     return replace(FACTS, time_us=t_us)
 
 

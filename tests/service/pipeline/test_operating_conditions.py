@@ -109,13 +109,13 @@ def live(config: Config, frames: Sequence[Frame], every: int = 237) -> tuple[Cor
     core, raised = Core(config), set[tuple[str, str, str]]()
     for k in range(0, len(frames), every):
         core.take("can0", frames[k : k + every])
-        raised |= {(c.axis_id, c.episode.parameter, c.episode.direction) for c in core.run()}
+        raised |= {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in core.run()}
     core.flush()
     return core, raised
 
 
 def counters(monitors: Monitors) -> Mapping[str, int]:
-    return monitors.by_id["demo.axis1"].facts().counters
+    return monitors.by_id["demo.axis1"].status().counters
 
 
 @pytest.fixture(scope="module")
@@ -136,9 +136,9 @@ def broken(file: Path, seed: int) -> list[Frame]:
 def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: list[Frame]) -> None:
     core, raised = live(load(file, {}), healthy)
     assert raised == set()
-    facts = core.monitors.by_id["demo.axis1"].facts()
-    _, Ja, fm = facts.parameters
-    assert facts.counters["gated"] <= 1, "the first, before another axis has sent"
+    status = core.monitors.by_id["demo.axis1"].status()
+    _, Ja, fm = status.parameters
+    assert status.counters["gated"] <= 1, "the first, before another axis has sent"
     assert fm.nominal != pytest.approx(0.06, rel=0.1)
     assert Ja.nominal != pytest.approx(1 / 95.713576, rel=1e-6)
     assert abs(fm.estimate - fm.nominal) < 6 * fm.standard_deviation
@@ -149,7 +149,7 @@ def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: lis
 def test_a_fault_is_found_while_the_nominal_value_moves(file: Path, broken: list[Frame]) -> None:
     core, raised = live(load(file, {}), broken)
     assert {alarm[:2] for alarm in raised} == {("demo.axis1", "fm")}
-    (fm,) = (p for p in core.monitors.by_id["demo.axis1"].facts().parameters if p.name == "fm")
+    (fm,) = (p for p in core.monitors.by_id["demo.axis1"].status().parameters if p.name == "fm")
     assert fm.estimate / fm.nominal > 1.15
 
 
@@ -171,15 +171,15 @@ def test_a_log_replays_what_was_live_to_the_last_bit(file: Path, broken: list[Fr
         again.run(step.samples)
     for axis_id, monitor in core.monitors.by_id.items():
         for one, other in zip(
-            monitor.bank.column(monitor.axis),
-            again.by_id[axis_id].bank.column(again.by_id[axis_id].axis),
+            monitor.batch.column(monitor.lane),
+            again.by_id[axis_id].batch.column(again.by_id[axis_id].lane),
             strict=True,
         ):
             np.testing.assert_array_equal(one, other)
     found = replayed(file, log)
     assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
     fm = found["parameters"][2]
-    assert fm["nominal"] == core.monitors.by_id["demo.axis1"].facts().parameters[2].nominal
+    assert fm["nominal"] == core.monitors.by_id["demo.axis1"].status().parameters[2].nominal
     assert found["counters"] == dict(counters(core.monitors))
 
 
@@ -203,7 +203,7 @@ def test_a_table_says_the_same(file: Path, broken: list[Frame], tmp_path: Path) 
     live_core, _ = live(config, broken)
     assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
     for one, p in zip(
-        found["parameters"], live_core.monitors.by_id["demo.axis1"].facts().parameters, strict=True
+        found["parameters"], live_core.monitors.by_id["demo.axis1"].status().parameters, strict=True
     ):
         # Not to the last bit: in a row of the table the other axis is where it was on the bus a sample later.
         assert one["estimate"] == pytest.approx(p.estimate, rel=0.02)
@@ -248,7 +248,7 @@ def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> No
     for every in (1, 237, len(frames)):
         core, _ = live(load(file, {}), frames, every)
         monitor = core.monitors.by_id["demo.axis1"]
-        columns.append(monitor.bank.column(monitor.axis))
+        columns.append(monitor.batch.column(monitor.lane))
     for floats, ints in columns[1:]:
         np.testing.assert_array_equal(floats, columns[0][0])
         np.testing.assert_array_equal(ints, columns[0][1])
@@ -262,6 +262,6 @@ def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[F
     cores = [live(each, frames)[0] for each in (config, turned)]
     for axis_id, gated in (("demo.axis1", 400), ("demo.axis2", 0)):
         first, second = (core.monitors.by_id[axis_id] for core in cores)
-        assert first.facts().counters["gated"] == pytest.approx(gated, abs=FEW * bool(gated))
-        for floats in zip(first.bank.column(first.axis), second.bank.column(second.axis), strict=True):
+        assert first.status().counters["gated"] == pytest.approx(gated, abs=FEW * bool(gated))
+        for floats in zip(first.batch.column(first.lane), second.batch.column(second.lane), strict=True):
             np.testing.assert_array_equal(*floats)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Calm, Crossing, Episode, Name
+from monitor_core.detection.alarm import Alarm, Crossing, Name, Recovered
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.pipeline.axis_change import Change
 from service.pipeline.axis_monitors import Monitors
@@ -22,7 +22,7 @@ from tests.service.pipeline.robots import blocks, demo
 
 NOW_US = 1_760_000_100_000_000
 AXIS = "demo.axis1"
-OPEN = Episode("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
+OPEN = Alarm("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
 
 
 @pytest.fixture
@@ -84,15 +84,15 @@ def test_nothing_saved_is_no_message(tmp_path: Path, checkpoints: Checkpoints, j
 def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].bank.state.calm[:] = 10**6  # healthy for long when it was saved
+    monitors[AXIS].batch.state.calm[:] = 10**6  # healthy for long when it was saved
     save(monitors, checkpoints)
     journal.record(AXIS, "N m s/rad", 0.06, OPEN)
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.open == (Change(AXIS, OPEN),)
     assert found[AXIS].book.open == (OPEN,)
     assert found["demo.axis2"].book.open == ()
-    assert list(found[AXIS].bank.state.calm[:, 0]) == [10**6, 10**6, 0]
-    (ended,) = found[AXIS].apply(Calm("fm", 99))
+    assert list(found[AXIS].batch.state.calm[:, 0]) == [10**6, 10**6, 0]
+    (ended,) = found[AXIS].apply(Recovered("fm", 99))
     assert (ended.raised_us, ended.ended_us) == (OPEN.raised_us, 99)
 
 
@@ -161,7 +161,7 @@ def test_a_checkpoint_of_another_model_is_quarantined_and_said(
     assert restored.messages == ()
     (loss,) = restored.losses
     assert (loss.axis_id, loss.what) == (AXIS, ESTIMATES)
-    assert changed[AXIS].facts().parameters[2].estimate == pytest.approx(0.061)
+    assert changed[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
     assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [AXIS]
     assert restored.checkpoint_us == NOW_US  # that of the other axis
 
@@ -174,7 +174,7 @@ def test_arrays_of_another_shape_are_quarantine(
     found, restored = again(tmp_path, checkpoints, journal)
     assert "does not fit this version" in restored.losses[0].reason
     assert len(checkpoints.quarantined()) == 1
-    assert found[AXIS].facts().samples == 0
+    assert found[AXIS].status().samples == 0
 
 
 def test_alarms_of_what_is_no_longer_monitored(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Episode, Reach
+from monitor_core.detection.alarm import Alarm, Reach
 from monitor_core.trend.entries import Reading
 from service.config import Config
 from service.pipeline.alarm_journaling import Alarms, quantities
@@ -76,8 +76,8 @@ def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path
     """By half in 500 h: it is foretold fourteen days, 336 h, before."""
     trends = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
     changes = feed(trends, readings(360, 0.001, seed, others=False))
-    assert len({c.episode.raised_us for c in changes}) == 1
-    first, last = changes[0].episode, changes[-1].episode
+    assert len({c.alarm.raised_us for c in changes}) == 1
+    first, last = changes[0].alarm, changes[-1].alarm
     assert (first.kind, first.stage, first.parameter, first.direction) == ("forecast", "named", "fm", "up")
     raised_h = (first.raised_us - START_US) / 3.6e9
     assert (
@@ -182,7 +182,7 @@ def _with(config: Config, **changed: object) -> Trends:
     ).trends
 
 
-FORECAST = Episode(
+FORECAST = Alarm(
     "fm", "up", 5, 20, 30, None, 0.02, 0.001, 1, "named", kind="forecast",
     reaches=(Reach("fm", "N m s/rad", 0.09, True, "ahead", 40, 90),),
 )  # fmt: skip
@@ -195,7 +195,7 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
     journal = Journal(tmp_path / "alarms.sqlite")
     monitors = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes)
     alarms = Alarms(journal, quantities(monitors.by_id))
-    change = Episode("fm", "up", 10, 40, 50, None, 0.03, 0.001, 2)
+    change = Alarm("fm", "up", 10, 40, 50, None, 0.03, 0.001, 2)
     alarms.record([Change(AXIS, FORECAST), Change(AXIS, change)])
     found, total = journal.query(AXIS)
     assert total == 2
@@ -206,7 +206,7 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
     assert monitors.trends.adopt(restored.open, NOW_US) == []
     without = Monitors(demo(tmp_path, 2).axes).trends
     (ended,) = without.adopt(restored.open, NOW_US)
-    assert (ended.episode.kind, ended.episode.ended_us) == ("forecast", NOW_US)
+    assert (ended.alarm.kind, ended.alarm.ended_us) == ("forecast", NOW_US)
     journal.close()
 
 
@@ -216,6 +216,6 @@ def test_an_alarm_about_a_limit_goes_on_after_a_restart_and_ends_when_it_is_far(
     trends = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
     assert trends.adopt([Change(AXIS, FORECAST)], NOW_US) == []
     changes = feed(trends, readings(125, 0.0, seed, others=False))
-    assert changes[0].episode.raised_us == FORECAST.raised_us
-    assert changes[-1].episode.ended_us is not None
-    assert len([c for c in changes if c.episode.ended_us is not None]) == 1
+    assert changes[0].alarm.raised_us == FORECAST.raised_us
+    assert changes[-1].alarm.ended_us is not None
+    assert len([c for c in changes if c.alarm.ended_us is not None]) == 1

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from monitor_core.monitoring.facts import Status
+from monitor_core.monitoring.axis_status import Status
 from service.can.frames import Frame
 from service.can.recorder import FrameRecorder
 from service.config import Config
@@ -81,17 +81,17 @@ def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
     bench.compiled.set_result(None)
     bench.worker.start()
     seen = set()
-    while sum(axis.facts.samples for axis in bench.worker.snapshot.axes) < 4800:
+    while sum(axis.status.samples for axis in bench.worker.snapshot.axes) < 4800:
         assert not bench.failed.is_set()
         shown = bench.worker.snapshot.axes[0]
-        for e in shown.open_episodes:
+        for e in shown.open_alarms:
             recorded, _ = bench.journal.query("demo.axis1", e.parameter, active=True)
             assert [a.raised_us for a in recorded] == [e.raised_us]
             seen.add(e.parameter)
-        alarmed = {p.name for p in shown.facts.parameters if p.status is Status.ALARM}
-        assert alarmed == {e.parameter for e in shown.open_episodes}
+        alarmed = {p.name for p in shown.status.parameters if p.status is Status.ALARM}
+        assert alarmed == {e.parameter for e in shown.open_alarms}
     bench.worker.stop()
-    assert "fm" in seen | {e.parameter for e in bench.worker.snapshot.axes[0].open_episodes}
+    assert "fm" in seen | {e.parameter for e in bench.worker.snapshot.axes[0].open_alarms}
     assert bench.worker.error is None
 
 
@@ -100,7 +100,7 @@ def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[
     bench.worker.start()
     bench.worker.stop()
     last = bench.worker.snapshot
-    assert [axis.facts.samples for axis in last.axes] == [2400, 2400]
+    assert [axis.status.samples for axis in last.axes] == [2400, 2400]
     assert (last.buses[0].frames, last.buses[0].up, last.checkpoint_us) == (len(frames), True, NOW_US)
     assert sum(last.processing.counts) > 1
     assert last.messages == ("said at the start",)
@@ -128,10 +128,10 @@ def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
     while bench.worker.snapshot is first:
         assert not bench.failed.is_set()
     assert COMPILING in bench.worker.snapshot.messages
-    assert bench.worker.snapshot.axes[0].facts.samples == 0
+    assert bench.worker.snapshot.axes[0].status.samples == 0
     bench.compiled.set_result(None)
     bench.worker.stop()
-    assert bench.worker.snapshot.axes[0].facts.samples == 2400
+    assert bench.worker.snapshot.axes[0].status.samples == 2400
 
 
 def test_a_fault_of_the_worker_is_told(bench: Bench) -> None:
@@ -159,7 +159,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
     assert logs == []  # it has been said
     assert bench.worker.error is None
     assert "recording has ended: cannot write" in bench.worker.snapshot.messages[0]
-    assert bench.worker.snapshot.axes[0].facts.samples == 2400
+    assert bench.worker.snapshot.axes[0].status.samples == 2400
 
 
 def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: Bench, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from monitor_core.detection.alarm import Crossing
 from monitor_core.detection.multimodel.events import Changed
-from monitor_core.detection.multimodel.multimodel_detector import BankDetector, Limits
+from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
@@ -88,8 +88,8 @@ def ran(seed: int) -> Ran:
 
 
 def test_the_trace_says_what_became_of_each_sample(ran: Ran) -> None:
-    counts = dict(zip(COUNTERS, ran.monitor.bank.state.counts[:, 0].tolist(), strict=True))
-    assert counts == dict(ran.monitor.facts().counters)
+    counts = dict(zip(COUNTERS, ran.monitor.batch.state.counts[:, 0].tolist(), strict=True))
+    assert counts == dict(ran.monitor.status().counters)
     for name, fate in COUNTED.items():
         assert np.count_nonzero(ran.trace.does == fate) == counts[name], name
     assert np.count_nonzero(ran.trace.does == RESTART) == counts["started"] + counts["gap"] > 2
@@ -97,7 +97,7 @@ def test_the_trace_says_what_became_of_each_sample(ran: Ran) -> None:
     assert counts["gated"] > 50
     assert counts["outlier"] >= 1
     assert (ran.trace.shift[ran.took] == ran.block.shift[ran.took]).all()  # type: ignore[index]
-    assert (ran.trace.observed[-1] == ran.monitor.bank.state.observed[:, 0]).all()
+    assert (ran.trace.observed[-1] == ran.monitor.batch.state.observed[:, 0]).all()
 
 
 def test_bins_hold_the_least_and_the_largest_values(ran: Ran) -> None:
@@ -168,7 +168,7 @@ def test_gaps_are_marked_where_no_samples_were(ran: Ran) -> None:
 def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
     case = BY_NAME["paper"]
     block = Ran.make_block(seed)
-    beside = BankDetector(case.model, case.settings(outlier=6.0), Limits(1e6))
+    beside = MultiModelDetector(case.model, case.settings(outlier=6.0), Limits(1e6))
     fleet = Fleet([case.model], [case.settings(outlier=6.0)], {0: beside})
     course = Course(fleet.monitors[0], 64)
     g: list[NDArray[np.float64]] = []
@@ -204,5 +204,5 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
 
 def test_nothing_came() -> None:
     case = BY_NAME["paper"]
-    empty = Course(AxisMonitor.alone(case.model, case.settings()))
+    empty = Course(AxisMonitor(case.model, case.settings()))
     assert (empty.used, empty.middles.size, empty.largest_g(0)) == (0, 0, 0.0)

@@ -52,7 +52,7 @@ def test_arrays_come_back_bit_by_bit(checkpoints: Checkpoints, seed: int) -> Non
 def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: int) -> None:
     def monitor() -> AxisMonitor:
         model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-        return AxisMonitor.alone(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
+        return AxisMonitor(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
 
     rng = np.random.default_rng(seed)
     t, u, y = np.arange(400) * 5000, rng.normal(size=400), rng.normal(size=400)
@@ -64,7 +64,7 @@ def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: i
     assert isinstance(found, Checkpoint)
     second.from_arrays(found.arrays)
     second.run(t[200:], u[200:], y[200:])
-    assert second.facts() == whole.facts()
+    assert second.status() == whole.status()
 
 
 def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -> None:

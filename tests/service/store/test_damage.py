@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from service.store.database import StoreError
 from service.store.journal import Journal
 
@@ -15,7 +15,7 @@ from service.store.journal import Journal
 def filled(path: Path) -> bytes:
     journal = Journal(path)
     for k in range(200):
-        journal.record("demo.axis1", "1", 1.0, Episode(f"p{k}", "up", k, k, k, k, 0.5, 0.1, 1))
+        journal.record("demo.axis1", "1", 1.0, Alarm(f"p{k}", "up", k, k, k, k, 0.5, 0.1, 1))
     journal.close()
     return path.read_bytes()
 
@@ -46,7 +46,7 @@ def test_a_damaged_file_is_kept_and_a_new_one_begun(
     assert str(path) in message
     assert quarantined.name in message
     assert journal.query() == ([], 0)
-    journal.record("demo.axis1", "1", 1.0, Episode("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
+    journal.record("demo.axis1", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
     journal.close()
     reopened = Journal(path)
     assert (reopened.messages, reopened.query()[1]) == ((), 1)
@@ -95,4 +95,4 @@ def test_a_closed_journal_says_so(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "alarms.sqlite")
     journal.close()
     with pytest.raises(StoreError, match="closed"):
-        journal.record("a", "1", 1.0, Episode("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
+        journal.record("a", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))

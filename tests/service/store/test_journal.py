@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection.alarm import Cause, Direction, Episode, Name
+from monitor_core.detection.alarm import Alarm, Cause, Direction, Name
 from service.store.database import StoreError, StoreInUseError
 from service.store.journal import MIGRATIONS, Entry, Journal
 
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def episode(parameter: str = "fm", direction: Direction = "up", raised_us: int = 2_000_000) -> Episode:
-    return Episode(
+def episode(parameter: str = "fm", direction: Direction = "up", raised_us: int = 2_000_000) -> Alarm:
+    return Alarm(
         parameter=parameter,
         direction=direction,
         onset_us=raised_us - 500_000,
@@ -39,7 +39,7 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
     opened.close()
 
 
-def raised(journal: Journal, e: Episode, axis: str = "demo.axis1") -> int:
+def raised(journal: Journal, e: Alarm, axis: str = "demo.axis1") -> int:
     return journal.record(axis, "N m s/rad", 0.06, e)
 
 
@@ -47,9 +47,9 @@ def test_an_alarm_is_inserted_then_updated_then_ended(journal: Journal) -> None:
     first = raised(journal, episode())
     again = replace(episode(), updated_us=3_000_000, size=0.02, size_sd=0.001, crossings=2)
     assert raised(journal, again) == first
-    assert journal.open_episodes("demo.axis1") == [again]
+    assert journal.open_alarms("demo.axis1") == [again]
     assert raised(journal, replace(again, ended_us=9_000_000)) == first
-    assert journal.open_episodes("demo.axis1") == []
+    assert journal.open_alarms("demo.axis1") == []
     alarm = journal.get(first)
     assert alarm is not None
     assert (alarm.unit, alarm.nominal, alarm.size, alarm.crossings) == ("N m s/rad", 0.06, 0.02, 2)
@@ -72,7 +72,7 @@ def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Jo
         past=past,
     )
     assert journal.record("demo.axis1", "1", 1.0, named) == first
-    assert journal.open_episodes("demo.axis1") == [named]
+    assert journal.open_alarms("demo.axis1") == [named]
     (alarm,), total = journal.query()
     assert (total, alarm.parameter, alarm.direction, alarm.unit, alarm.nominal) == (1, "kT", "down", "1", 1.0)
     assert (alarm.causes, alarm.past, alarm.stage, alarm.doubt, alarm.kind) == (
@@ -84,7 +84,7 @@ def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Jo
     )
     ended = replace(named, ended_us=9_000_000)
     assert journal.record("demo.axis1", "1", 1.0, ended) == first
-    assert journal.open_episodes("demo.axis1") == []
+    assert journal.open_alarms("demo.axis1") == []
 
 
 def test_two_alarms_whose_first_crossing_was_the_same_stay_two(journal: Journal) -> None:
@@ -95,7 +95,7 @@ def test_two_alarms_whose_first_crossing_was_the_same_stay_two(journal: Journal)
     second = raised(journal, episode("fm", raised_us=6_000_000))
     assert first != second
     assert raised(journal, replace(named, size=0.3)) == first
-    assert [e.parameter for e in journal.open_episodes("demo.axis1")] == ["kT", "fm"]
+    assert [e.parameter for e in journal.open_alarms("demo.axis1")] == ["kT", "fm"]
 
 
 def test_a_journal_of_before_the_two_stages_is_read_and_goes_on(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_a_journal_of_before_the_two_stages_is_read_and_goes_on(tmp_path: Path) 
         old.execute(f"INSERT INTO alarm ({columns}) VALUES ({values})")
     old.close()
     journal = Journal(path)
-    assert journal.open_episodes("demo.axis1") == [episode()]
+    assert journal.open_alarms("demo.axis1") == [episode()]
     number = raised(journal, replace(episode(), stage="named", causes=(Cause("fm", 1.0),)))
     assert [(a.id, a.stage) for a in journal.query()[0]] == [(number, "named")]
     journal.close()
@@ -244,14 +244,14 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
 _WRITER = """
 import sys
 from pathlib import Path
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from service.store.journal import Journal
 journal = Journal(Path(sys.argv[1]))
 k = journal.query()[1]
 while True:
     k += 1
     ended = k if k % 3 else None
-    e = Episode(f"p{k}", "up", k, k, k, ended, 0.5, 0.1, 1)
+    e = Alarm(f"p{k}", "up", k, k, k, ended, 0.5, 0.1, 1)
     print(journal.record("demo.axis1", "1", float(k), e), flush=True)
 """
 

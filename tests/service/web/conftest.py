@@ -10,8 +10,14 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from monitor_core.detection.alarm import Cause, Episode, Name, Reach
-from monitor_core.monitoring.facts import AxisFacts, DetectorFacts, Observation, ParameterFacts, Status
+from monitor_core.detection.alarm import Alarm, Cause, Name, Reach
+from monitor_core.monitoring.axis_status import (
+    AxisStatus,
+    DetectorStatus,
+    Observation,
+    ParameterStatus,
+    Status,
+)
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
@@ -23,7 +29,7 @@ from service.web.app import create_app
 NOON_US = 1_772_366_400_000_000
 """2026-03-01T12:00:00Z"""
 
-FM_ALARM = Episode(
+FM_ALARM = Alarm(
     parameter="fm",
     direction="up",
     onset_us=NOON_US - 9_000_000,
@@ -42,7 +48,7 @@ FM_ALARM = Episode(
 )
 
 PARAMETERS = (
-    ParameterFacts(
+    ParameterStatus(
         name="kT",
         unit="1",
         meaning="torque constant, relative to the one the controller uses",
@@ -57,7 +63,7 @@ PARAMETERS = (
         status=Status.TRACKING,
         observation=Observation.OBSERVED,
     ),
-    ParameterFacts(
+    ParameterStatus(
         name="1/Ja",
         unit="1/(kg m^2)",
         meaning="reciprocal of: inertia of the arm",
@@ -72,7 +78,7 @@ PARAMETERS = (
         status=Status.UNSEEN,
         observation=Observation.UNSEEN,
     ),
-    ParameterFacts(
+    ParameterStatus(
         name="fm",
         unit="N m s/rad",
         meaning="viscous friction of the motor",
@@ -133,8 +139,8 @@ COUNTERS = {
 }
 
 DETECTORS = (
-    DetectorFacts("cusum", True, "fm", 0.725, ("fm",)),
-    DetectorFacts("bank", False, "torque sign", 1.5, ("torque sign",)),
+    DetectorStatus("cusum", True, "fm", 0.725, ("fm",)),
+    DetectorStatus("bank", False, "torque sign", 1.5, ("torque sign",)),
 )
 
 NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N m s/rad"), "kT": (1.0, "1")}
@@ -152,7 +158,7 @@ def history(points: int) -> History:
 
 def monitored_axis(name: str = "axis1") -> AxisSnapshot:
     """An axis with an open alarm on fm."""
-    facts = AxisFacts(NOON_US - 400_000, PARAMETERS, 1.37e-6, ("1/Ja is not observed",), COUNTERS, DETECTORS)
+    facts = AxisStatus(NOON_US - 400_000, PARAMETERS, 1.37e-6, ("1/Ja is not observed",), COUNTERS, DETECTORS)
     dropped = {"no_partner": 5, "late": 0}
     return AxisSnapshot(
         id=f"demo.{name}",
@@ -163,8 +169,8 @@ def monitored_axis(name: str = "axis1") -> AxisSnapshot:
         output="angle",
         interval_s=0.005,
         nominal=NOMINAL,
-        facts=facts,
-        open_episodes=(FM_ALARM,),
+        status=facts,
+        open_alarms=(FM_ALARM,),
         dropped=dropped,
         clock={"clock_reanchored": 3},
         history=history(100),
@@ -179,8 +185,8 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
         replace(p, estimate=p.nominal, g_up=0.0, g_down=0.0, status=Status.WAITING) for p in PARAMETERS
     )
     silent = tuple(replace(d, leading="", evidence=0.0, open=()) for d in DETECTORS)
-    facts = AxisFacts(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
-    axis = replace(monitored_axis(name), bus="can1", facts=facts, open_episodes=(), history=History())
+    facts = AxisStatus(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
+    axis = replace(monitored_axis(name), bus="can1", status=facts, open_alarms=(), history=History())
     unknown = tuple(ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS)
     return replace(
         axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN, trends=unknown, histories_lost=1
@@ -236,5 +242,5 @@ def client(stage: Stage) -> Iterator[TestClient]:
 
 
 @pytest.fixture
-def fm_alarm() -> Episode:
+def fm_alarm() -> Alarm:
     return FM_ALARM

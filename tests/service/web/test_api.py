@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.detection.alarm import Episode, Reach
+from monitor_core.detection.alarm import Alarm, Reach
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring.axis_monitor import AxisMonitor
@@ -93,9 +93,9 @@ def test_the_model_has_its_units(client: TestClient) -> None:
 
 def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) -> None:
     axis = stage.snapshot.axes[0]
-    broken = replace(axis.facts.parameters[0], estimate=math.nan, g_up=math.inf, g_down=-math.inf)
-    facts = replace(axis.facts, parameters=(broken,), innovation_variance=math.nan)
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, facts=facts),))
+    broken = replace(axis.status.parameters[0], estimate=math.nan, g_up=math.inf, g_down=-math.inf)
+    facts = replace(axis.status, parameters=(broken,), innovation_variance=math.nan)
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
     body = get(client, "/api/v1/axes/demo.axis1")
     assert body["parameters"][0]["estimate"] is None
     assert body["parameters"][0]["cusum"] == {"up": None, "down": None}
@@ -104,15 +104,15 @@ def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) 
 
 def test_a_real_monitor_is_told_as_it_is(stage: Stage, client: TestClient, seed: int) -> None:
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-    monitor = AxisMonitor.alone(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
+    monitor = AxisMonitor(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
     rng = np.random.default_rng(seed)
     monitor.run(np.arange(500) * 5000 + stage.now_us, rng.normal(size=500), rng.normal(size=500))
-    axis = replace(stage.snapshot.axes[0], facts=monitor.facts())
+    axis = replace(stage.snapshot.axes[0], status=monitor.status())
     stage.snapshot = replace(stage.snapshot, axes=(axis,))
     body = get(client, "/api/v1/axes/demo.axis1")
-    assert body["samples"] == monitor.facts().samples
+    assert body["samples"] == monitor.status().samples
     assert body["last_sample_age_s"] == 0
-    for told, known in zip(body["parameters"], monitor.facts().parameters, strict=True):
+    for told, known in zip(body["parameters"], monitor.status().parameters, strict=True):
         # Noise for torque and speed leads some estimates out of their bounds: those are told as none.
         assert told["estimate"] == (None if math.isnan(known.estimate) else known.estimate)
         assert told["standard_deviation"] == known.standard_deviation
@@ -156,7 +156,7 @@ def test_the_slow_course_of_one_parameter_and_of_none(client: TestClient) -> Non
     assert client.get("/api/v1/axes/demo.axis2/trend").json()["lost"] == 1
 
 
-def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alarm: Episode) -> None:
+def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:
     limit = Reach("fm", "N m s/rad", 0.09, True, "open", fm_alarm.updated_us + 86_400_000_000, None)
     stage.journal.record(
         "demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, kind="forecast", reaches=(limit,))
@@ -215,7 +215,7 @@ def test_bad_filters_are_refused(query: str, client: TestClient) -> None:
     assert body["detail"][0]["loc"] == ["query", query.split("=")[0]]
 
 
-def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_alarm: Episode) -> None:
+def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:
     number = stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     body = get(client, "/api/v1/alarms")
     assert (body["total"], body["limit"], body["offset"]) == (1, 100, 0)
@@ -259,7 +259,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
     assert get(client, f"/api/v1/alarms/{number}") == body["alarms"][0]
 
 
-def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alarm: Episode) -> None:
+def test_alarms_are_filtered_and_paged(stage: Stage, client: TestClient, fm_alarm: Alarm) -> None:
     for k in range(6):
         raised_us = fm_alarm.raised_us + k * 1_000_000
         episode = replace(fm_alarm, raised_us=raised_us, ended_us=raised_us + 1 if k < 5 else None)

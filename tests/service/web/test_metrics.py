@@ -57,10 +57,10 @@ def test_a_forecast_is_no_alarm_of_a_change(stage: Stage) -> None:
     """It has a metric of its own."""
     axis = stage.snapshot.axes[0]
     (limit,) = axis.trends[2].reaches
-    (fm,) = axis.open_episodes
+    (fm,) = axis.open_alarms
     for forecast in (False, True):
         e = replace(fm, kind="forecast", reaches=(limit,)) if forecast else fm
-        axes = (replace(axis, open_episodes=(e,)), *stage.snapshot.axes[1:])
+        axes = (replace(axis, open_alarms=(e,)), *stage.snapshot.axes[1:])
         stage.snapshot = replace(stage.snapshot, axes=axes)
         found = values(own(stage))
         assert found["axiswatch_alarm_active", "demo.axis1", "up", "fm"] == float(not forecast)

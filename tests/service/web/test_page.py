@@ -10,8 +10,8 @@ import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from monitor_core.detection.alarm import Episode
-from monitor_core.monitoring.facts import Status
+from monitor_core.detection.alarm import Alarm
+from monitor_core.monitoring.axis_status import Status
 from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal
 from service.web.server import serve
@@ -110,7 +110,7 @@ def test_it_tells_why_it_is_not_ready(page: Page, stage: Stage) -> None:
     expect(page.locator("#reasons")).to_be_hidden()
 
 
-def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Episode) -> None:
+def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     page.goto("/")
     expect(page.get_by_text("No alarm has been raised.")).to_be_visible()
     ended = replace(fm_alarm, raised_us=fm_alarm.raised_us + 1, ended_us=stage.now_us, direction="down")
@@ -126,7 +126,7 @@ def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Episod
     expect(page).to_have_title("(1) axiswatch")
 
 
-def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_alarm: Episode) -> None:
+def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     changed = replace(
         fm_alarm,
         parameter="kT",
@@ -157,12 +157,12 @@ def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:
     row = page.get_by_role("article", name="demo.axis1").get_by_role("row", name="kT")
     expect(row).to_contain_text("0.993 ± 0.018")
     axis = stage.snapshot.axes[0]
-    kT, *others = axis.facts.parameters
+    kT, *others = axis.status.parameters
     facts = replace(
-        axis.facts,
+        axis.status,
         parameters=(replace(kT, estimate=0.8, standard_deviation=0.01, status=Status.ALARM), *others),
     )
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, facts=facts),))
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
     expect(row).to_contain_text("0.800 ± 0.010")
     expect(row).to_contain_text("−20.0 %")
     expect(page.get_by_role("article")).to_have_count(1)
@@ -178,7 +178,7 @@ def test_it_says_since_when_nobody_answers(page: Page, daemon: Daemon) -> None:
     expect(page.get_by_role("article")).to_have_count(2)
 
 
-def test_names_are_text_and_never_html(page: Page, stage: Stage, fm_alarm: Episode) -> None:
+def test_names_are_text_and_never_html(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     name = "<img src=x onerror=alert(1)>"
     axis = replace(stage.snapshot.axes[0], id=name)
     stage.snapshot = replace(stage.snapshot, axes=(axis,), messages=(name,))
@@ -190,7 +190,7 @@ def test_names_are_text_and_never_html(page: Page, stage: Stage, fm_alarm: Episo
 
 
 @pytest.mark.parametrize("width", [1280, 500, 360])
-def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Episode) -> None:
+def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     stage.journal.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     page.set_viewport_size({"width": width, "height": 800})
     page.goto("/")
@@ -219,10 +219,10 @@ def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> N
 
 def test_values_that_are_no_numbers_are_dashes(page: Page, stage: Stage) -> None:
     axis = stage.snapshot.axes[0]
-    broken = replace(axis.facts.parameters[0], estimate=math.nan, standard_deviation=math.nan, g_up=math.inf)
-    zero = replace(axis.facts.parameters[1], nominal=0.0, estimate=0.0)
-    facts = replace(axis.facts, parameters=(broken, zero))
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, facts=facts),))
+    broken = replace(axis.status.parameters[0], estimate=math.nan, standard_deviation=math.nan, g_up=math.inf)
+    zero = replace(axis.status.parameters[1], nominal=0.0, estimate=0.0)
+    facts = replace(axis.status, parameters=(broken, zero))
+    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
     page.goto("/")
     cells = page.get_by_role("row", name="kT").get_by_role("cell")
     expect(cells.nth(1)).to_have_text("–")

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from service.store.journal import Journal
 
 PATHS = {
@@ -72,7 +72,7 @@ def test_answers_are_what_the_schema_says(
     stage: Stage,
     client: TestClient,
     schema: dict[str, Any],
-    fm_alarm: Episode,
+    fm_alarm: Alarm,
 ) -> None:
     stage.journal.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
     stage.journal.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Calm, Crossing, Direction, Episode, Evidence, Name
+from monitor_core.detection.alarm import Alarm, Crossing, Direction, Evidence, Name, Recovered
 from monitor_core.detection.cusum.alarm_tracker import EpisodeBook
 from monitor_core.detection.onset import Past
 
@@ -30,7 +30,7 @@ def names(book: EpisodeBook) -> list[tuple[str, str, str]]:
     return [(e.parameter, e.direction, e.stage) for e in book.open]
 
 
-def named(*d: float, r: float = 0.0) -> tuple[EpisodeBook, Episode]:
+def named(*d: float, r: float = 0.0) -> tuple[EpisodeBook, Alarm]:
     """A book with one alarm, raised by kT at 10 and named at 20."""
     book = EpisodeBook()
     book.apply(crossing("kT", 10))
@@ -56,8 +56,8 @@ def test_a_wrong_first_crossing_is_one_alarm_whose_name_is_corrected() -> None:
     assert [e.size, e.size_sd] == pytest.approx([-10, 1])
     assert [cause.parameter for cause in e.causes] == ["kT"]
     assert e.doubt == ""
-    assert book.apply(Calm("fm", 30)) == []
-    (ended,) = book.apply(Calm("kT", 31))
+    assert book.apply(Recovered("fm", 30)) == []
+    (ended,) = book.apply(Recovered("kT", 31))
     assert (ended.ended_us, ended.first, book.open) == (31, ("fm", "up"), ())
 
 

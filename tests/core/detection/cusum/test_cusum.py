@@ -10,12 +10,12 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Calm, Crossing, Episode, Name
+from monitor_core.detection.alarm import Alarm, Crossing, Name, Recovered
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiments, reference_model
 from monitor_core.kernel.block import Trace
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.facts import Status
+from monitor_core.monitoring.axis_status import Status
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of
 
@@ -25,9 +25,9 @@ CERTAIN = Settings(0.005, settle_s=0.0, P0=(1e-30, 1e-30, 1e-30), alpha2=2.0, la
 """So sure of theta that nu is nothing."""
 
 
-def silent(monitor: AxisMonitor, samples: int) -> tuple[list[Episode], Trace]:
+def silent(monitor: AxisMonitor, samples: int) -> tuple[list[Alarm], Trace]:
     """Run a silent axis for so many updates; times go on from the last sample, or from 0."""
-    last = monitor.facts().time_us
+    last = monitor.status().time_us
     start = 0 if last is None else last + H_US
     t_us = start + H_US * np.arange(samples + (last is None), dtype=np.int64)
     nothing = np.zeros(len(t_us))
@@ -36,7 +36,7 @@ def silent(monitor: AxisMonitor, samples: int) -> tuple[list[Episode], Trace]:
 
 def displaced(settings: Settings, *relative: float) -> AxisMonitor:
     """A monitor whose theta is off by so much, in nominal values."""
-    monitor = AxisMonitor.alone(MODEL, settings)
+    monitor = AxisMonitor(MODEL, settings)
     monitor.start_from(MODEL.theta0 * (1 + np.array(relative)))
     return monitor
 
@@ -75,7 +75,7 @@ def test_alarm_when_g_exceeds_h_and_again_from_zero(d: float, direction: str) ->
     way = 0 if direction == "up" else 1
     assert trace.g[6, way, 0] == pytest.approx(1.8)
     assert trace.g[7, way, 0] == 0
-    assert monitor.facts().parameters[0].status is Status.ALARM
+    assert monitor.status().parameters[0].status is Status.ALARM
 
 
 def test_exactly_h_is_no_alarm() -> None:
@@ -133,24 +133,24 @@ def test_a_moment_above_nu_starts_the_calm_anew() -> None:
 
 
 def test_an_alarm_turns_with_its_parameter_and_keeps_what_it_was_called() -> None:
-    monitor = AxisMonitor.alone(MODEL, CERTAIN)
+    monitor = AxisMonitor(MODEL, CERTAIN)
     up = Crossing("fm", "up", 10, 5, 0.1, 0.01)
     (raised,) = monitor.apply(up)
-    assert raised == Episode("fm", "up", 5, 10, 10, None, 0.1, 0.01, 1)
+    assert raised == Alarm("fm", "up", 5, 10, 10, None, 0.1, 0.01, 1)
     (turned,) = monitor.apply(replace(up, direction="down", time_us=20, onset_us=15, size=-0.1))
     assert (turned.direction, turned.size, turned.crossings, turned.raised_us) == ("down", -0.1, 2, 10)
     assert turned.past == (Name(20, "changed", "fm", "up"),)
     assert turned.first == raised.first == ("fm", "up")
-    assert monitor.apply(Calm("kT", 35)) == []
-    assert [e.ended_us for e in monitor.apply(Calm("fm", 40))] == [40]
+    assert monitor.apply(Recovered("kT", 35)) == []
+    assert [e.ended_us for e in monitor.apply(Recovered("fm", 40))] == [40]
     assert monitor.book.open == ()
-    assert monitor.apply(Calm("fm", 50)) == []
+    assert monitor.apply(Recovered("fm", 50)) == []
 
 
 def test_onset_lies_near_the_fault(seed: int) -> None:
     seeds = range(seed + 5000, seed + 5020)
     t_us, u, y = experiments(seeds, {"kT": 1.2})
-    bank = Bank([MODEL] * 20, [settings_of("speed", seed)] * 20)
+    bank = AxisBatch([MODEL] * 20, [settings_of("speed", seed)] * 20)
     events = bank.run(np.repeat(t_us[:, np.newaxis], 20, axis=1), u, y)
     onsets: dict[int, int] = {}
     for axis, event in events:
@@ -172,7 +172,7 @@ def test_after_an_alarm_a_wider_P_converges_faster(seed: int) -> None:
     base = replace(base, P0=tuple(0.2 * v for v in base.P0))
     away = []
     for widen in (0.0, 10.0):
-        bank = Bank([MODEL] * 32, [replace(base, widen=widen)] * 32)
+        bank = AxisBatch([MODEL] * 32, [replace(base, widen=widen)] * 32)
         _, trace = bank.run_traced(np.repeat(t[:, None], 32, axis=1), u, y)
         away.append(np.median(np.abs(trace.theta[FAULT_AT + 600, 0] - 1.2)))
     assert away[1] < 0.6 * away[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Episode
+from monitor_core.detection.alarm import Alarm
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import (
     BAND_HZ,
@@ -139,13 +139,13 @@ def test_a_sensor_is_one_alarm_and_no_parameter(
 
 def test_names_and_onsets_do_not_depend_on_how_samples_are_cut(seed: int) -> None:
     t_us, u, y = experiments([seed], {"kT": 1.2}, samples=SAMPLES)
-    whole, cut = (AxisMonitor.alone(MODEL, settings_of("speed", seed)) for _ in range(2))
+    whole, cut = (AxisMonitor(MODEL, settings_of("speed", seed)) for _ in range(2))
     expected = whole.run(t_us, u[:, 0], y[:, 0])
     rng = np.random.default_rng(seed)
-    found: list[Episode] = []
+    found: list[Alarm] = []
     for part in np.split(np.arange(SAMPLES), np.sort(rng.integers(0, SAMPLES, 9))):
         found += cut.run(t_us[part], u[part, 0], y[part, 0])
-        again = AxisMonitor.alone(MODEL, settings_of("speed", seed))
+        again = AxisMonitor(MODEL, settings_of("speed", seed))
         again.from_arrays(cut.to_arrays())
         cut = again
     assert found == expected

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Cause, Episode, Name
+from monitor_core.detection.alarm import Alarm, Cause, Name
 from monitor_core.detection.multimodel.candidates import OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN
 from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.multimodel_detector import (
-    BankDetector,
     Limit,
     Limits,
+    MultiModelDetector,
     bank_of,
     guaranteed,
 )
@@ -59,7 +59,7 @@ def told(book: HypothesisBook) -> list[tuple[int, str, str, str]]:
     return [(e.raised_us, e.stage, e.parameter, e.direction) for e in book.open]
 
 
-def feed(*events: Event) -> tuple[HypothesisBook, list[list[Episode]]]:
+def feed(*events: Event) -> tuple[HypothesisBook, list[list[Alarm]]]:
     book = HypothesisBook(quantity)
     return book, [book.apply(event) for event in events]
 
@@ -146,13 +146,13 @@ def test_sizes_go_there_and_back(name: str) -> None:
 # --- from samples to alarms --------------------------------------------------------------------------
 
 
-def detector(seed: int, limits: Limits = DAY) -> BankDetector:
-    return BankDetector(MODEL, settings_of("speed", seed), limits)
+def detector(seed: int, limits: Limits = DAY) -> MultiModelDetector:
+    return MultiModelDetector(MODEL, settings_of("speed", seed), limits)
 
 
 def monitor(seed: int, alarms: str = "bank") -> AxisMonitor:
     settings = settings_of("speed", seed)
-    return AxisMonitor.alone(MODEL, settings, BankDetector(MODEL, settings, DAY), alarms)  # type: ignore[arg-type]
+    return AxisMonitor(MODEL, settings, MultiModelDetector(MODEL, settings, DAY), alarms)  # type: ignore[arg-type]
 
 
 def part(rec: Record, start: int, end: int | None = None) -> Record:
@@ -192,11 +192,11 @@ def test_the_detector_that_looks_on_alarms_nobody(seed: int) -> None:
     assert by_bank
     assert said[0].raised_us != by_bank[0].raised_us
     for one in (quiet, loud):
-        facts = {d.name: d for d in one.facts().detectors}
-        assert [d.name for d in facts.values() if d.alarms] == [one.alarms]
-        assert facts["cusum"].open == tuple(dict.fromkeys(e.parameter for e in quiet.book.open))
-        assert facts["bank"].open == tuple(dict.fromkeys(e.parameter for e in loud.book.open))
-        assert facts["bank"].open
+        status = {d.name: d for d in one.status().detectors}
+        assert [d.name for d in status.values() if d.alarms] == [one.alarms]
+        assert status["cusum"].open == tuple(dict.fromkeys(e.parameter for e in quiet.book.open))
+        assert status["bank"].open == tuple(dict.fromkeys(e.parameter for e in loud.book.open))
+        assert status["bank"].open
         assert quiet.book_of("bank").open == loud.book.open
     assert quiet.causes == MODEL.monitored
     assert set(loud.causes) > set(MODEL.monitored)
@@ -229,7 +229,7 @@ def test_a_saved_detector_goes_on(at: int, seed: int) -> None:
 def test_a_fleet_does_what_its_axes_do(seed: int) -> None:
     settings = settings_of("speed", seed)
     rec = experiment(seed, {"kT": 1.3}, samples=1600)
-    fleet = Fleet([MODEL] * 2, [settings] * 2, {1: BankDetector(MODEL, settings, DAY)}, {1: "bank"})
+    fleet = Fleet([MODEL] * 2, [settings] * 2, {1: MultiModelDetector(MODEL, settings, DAY)}, {1: "bank"})
     events = fleet.run({a: Block(rec.t_us, rec.u, rec.y) for a in (0, 1)})
     for a, event in events:
         fleet.monitors[a].apply(event)
@@ -254,9 +254,7 @@ def test_an_alarm_that_the_bank_has_forgotten_stands_and_ends(seed: int) -> None
     """Of kT by +30 %, then well: the adopted alarm is not raised again, and it ends."""
     rec, _ = repaired(seed, 1500, 4000)
     fresh = monitor(seed)
-    old = Episode(
-        "kT", "up", 1, 2, 3, None, 0.3, 0.01, 1, "named", (Cause("kT", 1.0),), "", None, None, "", ()
-    )
+    old = Alarm("kT", "up", 1, 2, 3, None, 0.3, 0.01, 1, "named", (Cause("kT", 1.0),), "", None, None, "", ())
     fresh.adopt([old])
     before = fresh.run(*part(rec, 0, 1500))
     assert [e.parameter for e in before if e.raised_us != 2] == []
@@ -268,7 +266,7 @@ def test_an_alarm_that_the_bank_has_forgotten_stands_and_ends(seed: int) -> None
 def test_an_alarm_without_a_name_gets_one_or_ends(seed: int) -> None:
     """Its evidence is lost: the bank looks at it for three memories."""
     rec = experiment(seed, samples=1500)
-    old = Episode("fm", "up", 1, 2, 2, None, 0.01, 0.01, 1)
+    old = Alarm("fm", "up", 1, 2, 2, None, 0.01, 0.01, 1)
     fresh = monitor(seed)
     fresh.adopt([old])
     said = fresh.run(*rec)
@@ -277,7 +275,7 @@ def test_an_alarm_without_a_name_gets_one_or_ends(seed: int) -> None:
 
 def test_a_sensor_fault_that_was_open_stands(seed: int) -> None:
     rec = experiment(seed, samples=1500)
-    sign = replace(Episode(TORQUE_SIGN, "up", 1, 2, 2, None, np.nan, np.nan, 1), stage="named")
+    sign = replace(Alarm(TORQUE_SIGN, "up", 1, 2, 2, None, np.nan, np.nan, 1), stage="named")
     fresh = monitor(seed)
     fresh.adopt([sign])
     fresh.run(rec.t_us, -rec.u, rec.y)
@@ -303,6 +301,6 @@ def test_the_guaranteed_run_length() -> None:
 def test_where_there_can_be_no_bank(seed: int) -> None:
     case = BY_NAME["angle-paper"]
     with pytest.raises(ValueError, match="not stable"):
-        BankDetector(case.model, replace(case.settings(), K=()), DAY)
+        MultiModelDetector(case.model, replace(case.settings(), K=()), DAY)
     with pytest.raises(ValueError, match="apart"):
-        BankDetector(MODEL, replace(settings_of("speed", seed), untold=(("kT", "fm"),)), DAY)
+        MultiModelDetector(MODEL, replace(settings_of("speed", seed), untold=(("kT", "fm"),)), DAY)

@@ -10,7 +10,7 @@ from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.hypotheses import bank_limits
 from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_detector import BankDetector, Limits, guaranteed
+from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
 from monitor_core.detection.multimodel.scheduled_hypotheses import FOLLOWED
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TORQUE_RMS
@@ -129,10 +129,10 @@ def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
     shift = course(FM, -0.5)
     u, y = axis(rng, shift, {}, N)
 
-    def beside() -> BankDetector:
-        return BankDetector(OF.model, OF.settings, Limits(720_000.0))
+    def beside() -> MultiModelDetector:
+        return MultiModelDetector(OF.model, OF.settings, Limits(720_000.0))
 
-    assert not AxisMonitor.alone(OF.model, OF.settings, beside(), "bank").run(T, u, y, shift=shift)
+    assert not AxisMonitor(OF.model, OF.settings, beside(), "bank").run(T, u, y, shift=shift)
     events = []
     for seen in (None, lambda *_: None):
         fleet = Fleet([OF.model], [OF.settings], {0: beside()}, {0: "bank"})

@@ -17,7 +17,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.predictors import FARTHEST
-from monitor_core.monitoring.axis_batch import Bank
+from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
 
@@ -29,7 +29,7 @@ law = settings(deadline=None, max_examples=12)
 def held(model: AxisModel, s: Settings, rec: Record) -> Floats:
     """Innovations (N,) of the recursion whose theta does not move."""
     certain = tuple(1e-30 * model.scale**2)
-    bank = Bank([model], [replace(s, P0=certain, lam=1 - 1e-12)])
+    bank = AxisBatch([model], [replace(s, P0=certain, lam=1 - 1e-12)])
     _, trace = bank.run_traced(*as_columns(rec))
     return np.asarray(trace.eps[:, 0])
 

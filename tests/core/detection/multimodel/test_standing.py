@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from monitor_core.detection.multimodel.active_faults import REST, SECOND, Standing
+from monitor_core.detection.multimodel.active_faults import REST, SECOND, ActiveFaults
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.naming import Share
@@ -16,8 +16,8 @@ HYPOTHESES = candidates(OF.model, OF.settings)
 
 
 @pytest.fixture
-def standing() -> Standing:
-    return Standing(OF.model, OF.settings, HYPOTHESES)
+def standing() -> ActiveFaults:
+    return ActiveFaults(OF.model, OF.settings, HYPOTHESES)
 
 
 def share(cause: str, size: float, size_sd: float = 0.01) -> Share:
@@ -30,11 +30,11 @@ def likeliest(cause: str, size: float) -> int:
     return min(own, key=lambda k: abs(HYPOTHESES[k].size - size))
 
 
-def join(standing: Standing, cause: str, size: float) -> None:
+def join(standing: ActiveFaults, cause: str, size: float) -> None:
     standing.join(share(cause, size), HYPOTHESES[likeliest(cause, size)])
 
 
-def test_nothing_stands_at_first_and_all_may_change(standing: Standing) -> None:
+def test_nothing_stands_at_first_and_all_may_change(standing: ActiveFaults) -> None:
     now, *changes, back = standing.lanes()
     assert not standing
     assert (now.cause, dict(now.factors)) == (HEALTHY, {})
@@ -42,7 +42,7 @@ def test_nothing_stands_at_first_and_all_may_change(standing: Standing) -> None:
     assert back.weight < 1e-200
 
 
-def test_what_may_change_goes_on_from_what_stands(standing: Standing) -> None:
+def test_what_may_change_goes_on_from_what_stands(standing: ActiveFaults) -> None:
     """kT 20 % larger: so it is in each lane but that of the way back, and other causes are less likely beside it."""
     join(standing, "kT", math.log(1.2))
     now, *changes, back = standing.lanes()
@@ -55,7 +55,7 @@ def test_what_may_change_goes_on_from_what_stands(standing: Standing) -> None:
     assert back.size == pytest.approx(-math.log(1.2))
 
 
-def test_changes_of_one_cause_add_up_and_end_together(standing: Standing) -> None:
+def test_changes_of_one_cause_add_up_and_end_together(standing: ActiveFaults) -> None:
     join(standing, "kT", 0.2)
     join(standing, "kT", 0.1)
     assert len(standing) == 1
@@ -66,7 +66,7 @@ def test_changes_of_one_cause_add_up_and_end_together(standing: Standing) -> Non
     assert standing.ended(share("fm", -0.3)) == []
 
 
-def test_all_as_it_was_ends_all(standing: Standing) -> None:
+def test_all_as_it_was_ends_all(standing: ActiveFaults) -> None:
     join(standing, "kT", 0.2)
     join(standing, "fm", 0.5)
     assert standing.ended(share(HEALTHY, math.nan)) == ["kT", "fm"]
@@ -77,15 +77,15 @@ def test_all_as_it_was_ends_all(standing: Standing) -> None:
     assert not standing
 
 
-def test_it_goes_through_a_save(standing: Standing) -> None:
+def test_it_goes_through_a_save(standing: ActiveFaults) -> None:
     join(standing, "kT", 0.2)
     join(standing, "fm", 0.5)
-    other = Standing(OF.model, OF.settings, HYPOTHESES)
+    other = ActiveFaults(OF.model, OF.settings, HYPOTHESES)
     other.from_array(standing.to_array())
     assert other.lanes() == standing.lanes()
 
 
-def test_a_cause_that_these_hypotheses_do_not_have(standing: Standing) -> None:
+def test_a_cause_that_these_hypotheses_do_not_have(standing: ActiveFaults) -> None:
     join(standing, "kT", 0.2)
     before = standing.lanes()
     with pytest.raises(ValueError, match="do not have"):

@@ -29,7 +29,7 @@ class Observation(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterFacts:
+class ParameterStatus:
     """One monitored parameter, in its own unit."""
 
     name: str
@@ -55,7 +55,7 @@ class ParameterFacts:
 
 
 @dataclass(frozen=True, slots=True)
-class DetectorFacts:
+class DetectorStatus:
     """What a detector says now."""
 
     name: DetectorName
@@ -70,18 +70,18 @@ class DetectorFacts:
 
 
 @dataclass(frozen=True, slots=True)
-class AxisFacts:
+class AxisStatus:
     """One axis at the time of its last sample (microseconds since 1970, None before the first)."""
 
     time_us: int | None
-    parameters: tuple[ParameterFacts, ...]
+    parameters: tuple[ParameterStatus, ...]
     innovation_variance: float
     """Running estimate of lambda_0, in the output's unit squared"""
     confounded: tuple[str, ...]
     """What cannot be told apart now, in words; empty where all is observed"""
     counters: Mapping[str, int]
     """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
-    detectors: tuple[DetectorFacts, ...] = ()
+    detectors: tuple[DetectorStatus, ...] = ()
 
     @property
     def samples(self) -> int:
