@@ -50,7 +50,7 @@ LAYERS = (
     *("monitor_core.detection", "monitor_core.monitoring", "monitor_core.identification"),
     *("monitor_core.calibration", "monitor_core"),
     *("service", "service.texts", "service.config", "service.can", "service.ingest"),
-    *("service.identification", "service.calibration", "service.store", "service.pipeline"),
+    *("service.identification", "service.store", "service.pipeline"),
     *("service.web", "service.reports", "service.simulation", "service.commands"),
 )
 

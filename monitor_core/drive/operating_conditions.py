@@ -110,16 +110,16 @@ class Gate(NamedTuple):
 class Conditions:
     """What the operation of an axis depends on.  ``signals`` names the columns of what is measured.
 
-    ``least_speed``: nothing is to be learned while the axis turns more slowly (rad/s, at the sensor); 0: always.
+    ``min_speed``: nothing is to be learned while the axis turns more slowly (rad/s, at the sensor); 0: always.
     """
 
     signals: tuple[str, ...] = ()
     follows: tuple[Follow, ...] = ()
     gates: tuple[Gate, ...] = ()
-    least_speed: float = 0.0
+    min_speed: float = 0.0
 
     def __bool__(self) -> bool:
-        return bool(self.follows or self.gates or self.least_speed > 0)
+        return bool(self.follows or self.gates or self.min_speed > 0)
 
 
 class Operating:
@@ -159,8 +159,8 @@ class Operating:
         gate = np.ones(N, np.bool_)
         for one in c.gates:
             gate &= one.open(s[:, self._column[one.signal]])
-        speed = self._speeds(t_us, y) if c.least_speed > 0 else np.zeros(N)
-        gate &= speed >= c.least_speed
+        speed = self._speeds(t_us, y) if c.min_speed > 0 else np.zeros(N)
+        gate &= speed >= c.min_speed
         if N:
             self._last = s[-1].copy(), float(speed[-1])
         return shift, gate
@@ -178,8 +178,8 @@ class Operating:
             value = s[self._column[gate.signal]]
             if not gate.open(np.array([value])).all():
                 yield _at(gate.signal, value)
-        if not speed >= c.least_speed:
-            yield f"slower than {c.least_speed:g} rad/s"
+        if not speed >= c.min_speed:
+            yield f"slower than {c.min_speed:g} rad/s"
         for follower in self._followers:
             yield from follower.reasons(s[np.newaxis], self._column)
 

@@ -115,10 +115,10 @@ class FrameEncoder:
 
 def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
     """An angle that starts again, from zero or, where the signal has a sign, from minus half a period."""
-    if quantity.wraps_at is None:
+    if quantity.wrap_period is None:
         return value
-    lowest = -quantity.wraps_at / 2 if signal.is_signed else 0.0
-    return (value - lowest) % quantity.wraps_at + lowest
+    lowest = -quantity.wrap_period / 2 if signal.is_signed else 0.0
+    return (value - lowest) % quantity.wrap_period + lowest
 
 
 def _page(message: Message, signal: Signal) -> Page:

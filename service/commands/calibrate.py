@@ -1,4 +1,4 @@
-"""``axiswatch calibrate``: thresholds from healthy records and a budget of false alarms, and what they will find."""
+"""``axiswatch calibrate``: thresholds from healthy records and a false-alarm budget, and what they will find."""
 
 from __future__ import annotations
 
@@ -22,7 +22,12 @@ from service.commands.writing import STDOUT, write
 from service.config.durations import seconds_in
 
 if TYPE_CHECKING:
-    from service.calibration.found import Calibration, Provenance
+    from collections.abc import Sequence
+
+    from monitor_core.calibration.calibrate import CalibrationOptions, Progress
+    from monitor_core.detection.detector_protocol import DetectorName
+    from service.config import Config, NamedAxis
+    from service.reports.calibration_report import Calibration, Provenance
 
 
 Budget = Annotated[
@@ -39,18 +44,19 @@ Within = Annotated[
         "--within",
         metavar="SECONDS",
         min=1e-3,
-        help="Faults are to be found in this time, as small ones as possible. Default: ten memories.",
+        help="Changes are to be found in this time, as small ones as possible. Default: ten memory lengths.",
     ),
 ]
 Sizes = Annotated[
     str, typer.Option("--sizes", metavar="PERCENT,..", help="Changes to try, upwards and downwards.")
 ]
 Onsets = Annotated[
-    int, typer.Option("--onsets", min=1, max=1000, help="At so many places of the record each begins.")
+    int,
+    typer.Option(
+        "--onsets", min=1, max=1000, help="Number of places of the record at which each change begins."
+    ),
 ]
-Output = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="Where the thresholds are written to.")
-]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the thresholds.")]
 
 
 class Command(OptionalValueCommand):
@@ -77,11 +83,11 @@ def calibrate(
     json: JsonFile = None,
     force: Force = False,
 ) -> None:
-    """Find thresholds that keep a budget of false alarms, from records of the healthy axis, and what they will find.
+    """Find thresholds that keep a false-alarm budget, from records of the healthy axis, and what they will find.
 
-    Writes thresholds.toml, which the configuration points at with thresholds_file, and report.html: which changes of
-    each parameter are found how soon, and under which name. Records that are too short for the budget, do not move the
-    axis, or in which something changes are refused, with the place.
+    Writes thresholds.toml, which the configuration names as thresholds_file, and report.html: which changes of each
+    parameter are found how soon, and under which name. Records that are too short for the budget, in which the axis
+    does not move, or in which something changes, are refused with the place.
     """
     files = Files.of(None, output, report, json)
     files.check(force, "thresholds")
@@ -89,12 +95,43 @@ def calibrate(
     read = configuration(config, without_bus=True, thresholds=False)
     chosen = axis_named(read.axes, axis)
     with explained():
-        from service.calibration.running import Wishes
-        from service.calibration.running import calibrate as run
+        from monitor_core.calibration.calibrate import CalibrationOptions
 
+        options = CalibrationOptions(*wanted)
         with steps_bar(chosen.id) as progress:
-            found = run(read, chosen, records, Wishes(*wanted), _provenance(), progress)
+            found = calibrate_axis(read, chosen, records, options, _provenance(), progress)
     _write(found, files)
+
+
+def calibrate_axis(
+    config: Config,
+    axis: NamedAxis,
+    texts: Sequence[str],
+    options: CalibrationOptions,
+    provenance: Provenance,
+    progress: Progress = lambda _step, _done, _total: None,
+) -> Calibration:
+    """Read the records of a configured axis as the daemon would, and calibrate it on two cores.
+
+    Raises:
+        CalibrationError: these records yield no thresholds.
+        AxisError: the axis cannot be monitored as configured.
+        RecordError, DbcError, IngestError: a record cannot be read.
+    """
+    from monitor_core.calibration.calibrate import calibrate as find_thresholds
+    from service.commands.background import Background
+    from service.config.axis_settings import axis_model, axis_settings
+    from service.config.detector_choice import alarming
+    from service.ingest.calibration_records import read
+    from service.reports.calibration_report import Calibration
+    from service.reports.calibration_words import warnings
+
+    model = axis_model(axis.config)
+    settings = axis_settings(axis, model)
+    records, sources = read(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
+    result = find_thresholds(model, settings, records, options, progress, Background)
+    alarms: DetectorName = "cusum" if result.bank is None else alarming(axis.config, True)
+    return Calibration(axis, result, sources, tuple(warnings(result)), provenance, alarms)
 
 
 def seconds_of(text: str) -> float:
@@ -120,7 +157,7 @@ def _sizes(text: str) -> tuple[float, ...]:
 
 
 def _provenance() -> Provenance:
-    from service.calibration.found import Provenance
+    from service.reports.calibration_report import Provenance
 
     command = shlex.join(["axiswatch", *sys.argv[1:]])
     return Provenance(version("axiswatch"), datetime.now(UTC).isoformat(timespec="seconds"), command)

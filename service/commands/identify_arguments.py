@@ -54,7 +54,7 @@ PredictorOption = Annotated[
 Varying = Annotated[
     list[str] | None,
     typer.Option(
-        "--varying",
+        "--schedule",
         metavar="NAME:SIGNALS",
         help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "Ja: payload, cos(angle2)".'
         " Of a signal there are cos, sin and square.",

@@ -50,7 +50,7 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
 
 def _starts_again(axis: AxisConfig) -> bool:
     angle = axis.angle if present(axis, "angle") else None
-    return angle is not None and present(angle, "wraps_at") and angle.wraps_at is not None
+    return angle is not None and present(angle, "wrap_period") and angle.wrap_period is not None
 
 
 def places_of_signals(axis: AxisConfig) -> Iterator[Finding]:
@@ -159,7 +159,7 @@ def choice(axis: AxisConfig) -> Iterator[Finding]:
     said, path = axis.model.conditions, ("model", "conditions")
     if said == "followed" and not varying_of(axis):
         yield Finding(
-            path, "nothing follows anything: add [[robot.axis.model.varying]], or a nominal_file with some"
+            path, "nothing follows anything: add [[robot.axis.model.schedule]], or a nominal_file with some"
         )
     if said == "gated" and not axis.gate:
         yield Finding(path, "there is no gate: add [[robot.axis.gate]]")

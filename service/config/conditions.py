@@ -48,14 +48,14 @@ def varying_of(axis: AxisConfig) -> tuple[Varying, ...]:
 
 def _of_file(axis: AxisConfig) -> Iterator[Varying]:
     found = nominal_file_of(axis)
-    for v in found.varying if found else ():
+    for v in found.schedule if found else ():
         yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, ("model", "nominal_file"))
 
 
 def _of_configuration(axis: AxisConfig) -> Iterator[Varying]:
-    for k, v in enumerate(axis.model.varying):
+    for k, v in enumerate(axis.model.schedule):
         if present(v, "parameter", "signal", "slope", "reference", "range"):
-            path: Keys = ("model", "varying", k)
+            path: Keys = ("model", "schedule", k)
             yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, path)
 
 
@@ -87,7 +87,7 @@ def conditions_of(axis: NamedAxis) -> Conditions:
         tuple(source.name for source in needed(axis)),
         tuple(v.follow for v in varying_of(axis.config)),
         tuple(_gate(gate) for gate in axis.config.gate),
-        axis.config.least_speed or 0.0,
+        axis.config.min_speed or 0.0,
     )
 
 
@@ -109,8 +109,8 @@ def in_words(axis: AxisConfig) -> Iterator[str]:
         yield f"{v.parameter} follows {v.signal}"
     for g in axis.gate:
         yield f"only while {g.signal} is {_value(g)}"
-    if axis.least_speed is not None:
-        yield f"only from {axis.least_speed:g} rad/s on"
+    if axis.min_speed is not None:
+        yield f"only from {axis.min_speed:g} rad/s on"
 
 
 def _value(gate: GateConfig) -> str:
@@ -126,7 +126,7 @@ def unsaid(config: Config) -> Iterator[str]:
         if names:
             yield (
                 f"{robot.name}: {', '.join(names)}: watched as if the other axes stood still: where their pose changes"
-                " the inertia, alarms will tell of that. Let nominal values follow it ([[robot.axis.model.varying]]),"
+                " the inertia, alarms will tell of that. Let nominal values follow it ([[robot.axis.model.schedule]]),"
                 " watch a reference motion only ([[robot.axis.gate]]), or say"
                 ' conditions = "others stand still" in [robot.axis.model]'
             )

@@ -18,7 +18,7 @@ INSTEAD = 'use "cusum"'
 def follows(axis: AxisConfig) -> bool:
     """Whether nominal values follow signals."""
     found = nominal_file_of(axis)
-    return bool(axis.model.varying) or (found is not None and bool(found.varying))
+    return bool(axis.model.schedule) or (found is not None and bool(found.schedule))
 
 
 def told_apart(axis: AxisConfig) -> Iterator[Finding]:

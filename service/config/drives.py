@@ -31,7 +31,7 @@ def plain_drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
         ModelError: there is none.
     """
     drive = _modelled(axis, output).drive
-    return drive.with_mean_speed() if output is None and axis.averaged else drive
+    return drive.with_mean_speed() if output is None and axis.interval_mean else drive
 
 
 def given_values(axis: AxisConfig) -> dict[str, float]:

@@ -44,12 +44,12 @@ def _least_noise(config: Config, axis: AxisConfig) -> float | None:
 
 def _nearly_a_turn(axis: NamedAxis) -> Iterator[str]:
     angle = axis.config.angle
-    if angle is None or angle.wraps_at is None:
+    if angle is None or angle.wrap_period is None:
         return
-    turns = abs(angle.factor) * angle.wraps_at / (2 * math.pi)
+    turns = abs(angle.factor) * angle.wrap_period / (2 * math.pi)
     short = abs(turns - round(turns))
     if round(turns) > 0 and _EXACT < short < _NEARLY:
         yield (
-            f"{axis.id}: wraps_at is a turn but for {2 * math.pi * short:.2g} rad, by which the angle would jump each"
+            f"{axis.id}: wrap_period differs from a turn by {2 * math.pi * short:.2g} rad, so the angle would jump each"
             f" time; exact is {2 * math.pi * round(turns) / abs(angle.factor):.10g}"
         )

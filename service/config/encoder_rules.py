@@ -17,14 +17,14 @@ _NEARLY = 1e-3
 
 def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
     """Where gravity acts, an angle that starts again still tells where the weight stands."""
-    if axis.angle is None or axis.angle.wraps_at is None:
+    if axis.angle is None or axis.angle.wrap_period is None:
         return
     drive = usable_drive(axis)
     try:
         ratio = drive.matrix("ratio", drive.complete(watched_values(axis)))[:, 0].tolist()
     except (KeyError, ValueError):  # a value is missing, which another rule says
         return
-    period = abs(axis.angle.factor) * axis.angle.wraps_at
+    period = abs(axis.angle.factor) * axis.angle.wrap_period
     turns = [
         period * abs(r) / (2 * math.pi)
         for r, of in zip(ratio, drive.inputs, strict=True)
@@ -36,7 +36,7 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
             f"gravity needs to know where the arm stands, and the angle starts again after {parts[0]:.3g} of its turns:"
             " send one that goes on"
         )
-        yield Finding(("angle", "wraps_at"), message)
+        yield Finding(("angle", "wrap_period"), message)
 
 
 ENCODER_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (wrapping_under_gravity,)

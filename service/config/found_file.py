@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+from service.config.renamed_keys import RENAMED_KEYS
 
 
 class FoundTable(BaseModel):
@@ -51,9 +53,23 @@ def validated(whole: type[_F], content: dict[str, Any], path: Path, refusal: typ
     Raises:
         refusal: something in it is wrong; the text names the key.
     """
+    for key in _keys(content):
+        if (change := RENAMED_KEYS.get(key)) is not None:
+            raise refusal(f"{path}: {key}: is now called {change}")
     try:
         return whole.model_validate({**content, "path": path})
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(map(str, first["loc"]))
         raise refusal(f"{path}: {key}: {first['msg']}") from None
+
+
+def _keys(content: object) -> Iterator[str]:
+    """The keys of a table and of all tables in it."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield key
+            yield from _keys(value)
+    elif isinstance(content, list):
+        for value in content:
+            yield from _keys(value)

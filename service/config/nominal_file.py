@@ -68,8 +68,8 @@ class NoiseTable(FoundTable):
     output: NotNegative = 0.0
 
 
-class VaryingTable(FoundTable):
-    """[[varying]]: parameter = value + slope (signal - reference)."""
+class ScheduleTable(FoundTable):
+    """[[schedule]]: parameter = value + slope (signal - reference)."""
 
     parameter: str
     signal: str
@@ -103,7 +103,7 @@ class NominalFile(FoundTable):
     predictor: PredictorTable
     noise: NoiseTable
     values: dict[str, Real] = Field(min_length=1)
-    varying: tuple[VaryingTable, ...] = ()
+    schedule: tuple[ScheduleTable, ...] = ()
     standard_deviations: dict[str, NotNegative] = Field(default_factory=dict)
     correlation: CorrelationTable = CorrelationTable()
 

@@ -125,7 +125,7 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _measured(axis: AxisConfig) -> Output:
-    return "mean speed" if axis.averaged else axis.output
+    return "mean speed" if axis.interval_mean else axis.output
 
 
 def _found(axis: AxisConfig) -> NominalFile:

@@ -163,11 +163,11 @@ def pairing_tolerance(axis: AxisConfig) -> Iterator[Finding]:
 
 def maximum_gap(axis: AxisConfig) -> Iterator[Finding]:
     """The normal interval is no gap."""
-    if axis.maximum_gap_s < axis.sample_interval_s:
+    if axis.max_gap_s < axis.sample_interval_s:
         limit = (
             f"must be at least sample_interval_s = {axis.sample_interval_s}: every interval would be a gap"
         )
-        yield Finding(("maximum_gap_s",), limit)
+        yield Finding(("max_gap_s",), limit)
 
 
 def counter(axis: AxisConfig) -> Iterator[Finding]:

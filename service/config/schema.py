@@ -82,7 +82,7 @@ class AxisConfig(Table):
         default_factory=intervals(0.4),
         description="torque and angle (or speed) further apart than this are no sample [s]",
     )
-    maximum_gap_s: Positive = Field(
+    max_gap_s: Positive = Field(
         default_factory=intervals(10), description="a longer interval starts the predictor afresh [s]"
     )
     settling_time_s: Annotated[Real, Field(ge=0)] | None = Field(
@@ -102,7 +102,7 @@ class AxisConfig(Table):
     gate: tuple[GateConfig, ...] = Field(
         (), description="the axis is watched only while all of these are open, [[robot.axis.gate]]"
     )
-    least_speed: Positive | None = Field(
+    min_speed: Positive | None = Field(
         None, description="the axis is not watched while its motor turns more slowly than this [rad/s]"
     )
     model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
@@ -125,10 +125,10 @@ class AxisConfig(Table):
         return 1 - self.sample_interval_s / memory
 
     @property
-    def averaged(self) -> bool:
+    def interval_mean(self) -> bool:
         """The output is the mean of the speed over each interval, as the drive takes it."""
         speed = self.speed if present(self, "speed") else None
-        return speed is not None and present(speed, "averaged") and speed.averaged
+        return speed is not None and present(speed, "interval_mean") and speed.interval_mean
 
     @property
     def motion(self) -> AngleConfig | SpeedConfig:

@@ -8,8 +8,8 @@ from service.config.kinds import DriveName, FilePath, Positive, Real, Text
 from service.config.tables import Table
 
 
-class VaryingConfig(Table):
-    """[[robot.axis.model.varying]]: nominal value = that of the model + slope * (signal - reference)."""
+class ScheduleConfig(Table):
+    """[[robot.axis.model.schedule]]: nominal value = that of the model + slope * (signal - reference)."""
 
     parameter: Text = Field(description='a monitored parameter, or its reciprocal: "fm", "Ja"')
     signal: Text = Field(
@@ -70,7 +70,7 @@ class ModelConfig(Table):
         description="name = limit, or [lower, upper], of a monitored parameter or its reciprocal: when it will be"
         " reached is foretold",
     )
-    varying: tuple[VaryingConfig, ...] = Field(
+    schedule: tuple[ScheduleConfig, ...] = Field(
         (), description="nominal values that follow signals, beside those of the nominal_file"
     )
     conditions: Literal["followed", "gated", "others stand still"] | None = Field(

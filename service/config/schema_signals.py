@@ -26,7 +26,7 @@ _RESOLUTION = (
 class AngleConfig(SignalConfig):
     """[robot.axis.angle]: the motor angle."""
 
-    wraps_at: Positive | None = Field(
+    wrap_period: Positive | None = Field(
         None,
         description="the signal starts again after so much, in its own unit, before the factor: 360, 65536, 6.2831853",
     )
@@ -36,7 +36,7 @@ class AngleConfig(SignalConfig):
 class SpeedConfig(SignalConfig):
     """[robot.axis.speed]: the motor speed."""
 
-    averaged: bool = Field(
+    interval_mean: bool = Field(
         False,
         strict=True,
         description="the drive sends the mean of the speed over each sample interval, not the speed at the sample",
@@ -56,7 +56,7 @@ class FurtherConfig(Table):
     column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
     factor: Real = Field(1.0, description="value = factor * signal + offset")
     offset: Real = Field(0.0, description="value = factor * signal + offset")
-    maximum_age_s: Positive = Field(
+    max_age_s: Positive = Field(
         10.0, description="a value received longer ago than this is no longer believed [s]"
     )
 

@@ -35,13 +35,13 @@ class EstimatorConfig(Table):
         lt=1,
         description="in place of memory_s: lambda per sample, memory is 1/(1 - lambda) samples",
     )
-    least_information: Real = Field(
+    information_floor: Real = Field(
         0.05,
         ge=0,
         le=0.5,
         description="share of the information at commissioning that is never forgotten; 0: the paper's, without",
     )
-    least_excitation: Real = Field(
+    min_excitation: Real = Field(
         0.05,
         ge=0,
         le=0.5,
@@ -99,7 +99,7 @@ class DetectorConfig(Table):
     )
     alpha_1: Real = Field(3.0, ge=0, description="drift nu = alpha_1 standard deviations")
     alpha_2: Positive = Field(20.0, description="threshold h = alpha_2 times the size of the parameter")
-    widening: Real = Field(
+    covariance_reset: Real = Field(
         0.0,
         ge=0,
         le=1e6,
@@ -121,7 +121,7 @@ class TrendConfig(Table):
         le=86400,
         description="operating time [s] of one mean of the slow history; forecasts need 120 times as long",
     )
-    warn_before: Annotated[Positive, BeforeValidator(_time)] = Field(
+    lead_time: Annotated[Positive, BeforeValidator(_time)] = Field(
         "14 days",
         validate_default=True,
         description='an alarm is raised when a limit may be reached within this time, such as "14 days"',

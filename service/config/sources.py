@@ -18,7 +18,7 @@ class Source(NamedTuple):
     column: str | None
     factor: float
     offset: float
-    maximum_age_s: float
+    max_age_s: float
     axis: str | None = None
     """The other axis of the robot whose motion it is"""
 
@@ -28,11 +28,11 @@ def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source
     axes = {other.name: other for other in robot}
     for s in axis.signal:
         if s.axis is None:
-            yield Source(s.name, s.message, s.signal, s.column, s.factor, s.offset, s.maximum_age_s)
+            yield Source(s.name, s.message, s.signal, s.column, s.factor, s.offset, s.max_age_s)
             continue
         other = axes[s.axis].motion
         factor, offset = s.factor * other.factor, s.factor * other.offset + s.offset
         column = s.column if s.column is not None else other.column
         # Without a bus a motion has no message.
         message, signal = other.message or None, other.signal or None
-        yield Source(s.name, message, signal, column, factor, offset, s.maximum_age_s, s.axis)
+        yield Source(s.name, message, signal, column, factor, offset, s.max_age_s, s.axis)

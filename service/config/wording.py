@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, get_args
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from service.config import renamed_keys
 from service.config.positions import Keys
 from service.config.schema import Config
 from service.config.tables import Table
@@ -65,7 +66,8 @@ def _follows(error: ErrorDetails) -> bool:
 def _message(error: ErrorDetails) -> str:
     field, table = _schema_at(error["loc"])
     if error["type"] == "extra_forbidden" and table is not None:
-        return f"unknown key: {did_you_mean(str(error['loc'][-1]), table.model_fields)}"
+        key = str(error["loc"][-1])
+        return renamed_keys.hint(key) or f"unknown key: {did_you_mean(key, table.model_fields)}"
     rule = _RULES.get(error["type"], error["msg"]).format_map(_limits(error))
     return f"{rule} ({field.description})" if field is not None and field.description else rule
 

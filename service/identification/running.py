@@ -40,7 +40,7 @@ def run(task: Task, provenance: Provenance, progress: Progress | None = None) ->
     growth = grown(task, lambda done, most: told("rows of masses", done, most))
     try:
         estimate = _best(task, records, progress)
-        if task.axis.config.averaged:
+        if task.axis.config.interval_mean:
             estimate = _averaged(estimate, records, told)
         quarantined = [one.record for one in task.validation]
         validation = traces_of(estimate.problem, quarantined) if quarantined else ()

@@ -61,7 +61,7 @@ def asked(texts: Sequence[str], axis: AxisConfig) -> Asked:
         parameter, colon, terms = (part.strip() for part in text.partition(":"))
         if not (parameter and colon and terms):
             raise IdentificationError(
-                f'--varying "{text}": write PARAMETER: SIGNAL, as "fm: temperature" or "Ja: payload, cos(angle2)"'
+                f'--schedule "{text}": write PARAMETER: SIGNAL, as "fm: temperature" or "Ja: payload, cos(angle2)"'
             )
         for term in terms.split(","):
             name = _term(term.strip(), axis)

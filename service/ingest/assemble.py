@@ -70,7 +70,7 @@ class Assembler:
     Args:
         interval_s: sample interval [s].
         tolerance_s: pairing tolerance [s], below half an interval.
-        maximum_gap_s: a step back in time by more than this is taken for a clock that was set back [s].
+        max_gap_s: a step back in time by more than this is taken for a clock that was set back [s].
         patience: a value waits for its partner for so many intervals.
 
     Raises:
@@ -78,7 +78,7 @@ class Assembler:
     """
 
     def __init__(
-        self, interval_s: float, tolerance_s: float, maximum_gap_s: float, patience: float = 1.0
+        self, interval_s: float, tolerance_s: float, max_gap_s: float, patience: float = 1.0
     ) -> None:
         if not 0 < tolerance_s < interval_s / 2:
             raise IngestError(
@@ -87,7 +87,7 @@ class Assembler:
             )
         self._interval_us = interval_s * 1e6
         self._tolerance_us = tolerance_s * 1e6
-        self._gap_us = maximum_gap_s * 1e6
+        self._gap_us = max_gap_s * 1e6
         self._patience_us = patience * self._interval_us
         self._lanes: dict[Kind, _Lane] = {"torque": _Lane(), "motion": _Lane()}
         self._newest_us: int | None = None  # of all values received

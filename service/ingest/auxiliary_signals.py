@@ -21,7 +21,7 @@ class HeldSignal:
         self.name, self.key = source.name, key
         self.message, self.signal = source.message, source.signal
         self.factor, self.offset = source.factor, source.offset
-        self._most_us = source.maximum_age_s * 1e6
+        self._most_us = source.max_age_s * 1e6
         self._value, self._t_us = math.nan, 0
 
     def take(self, t_us: int, signals: Mapping[str, float]) -> None:
@@ -52,7 +52,7 @@ class HeldColumns:
         values = np.empty((len(time_us), len(self._sources)))
         for k, source in enumerate(self._sources):
             raw = source.factor * columns[str(source.column)] + source.offset
-            values[:, k] = self._held(k, time_us, raw, source.maximum_age_s * 1e6)
+            values[:, k] = self._held(k, time_us, raw, source.max_age_s * 1e6)
         return values
 
     def _held(self, k: int, time_us: Floats, raw: Floats, most_us: float) -> Floats:

@@ -28,7 +28,7 @@ class Quantity(NamedTuple):
     signal: str
     factor: float = 1.0
     offset: float = 0.0
-    wraps_at: float | None = None
+    wrap_period: float | None = None
 
     def value(self, signals: Mapping[str, float]) -> float | None:
         """The value in SI units; None where a multiplexed signal is absent."""
@@ -90,7 +90,7 @@ class AxisInput:
             self.assembler = Assembler(
                 config.sample_interval_s,
                 config.pairing_tolerance_s,
-                config.maximum_gap_s,
+                config.max_gap_s,
                 _HELD if cyclic else 1.0,
             )
         except IngestError as error:
@@ -229,5 +229,5 @@ class AxisInput:
 
 def _quantity(name: str, source: SignalConfig, decoder: Decoder) -> Quantity:
     key = decoder.key(source.message)
-    wraps_at = source.wraps_at if isinstance(source, AngleConfig) else None
-    return Quantity(name, key, source.message, source.signal, source.factor, source.offset, wraps_at)
+    wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
+    return Quantity(name, key, source.message, source.signal, source.factor, source.offset, wrap_period)

@@ -74,7 +74,7 @@ class Turns:
 
 def turns_of(config: AxisConfig) -> Turns | None:
     """What makes the angle of an axis whole; None: it does not start again."""
-    if config.angle is None or config.angle.wraps_at is None:
+    if config.angle is None or config.angle.wrap_period is None:
         return None
-    period = abs(config.angle.factor) * config.angle.wraps_at
-    return Turns(period, round(config.maximum_gap_s * 1e6))
+    period = abs(config.angle.factor) * config.angle.wrap_period
+    return Turns(period, round(config.max_gap_s * 1e6))

@@ -69,7 +69,7 @@ class Trends:
                 AxisHistory(model.monitored, axis.config.trend.interval_s),
                 limits_of(axis.config, model),
                 axis.config.trend.interval_s,
-                round(axis.config.trend.warn_before * 1e6),
+                round(axis.config.trend.lead_time * 1e6),
                 f"slow history 1 {key}",
             )
             for axis, model, key in zip(axes, models, keys, strict=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from monitor_core.calibration.doubts import duration
+from monitor_core.calibration.result import DetectorResult
 from monitor_core.detection.detector_protocol import DetectorName
-from service.calibration.found import Calibration
-from service.calibration.told import Told
 from service.reports.calibration_plots import power_picture
+from service.reports.calibration_report import Calibration
 from service.reports.calibration_words import (
     DETECTORS,
     HYPOTHESIS_TITLES,
@@ -41,33 +41,37 @@ from service.reports.words import escaped, percent
 _LEFT = ("fault", "how", "named first", "named", "")
 
 
-def as_html(of: Calibration) -> str:
+def as_html(calibration: Calibration) -> str:
     """The whole page."""
-    p = of.provenance
+    p = calibration.provenance
     subtitle = f"{escaped(p.date[:10])}, axiswatch {escaped(p.version)}"
-    return document(f"Calibration of {of.axis.id}", subtitle, *_content(of))
+    return document(f"Calibration of {calibration.axis.id}", subtitle, *_content(calibration))
 
 
-def _content(of: Calibration) -> Iterator[str]:
-    first, *others = of.told
-    yield verdict("warn" if of.warnings else "good", "Thresholds found:", f"{first.promise}.")
-    yield tiles(_tiles(of))
-    if of.warnings:
-        yield section("What to know", sentences(of.warnings))
-    promised = listed(escaped(words) for words in promises(of))
+def _content(calibration: Calibration) -> Iterator[str]:
+    first, *others = calibration.detectors
+    yield verdict("warn" if calibration.warnings else "good", "Thresholds found:", f"{first.promise}.")
+    yield tiles(_tiles(calibration))
+    if calibration.warnings:
+        yield section("What to know", sentences(calibration.warnings))
+    promised = listed(escaped(words) for words in promises(calibration))
     yield section("Which detector alarms", promised, legend(_KIND) if others else "")
     if first.caught:
-        yield section("What will be found", *_power(of), legend(_INJECTED), *_smallest(of))
-    for one in of.told:
+        yield section("What will be found", *_power(calibration), legend(_INJECTED), *_smallest(calibration))
+    for one in calibration.detectors:
         if one.caught:
-            yield section(f"By the {DETECTORS[one.detector]}, {part(of, one)}", *_found(of, one))
+            yield section(
+                f"By the {DETECTORS[one.detector]}, {part(calibration, one)}", *_found(calibration, one)
+            )
     yield section(
-        "Thresholds of the CUSUM tests", _rows(THRESHOLD_TITLES, threshold_rows(of)), legend(_THRESHOLDS)
+        "Thresholds of the CUSUM tests",
+        _rows(THRESHOLD_TITLES, threshold_rows(calibration)),
+        legend(_THRESHOLDS),
     )
-    if of.bank is not None:
-        hypotheses = _rows(HYPOTHESIS_TITLES, hypothesis_rows(of))
+    if calibration.result.bank is not None:
+        hypotheses = _rows(HYPOTHESIS_TITLES, hypothesis_rows(calibration))
         yield section("Thresholds of the bank of hypotheses", hypotheses, legend(_BANK))
-    yield section("Where it comes from", _provenance(of))
+    yield section("Where it comes from", _provenance(calibration))
 
 
 _KIND = (
@@ -95,40 +99,44 @@ _BANK = (
 )
 
 
-def _tiles(of: Calibration) -> Iterator[tuple[str, str]]:
-    first = of.told[0]
+def _tiles(calibration: Calibration) -> Iterator[tuple[str, str]]:
+    first = calibration.detectors[0]
     most, low, _ = first.between_s
     yield f"1 in {duration(most)}", f"false alarms of the {DETECTORS[first.detector]}, most likely"
     yield (
         f"1 in {duration(low)}",
-        f"at worst, with 95 % certainty; wanted: no more than 1 in {duration(of.budget_s)}",
+        f"at worst, with 95 % certainty; wanted: no more than 1 in {duration(calibration.result.budget_s)}",
     )
-    for name in of.model.monitored:
+    within = f"{calibration.result.within_s:.3g} s"
+    for name in calibration.result.model.monitored:
         sizes = [abs(v) for v in first.smallest(name) if v is not None]
         words = percent(max(sizes)) if len(sizes) == 2 else "-"
-        yield words, f"smallest change of {escaped(name)}, up and down, found within {of.within_s:.3g} s"
+        yield (
+            words,
+            f"smallest change of {escaped(name)}, up and down, found within {within}",
+        )
 
 
-def _smallest(of: Calibration) -> Iterator[str]:
+def _smallest(calibration: Calibration) -> Iterator[str]:
     yield legend(
-        f"Smallest change that is found within {of.within_s:.3g} s in 9 of 10, of those that were tried:"
+        f"Smallest change found within {calibration.result.within_s:.3g} s from 9 of 10 onsets, of those tried:"
     )
-    yield _rows(smallest_titles(of), smallest_rows(of))
+    yield _rows(smallest_titles(calibration), smallest_rows(calibration))
 
 
-def _found(of: Calibration, one: Told) -> Iterator[str]:
-    yield _rows(fault_titles(of, one), fault_rows(of, one))
+def _found(calibration: Calibration, one: DetectorResult) -> Iterator[str]:
+    yield _rows(fault_titles(calibration, one), fault_rows(calibration, one))
     yield _rows(confusion_titles(one), confusion_rows(one))
     yield legend(f"Faults of all sizes that were tried, and what they were called. {_NAMES[one.detector]}")
 
 
-def _power(of: Calibration) -> Iterator[str]:
-    for number, name in enumerate(of.model.monitored):
-        how = {one.exact for one in of.caught if one.fault.parameter == name}
+def _power(calibration: Calibration) -> Iterator[str]:
+    for number, name in enumerate(calibration.result.model.monitored):
+        how = {one.exact for one in calibration.result.caught if one.fault.parameter == name}
         if not how:
             continue
         words = "exact" if how == {True} else "simulated"
-        picture = power_picture(of, name, number)
+        picture = power_picture(calibration, name, number)
         yield f"<figure><figcaption>{escaped(name)} ({words})</figcaption>{picture}</figure>"
 
 
@@ -146,11 +154,11 @@ def _rows(titles: Iterable[str], rows: Iterable[tuple[str, ...]]) -> str:
     return table(heads(titles, (title for title in titles[1:] if title not in _LEFT)), cells)
 
 
-def _provenance(of: Calibration) -> str:
-    p = of.provenance
+def _provenance(calibration: Calibration) -> str:
+    p = calibration.provenance
     sources = (
         f"{escaped(s.text)}: {s.samples} samples, {s.seconds:.4g} s<br><span class='hash'>sha256 {s.sha256}</span>"
-        for s in of.sources
+        for s in calibration.sources
     )
     again = f"<p>axiswatch {escaped(p.version)}, {escaped(p.date)}. To do it again:</p><pre>{escaped(p.command)}</pre>"
     return listed(sources) + again

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from service.calibration.found import Calibration
-from service.calibration.told import FOUND, Told
+from monitor_core.calibration.result import FOUND_SHARE, DetectorResult
+from service.reports.calibration_report import Calibration
 from service.reports.calibration_words import DETECTORS
 from service.reports.plot_style import FOUND as LINE
 from service.reports.plot_style import GRID, SIMULATED, as_svg, figure
@@ -19,15 +19,15 @@ _COLOURS = (LINE, SIMULATED)
 """Of the detector that alarms, and of the other."""
 
 
-def power_picture(of: Calibration, name: str, number: int) -> str:
+def power_picture(calibration: Calibration, name: str, number: int) -> str:
     """Of the faults of one parameter: how many are found in time, and how soon."""
     with figure(_HEIGHT) as drawn:
         left, right = drawn.subplots(1, 2)
-        for told, colour in zip(of.told, _COLOURS, strict=False):
+        for told, colour in zip(calibration.detectors, _COLOURS, strict=False):
             _curves(told, name, left, right, colour)
-        left.axhline(100 * FOUND, color=GRID, lw=1)
+        left.axhline(100 * FOUND_SHARE, color=GRID, lw=1)
         left.set_ylim(-3, 103)
-        left.set_title(f"found within {of.within_s:.3g} s [%]")
+        left.set_title(f"found within {calibration.result.within_s:.3g} s [%]")
         right.set_ylim(bottom=0)
         right.set_title("delay of the first alarm [s], of 9 of 10 dashed")
         for axes in (left, right):
@@ -39,7 +39,7 @@ def power_picture(of: Calibration, name: str, number: int) -> str:
         )
 
 
-def _curves(told: Told, name: str, left: Axes, right: Axes, colour: str) -> None:
+def _curves(told: DetectorResult, name: str, left: Axes, right: Axes, colour: str) -> None:
     """What one detector finds; where it finds nothing in what was looked at, there is no delay."""
     mine = sorted((one for one in told.caught if one.fault.parameter == name), key=lambda one: one.fault.size)
     sizes = [100 * one.fault.size for one in mine]

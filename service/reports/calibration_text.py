@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.calibration.found import Calibration
+from service.reports.calibration_report import Calibration
 from service.reports.calibration_words import (
     DETECTORS,
     HYPOTHESIS_TITLES,
@@ -30,23 +30,25 @@ _WHOLE = 2
 """Columns that are not broken: of what a row is."""
 
 
-def print_text(of: Calibration, console: Console) -> None:
+def print_text(calibration: Calibration, console: Console) -> None:
     """The promise; faults and names, by the detector that alarms; thresholds."""
-    console.print(Text(of.axis.id, style="bold"))
-    for words in promises(of):
+    console.print(Text(calibration.axis.id, style="bold"))
+    for words in promises(calibration):
         console.print(Text(words), soft_wrap=True)
-    first = of.told[0]
+    first = calibration.detectors[0]
     if first.caught:
-        title = f"Smallest change found within {of.within_s:.3g} s, in 9 of 10"
-        console.print(_table(title, smallest_titles(of), smallest_rows(of)))
+        title = f"Smallest change found within {calibration.result.within_s:.3g} s, in 9 of 10"
+        console.print(_table(title, smallest_titles(calibration), smallest_rows(calibration)))
         by = f"by the {DETECTORS[first.detector]}"
-        title = f"Faults that begin at {of.onsets} places of the record, {by}"
-        console.print(_table(title, fault_titles(of, first), fault_rows(of, first)))
+        title = f"Faults that begin at {calibration.result.onsets} places of the record, {by}"
+        console.print(_table(title, fault_titles(calibration, first), fault_rows(calibration, first)))
         console.print(_table(f"Names, all sizes, {by}", confusion_titles(first), confusion_rows(first)))
-    console.print(_table("Thresholds of the CUSUM tests", THRESHOLD_TITLES, threshold_rows(of)))
-    if of.bank is not None:
-        console.print(_table("Thresholds of the bank of hypotheses", HYPOTHESIS_TITLES, hypothesis_rows(of)))
-    for words in of.warnings:
+    console.print(_table("Thresholds of the CUSUM tests", THRESHOLD_TITLES, threshold_rows(calibration)))
+    if calibration.result.bank is not None:
+        console.print(
+            _table("Thresholds of the bank of hypotheses", HYPOTHESIS_TITLES, hypothesis_rows(calibration))
+        )
+    for words in calibration.warnings:
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
 
 

@@ -28,7 +28,7 @@ def as_json(found: Found) -> str:
         "trustworthy": not found.trustworthy(),
         "why_not": found.trustworthy() or None,
         "parameters": [_parameter(row) for row in found.rows()],
-        "varying": [_slope(one) for one in found.slopes()],
+        "schedule": [_slope(one) for one in found.slopes()],
         "masses": _growth(found.growth) if found.growth else None,
         "names": list(e.names),
         "covariance": _numbers(e.covariance),

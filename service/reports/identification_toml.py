@@ -112,7 +112,7 @@ def _about(name: str, rows: Mapping[str, Row], found: Found) -> str:
 def _varying(s: Slope) -> Iterator[str]:
     f = s.follows
     yield f"# {_one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
-    yield "[[varying]]"
+    yield "[[schedule]]"
     yield f"parameter = {_text(f.parameter)}"
     yield f"signal = {_text(f.term)}  # of [[robot.axis.signal]] in the configuration"
     yield f"slope = {_number(s.slope)}"

@@ -49,7 +49,7 @@ class ControlledAxis:
         self.id, self.interval_s = axis.id, config.sample_interval_s
         predictor = predictor_of(config)
         self._delay_s = predictor.torque_delay_s
-        self._output, self._averaged = config.output, config.averaged
+        self._output, self._averaged = config.output, config.interval_mean
         self._rng = rng
         # With the angle among its states, whichever of angle and speed is sent.
         self._given = given_values(config)

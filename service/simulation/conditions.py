@@ -31,7 +31,7 @@ class SimulatedConditions:
         self._sources = needed(axis)
         self._swings = [_swing(source.name, conditions) for source in self._sources]
         self._model = axis_model(axis.config)
-        self._operating = Operating(self._model, replace(conditions, gates=(), least_speed=0.0))
+        self._operating = Operating(self._model, replace(conditions, gates=(), min_speed=0.0))
 
     def signals(self, time_s: float, others: Mapping[str, float]) -> tuple[float, ...]:
         """The signals at that time; ``others`` is what the other axes of the robot send of their motion, by name."""

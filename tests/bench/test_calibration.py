@@ -9,13 +9,14 @@ from time import perf_counter, process_time
 import numpy as np
 import pytest
 
+from monitor_core.calibration.calibrate import OBSERVED_SHARE, WITHIN_MEMORIES, CalibrationOptions
 from monitor_core.calibration.surrogate import LANES, SAMPLES
 from monitor_core.monitoring.axis_batch import AxisBatch
-from service.calibration.found import Provenance
-from service.calibration.reading import read
-from service.calibration.running import LOOKED_AT, WITHIN, Wishes, calibrate
+from service.commands.calibrate import calibrate_axis
 from service.config import load
 from service.config.axis_settings import axis_model, axis_settings
+from service.ingest.calibration_records import read
+from service.reports.calibration_report import Provenance
 from tests.bench.measure import Say
 from tests.service.identification.conftest import write_record, write_robot
 
@@ -36,14 +37,16 @@ def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
     def told(part: str, _: float, __: float) -> None:
         ends[part] = process_time(), perf_counter()
 
-    def run(text: str, wishes: Wishes) -> None:
+    def run(text: str, wishes: CalibrationOptions) -> None:
         ends.clear()
         told("start", 0.0, 0.0)
-        calibrate(config, config.axes[0], [text], wishes, Provenance("", "", ""), told)
+        calibrate_axis(config, config.axes[0], [text], wishes, Provenance("", "", ""), told)
         told("the rest", 0.0, 0.0)
 
-    run(f"{record}@0:60", Wishes(600.0, None, (0.2,), 4, copies=100_000, bank_copies=25_000))  # compiles
-    run(str(record), Wishes(BUDGET_S, None, SIZES, ONSETS))
+    run(
+        f"{record}@0:60", CalibrationOptions(600.0, None, (0.2,), 4, copies=100_000, bank_copies=25_000)
+    )  # compiles
+    run(str(record), CalibrationOptions(BUDGET_S, None, SIZES, ONSETS))
     rows: list[tuple[str, str, str]] = [
         (part, f"{cpu1 - cpu0:.1f}", f"{wall1 - wall0:.1f}")
         for (_, (cpu0, wall0)), (part, (cpu1, wall1)) in pairwise(ends.items())
@@ -62,7 +65,7 @@ def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
 
 def _samples() -> float:
     """That the monitors of copies and of faulty records see."""
-    axis_s = WITHIN * LOOKED_AT  # the memory is a second
+    axis_s = WITHIN_MEMORIES * OBSERVED_SHARE  # the memory is a second
     return SAMPLES + 3 * 2 * len(SIZES) * ONSETS * axis_s * 200
 
 

@@ -166,7 +166,7 @@ def test_all_gates_must_be_open() -> None:
 
 
 def test_slow_is_gated_by_the_measured_speed() -> None:
-    operating = Operating(TURNING, Conditions(least_speed=0.5))
+    operating = Operating(TURNING, Conditions(min_speed=0.5))
     shift, gate = operating.take(np.arange(4) * 5000, np.array([0.4, -0.5, 2.0, NAN]), None)
     assert gate.tolist() == [False, True, True, False]
     assert not shift.any()
@@ -174,7 +174,7 @@ def test_slow_is_gated_by_the_measured_speed() -> None:
 
 
 def test_slow_is_gated_by_the_way_from_angle_to_angle() -> None:
-    operating = Operating(MODEL, Conditions(least_speed=0.5))
+    operating = Operating(MODEL, Conditions(min_speed=0.5))
     t_us = np.array([0, 5000, 10_000, 20_000, 20_000, 25_000, 30_000])
     angle = np.array([1.0, 1.01, 1.0, 1.004, 3.0, NAN, 3.03])
     _, gate = operating.take(t_us, angle, None)
@@ -187,7 +187,7 @@ def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
     inertia = Follow("Ja", Term("cos", "angle2"), 20.0, 0.1)
     conditions = Conditions(
-        ("temperature", "angle2", "mode"), (FRICTION, inertia), (Gate("mode", (1.0, 2.0)),), least_speed=1.0
+        ("temperature", "angle2", "mode"), (FRICTION, inertia), (Gate("mode", (1.0, 2.0)),), min_speed=1.0
     )
     t_us, y = np.cumsum(rng.integers(0, 6000, 60)), np.cumsum(rng.normal(0, 0.005, 60))
     signals = np.column_stack(
@@ -237,4 +237,4 @@ def test_conditions_say_whether_there_are_any() -> None:
     assert not Conditions(("temperature",))
     assert Conditions((), (FRICTION,))
     assert Conditions((), (), (Gate("mode"),))
-    assert Conditions(least_speed=0.1)
+    assert Conditions(min_speed=0.1)

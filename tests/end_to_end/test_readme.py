@@ -133,7 +133,7 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     (tmp_path / "warm.csv").write_text("\n".join((rows[0] + ",temp", *warmer, "")), encoding="utf-8")
     done = run_program(*arguments(warm, tmp_path), patience_s=300)
     assert done.returncode == 0, done.stderr
-    (slope,) = tomllib.loads((tmp_path / "nominal-warm.toml").read_text(encoding="utf-8"))["varying"]
+    (slope,) = tomllib.loads((tmp_path / "nominal-warm.toml").read_text(encoding="utf-8"))["schedule"]
     assert abs(slope["slope"]) < 5 * slope["standard_deviation"] + 0.001 * values["fm"]
 
 

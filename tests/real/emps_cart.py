@@ -9,19 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.calibration.calibrate import CalibrationOptions
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import load_of, torque
 from monitor_core.detection.alarm import Alarm
 from monitor_core.drive.assembly import Assembly
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from service.calibration.found import Calibration, Provenance
-from service.calibration.reading import read
-from service.calibration.running import Wishes, calibrate
+from service.commands.calibrate import calibrate_axis
 from service.config import Config, load
 from service.identification.found import Provenance as Identified
 from service.identification.running import run
 from service.identification.task import Wishes as Wanted
 from service.identification.task import task_of
+from service.ingest.calibration_records import read
+from service.reports.calibration_report import Calibration, Provenance
 from service.reports.identification_toml import as_toml
 
 CART = """model Cart "A motor on a ball screw with a cart: a shaft whose angle in rad is the position in m"
@@ -111,37 +112,37 @@ def configured(folder: Path, text: str) -> Config:
 
 def calibrated(config: Config, half: Half, budget_s: float = BUDGET_S) -> Calibration:
     """Thresholds from that half, as ``axiswatch calibrate`` finds them."""
-    wishes = Wishes(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=500_000)
-    return calibrate(config, config.axes[0], [half.text], wishes, Provenance("", "", ""))
+    wishes = CalibrationOptions(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=500_000)
+    return calibrate_axis(config, config.axes[0], [half.text], wishes, Provenance("", "", ""))
 
 
 def samples(config: Config, found: Calibration, text: str) -> Samples:
     """The record, or a part of it, through the pipeline of the daemon."""
-    (one,), _ = read([text], config, config.axes[0], found.model)
+    (one,), _ = read([text], config, config.axes[0], found.result.model)
     return one
 
 
 def faulty(found: Calibration, one: Samples, change: Mapping[str, float], start: int) -> Samples:
     """From sample ``start`` on these parameters are off by such parts: the force that the same motion needed."""
-    nominal = found.model.nominal
+    nominal = found.result.model.nominal
     values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
-    load = load_of(found.model, values)
+    load = load_of(found.result.model, values)
     assert load is not None  # exact
-    assembly = Assembly(found.model.drive, found.model.monitored)
-    u_scale = assembly.model_constants(found.model, found.settings.speed_scale)["u_scale"]
+    assembly = Assembly(found.result.model.drive, found.result.model.monitored)
+    u_scale = assembly.model_constants(found.result.model, found.result.settings.speed_scale)["u_scale"]
     u = one.u.copy()
-    u[start:] = torque(found.model, found.settings, one, load, u_scale)[start:]
+    u[start:] = torque(found.result.model, found.result.settings, one, load, u_scale)[start:]
     return one._replace(u=u)
 
 
 def said(found: Calibration, one: Samples) -> tuple[list[Alarm], AxisMonitor]:
     """All that the monitor reports of it, and the monitor."""
-    monitor = AxisMonitor(found.model, found.settings)
+    monitor = AxisMonitor(found.result.model, found.result.settings)
     return monitor.run(one.t_us, one.u, one.y), monitor
 
 
 def peak_of_g(found: Calibration, one: Samples) -> float:
     """Largest g over its threshold, of any test."""
-    monitor = AxisMonitor(found.model, found.settings)
+    monitor = AxisMonitor(found.result.model, found.result.settings)
     _, trace = monitor.run_traced(one.t_us, one.u, one.y)
     return float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))

@@ -16,7 +16,7 @@ import pytest
 from monitor_core.calibration.doubts import CalibrationError
 from monitor_core.calibration.healthy import Samples
 from monitor_core.detection.alarm import Alarm
-from service.calibration.found import Calibration
+from service.reports.calibration_report import Calibration
 from tests.real.emps_cart import (
     BUDGET_S,
     Half,
@@ -68,7 +68,7 @@ def learned_from(which: int, budget_s: float, records_dir: Path, tmp: pytest.Tem
     folder = identified(tmp.mktemp("emps"), own)
     config = watched(folder, WATCHED)
     found = calibrated(config, own, budget_s)
-    print(f"EMPS: {found.tests.promise}; {found.settings.thresholds}")
+    print(f"EMPS: {found.result.tests.promise}; {found.result.settings.thresholds}")
     return Halves(found, samples(config, found, other.text), folder, own)
 
 
@@ -82,14 +82,14 @@ def test_the_other_half_is_quiet(half: Halves) -> None:
 
 def watch(half: Halves, change: Mapping[str, float], begins_s: float) -> tuple[float, Alarm]:
     """Delay and last state of the only alarm."""
-    start = round(begins_s / half.found.settings.interval_s)
+    start = round(begins_s / half.found.result.settings.interval_s)
     episodes, _ = said(half.found, faulty(half.found, half.other, change, start))
     assert len({(e.raised_us, e.first) for e in episodes}) == 1
     delay_s = (episodes[0].raised_us - int(half.other.t_us[start])) * 1e-6
     e = episodes[-1]
     print(
         f"EMPS {change} at {begins_s:g} s: {e.parameter} {e.direction} ({e.stage}, first {e.first[0]}) after"
-        f" {delay_s:.2f} s, {100 * e.size / half.found.model.nominal[e.parameter]:+.0f} %"
+        f" {delay_s:.2f} s, {100 * e.size / half.found.result.model.nominal[e.parameter]:+.0f} %"
     )
     assert e.doubt == ""
     return delay_s, e

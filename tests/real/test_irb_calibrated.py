@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from monitor_core.calibration.calibrate import CalibrationOptions
 from monitor_core.calibration.doubts import CalibrationError
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from service.calibration.found import Calibration, Provenance
-from service.calibration.running import Wishes, calibrate
+from service.commands.calibrate import calibrate_axis
+from service.reports.calibration_report import Calibration, Provenance
 from tests.real.irb import Record, configuration, read, with_torque_constant, with_viscous_friction
 
 pytestmark = pytest.mark.records
@@ -23,8 +24,8 @@ BUDGET_S = 600.0
 
 def calibrated(path: Path, budget_s: float) -> Calibration:
     config = configuration()
-    wishes = Wishes(budget_s, WITHIN_S, (0.3,), 10, copies=2_000_000, bank_copies=500_000)
-    return calibrate(config, config.axes[0], [str(path)], wishes, Provenance("", "", ""))
+    wishes = CalibrationOptions(budget_s, WITHIN_S, (0.3,), 10, copies=2_000_000, bank_copies=500_000)
+    return calibrate_axis(config, config.axes[0], [str(path)], wishes, Provenance("", "", ""))
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def found(path: Path) -> Calibration:
 
 
 def test_the_healthy_record_is_quiet(found: Calibration, path: Path) -> None:
-    monitor = AxisMonitor(found.model, found.settings)
+    monitor = AxisMonitor(found.result.model, found.result.settings)
     episodes, trace = monitor.run_traced(*read(path))
     assert episodes == []
     assert (trace.g.max(axis=(0, 1)) < 0.5 * monitor.batch.thresholds[:, 0]).all()
@@ -59,7 +60,7 @@ def test_a_fault_in_the_second_half_is_named_in_time(
     record: Record = read(path)
     start = len(record.u) // 2
     faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
-    episodes = AxisMonitor(found.model, found.settings).run(*faulty)
+    episodes = AxisMonitor(found.result.model, found.result.settings).run(*faulty)
     assert {(e.parameter, e.direction) for e in episodes} == {alarm}
     delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
     print(f"irb {alarm}: {delay_s:.2f} s")
@@ -74,17 +75,24 @@ def test_the_bank_with_its_own_thresholds_is_quiet_and_finds_the_same_faults(
     found: Calibration, path: Path, torque_constant: float, viscous: float, name: str
 ) -> None:
     """At first sight the name may be another one; after three memories it is right."""
-    assert found.bank is not None
+    assert found.result.bank is not None
     record: Record = read(path)
-    limits = Limits(1.0, found.bank.limits.own)
+    limits = Limits(1.0, found.result.bank.limits.own)
+    model, settings = found.result.model, found.result.settings
     watched = AxisMonitor(
-        found.model, found.settings, MultiModelDetector(found.model, found.settings, limits), "bank"
+        model,
+        settings,
+        MultiModelDetector(model, settings, limits),
+        "bank",
     )
     assert watched.run(*record) == []
     start = len(record.u) // 2
     faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
     watched = AxisMonitor(
-        found.model, found.settings, MultiModelDetector(found.model, found.settings, limits), "bank"
+        model,
+        settings,
+        MultiModelDetector(model, settings, limits),
+        "bank",
     )
     episodes = watched.run(*faulty)
     delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6

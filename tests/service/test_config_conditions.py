@@ -27,7 +27,7 @@ MODE = """[[robot.axis.signal]]
 name = "mode"
 message = "RobotState"
 signal = "Mode"
-maximum_age_s = 2.0
+max_age_s = 2.0
 """
 OTHER = """[[robot.axis.signal]]
 name = "speed2"
@@ -41,13 +41,13 @@ equals = [3, 4.0]
 signal = "temperature"
 above = 5
 """
-VARYING = """[[robot.axis.model.varying]]
+VARYING = """[[robot.axis.model.schedule]]
 parameter = "fm"
 signal = "temperature"
 slope = -0.0004
 reference = 40.0
 range = [20.0, 60.0]
-[[robot.axis.model.varying]]
+[[robot.axis.model.schedule]]
 parameter = "kT"
 signal = "cos(speed2)"
 slope = 0.1
@@ -78,7 +78,7 @@ def loaded(folder: Path, content: str) -> Config:
 def test_all_that_may_be_said(folder: Path) -> None:
     config = loaded(
         folder,
-        text(model='conditions = "followed"\n').replace("_s = 0.005", "_s = 0.005\nleast_speed = 0.2", 1),
+        text(model='conditions = "followed"\n').replace("_s = 0.005", "_s = 0.005\nmin_speed = 0.2", 1),
     )
     axis, second = config.axes
     assert conditions_of(axis) == Conditions(
@@ -90,7 +90,7 @@ def test_all_that_may_be_said(folder: Path) -> None:
         (Gate("mode", (3.0, 4.0)), Gate("temperature", above=5.0)),
         0.2,
     )
-    assert [(s.name, s.message, s.factor, s.maximum_age_s) for s in needed(axis)] == [
+    assert [(s.name, s.message, s.factor, s.max_age_s) for s in needed(axis)] == [
         ("temperature", "RobotState", 1.0, 10.0),
         ("mode", "RobotState", 1.0, 2.0),
         ("speed2", "Axis2Speed", 0.01, 10.0),
@@ -136,8 +136,8 @@ MISTAKES = {
         'did you mean "RobotState"?',
     ),
     "no age": (
-        text(TEMPERATURE + "maximum_age_s = 0\n", "", ""),
-        "signal[1].maximum_age_s",
+        text(TEMPERATURE + "max_age_s = 0\n", "", ""),
+        "signal[1].max_age_s",
         "must be greater than 0",
     ),
     "gate of nothing": (
@@ -186,48 +186,48 @@ MISTAKES = {
     ),
     "unknown function": (
         text(varying=VARYING.replace("cos(speed2)", "tan(speed2)")),
-        "model.varying[2].signal",
+        "model.schedule[2].signal",
         "kT follows tan(speed2): no function tan of signals: there is cos, sin, square",
     ),
     "unknown signal": (
         text(varying=VARYING.replace('"temperature"', '"temp"')),
-        "model.varying[1].signal",
+        "model.schedule[1].signal",
         "fm follows temp: no signal temp: there is temperature, mode, speed2; signals are",
     ),
     "no term": (
         text(varying=VARYING.replace('"temperature"', '"2 * temperature"')),
-        "model.varying[1].signal",
+        "model.schedule[1].signal",
         "is neither a signal nor one of cos(...)",
     ),
     "not monitored": (
         text(varying=VARYING.replace('"fm"', '"fc"')),
-        "model.varying[1].parameter",
+        "model.schedule[1].parameter",
         "fc follows temperature, but only a monitored parameter can follow: add it to monitor, or",
     ),
     "slopes of both": (
         text(varying=VARYING.replace('"kT"', '"1/fm"')),
-        "model.varying[2].parameter",
+        "model.schedule[2].parameter",
         "slopes of both 1/fm and fm: give one of them",
     ),
     "twice": (
         text(varying=VARYING.replace('"kT"', '"fm"').replace("cos(speed2)", " temperature ")),
-        "model.varying[2].signal",
-        "fm follows temperature already by robot[1].axis[1].model.varying[1] in line",
+        "model.schedule[2].signal",
+        "fm follows temperature already by robot[1].axis[1].model.schedule[1] in line",
     ),
     "range turned round": (
         text(varying=VARYING.replace("[20.0, 60.0]", "[60.0, 20.0]")),
-        "model.varying[1].range",
+        "model.schedule[1].range",
         "must be [lowest, highest] with lowest < highest",
     ),
     "impossible at one end": (
         text(varying=VARYING.replace("-0.0004", "-0.04")),
-        "model.varying[1].slope",
+        "model.schedule[1].slope",
         "fm would leave its bounds at temperature = ",
     ),
     "nothing is followed": (
         text(varying="", model='conditions = "followed"\n'),
         "model.conditions",
-        "nothing follows anything: add [[robot.axis.model.varying]], or a nominal_file",
+        "nothing follows anything: add [[robot.axis.model.schedule]], or a nominal_file",
     ),
     "nothing is gated": (
         text(gates="", model='conditions = "gated"\n'),
@@ -237,7 +237,7 @@ MISTAKES = {
     "the others move": (
         text(model='conditions = "others stand still"\n'),
         "model.conditions",
-        "but kT follows the motion of second, by robot[1].axis[1].model.varying[2] in line",
+        "but kT follows the motion of second, by robot[1].axis[1].model.schedule[2] in line",
     ),
     "no such choice": (
         text(model='conditions = "yes"\n'),
@@ -245,8 +245,8 @@ MISTAKES = {
         "must be 'followed', 'gated' or 'others stand still'",
     ),
     "no speed": (
-        BASE.replace("_s = 0.005", "_s = 0.005\nleast_speed = 0", 1),
-        "least_speed",
+        BASE.replace("_s = 0.005", "_s = 0.005\nmin_speed = 0", 1),
+        "min_speed",
         "must be greater than 0",
     ),
 }
@@ -287,7 +287,7 @@ def test_another_axis_is_on_the_same_bus(folder: Path) -> None:
 
 
 def test_an_angle_that_starts_again_is_no_signal_of_another_axis(folder: Path) -> None:
-    wraps = 'signal = "Angle"\nwraps_at = 6.283185307179586\n'
+    wraps = 'signal = "Angle"\nwrap_period = 6.283185307179586\n'
     signal = 'signal = [{ name = "angle1", axis = "first" }]\n'
     content = BASE.replace('signal = "Angle"\n', wraps, 1).replace(
         "estimator = {", f"{signal}estimator = {{", 1
@@ -310,7 +310,7 @@ sample_interval_s = 0.005
 torque = { column = "u" }
 angle = { column = "y" }
 signal = [{ name = "t", column = "warm" }, { name = "other", axis = "b" }]
-model = { drive = "three-mass", monitor = ["fm"], varying = [
+model = { drive = "three-mass", monitor = ["fm"], schedule = [
   { parameter = "fm", signal = "t", slope = 0.001, reference = 1.0 },
   { parameter = "fm", signal = "other", slope = 0.001, reference = 1.0 } ] }
 [[robot.axis]]

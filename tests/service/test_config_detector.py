@@ -131,7 +131,7 @@ def test_a_file_for_other_causes(robot: Path) -> None:
 VARYING: Callable[[str], str] = lambda text: (  # noqa: E731
     text
     + '[[robot.axis.signal]]\nname = "temperature"\ncolumn = "temp"\n'
-    + '[[robot.axis.model.varying]]\nparameter = "fm"\nsignal = "temperature"\nslope = -0.001\nreference = 40.0\n'
+    + '[[robot.axis.model.schedule]]\nparameter = "fm"\nsignal = "temperature"\nslope = -0.001\nreference = 40.0\n'
 )
 
 

@@ -29,7 +29,7 @@ def problems(file: Path) -> list[tuple[str, str]]:
 
 def test_limits_are_those_of_the_monitored_parameters(tmp_path: Path) -> None:
     axis = (
-        load(written(tmp_path, "fm = 0.09\nkT = [0.9, 1.1]\nJa = 120", 'warn_before = "3 weeks"'), {})
+        load(written(tmp_path, "fm = 0.09\nkT = [0.9, 1.1]\nJa = 120", 'lead_time = "3 weeks"'), {})
         .axes[0]
         .config
     )
@@ -41,12 +41,12 @@ def test_limits_are_those_of_the_monitored_parameters(tmp_path: Path) -> None:
     (Ja,) = limits["1/Ja"]  # more inertia is a smaller reciprocal
     assert Ja.value == pytest.approx(1 / 120)
     assert (Ja.upper, Ja.name, Ja.unit, Ja.above) == (False, "Ja", "kg m^2", True)
-    assert (axis.trend.warn_before, axis.trend.interval_s) == (21 * 86400, 3600)
+    assert (axis.trend.lead_time, axis.trend.interval_s) == (21 * 86400, 3600)
 
 
 def test_defaults(tmp_path: Path) -> None:
     axis = load(written(tmp_path, "fm = 0.03"), {}).axes[0].config
-    assert axis.trend.warn_before == 14 * 86400
+    assert axis.trend.lead_time == 14 * 86400
     assert [limit.upper for limit in limits_of(axis, axis_model(axis))["fm"]] == [False]
 
 
@@ -79,5 +79,5 @@ def test_a_parameter_and_its_reciprocal_have_one_limit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("time", ['"soon"', "14", '"0 days"', '"-3 d"'])
 def test_a_time_is_written_with_its_unit(time: str, tmp_path: Path) -> None:
-    ((line, _),) = problems(written(tmp_path, "fm = 0.09", f"warn_before = {time}"))
-    assert line.startswith("warn_before")
+    ((line, _),) = problems(written(tmp_path, "fm = 0.09", f"lead_time = {time}"))
+    assert line.startswith("lead_time")

@@ -36,8 +36,8 @@ def test_the_base_is_right(folder: Path) -> None:
         *("angle", "Angle"),
         *("speed", "Speed"),
     )
-    assert (first.pairing_tolerance_s, first.maximum_gap_s) == pytest.approx((0.002, 0.06))
-    assert (second.pairing_tolerance_s, second.maximum_gap_s) == pytest.approx((0.0016, 0.04))
+    assert (first.pairing_tolerance_s, first.max_gap_s) == pytest.approx((0.002, 0.06))
+    assert (second.pairing_tolerance_s, second.max_gap_s) == pytest.approx((0.0016, 0.04))
     assert config.service.state_dir == folder / "kept"
     assert config.bus[0].dbc == folder / "robot.dbc"
     assert config.bus[0].options == {"receive_own_messages": True}
@@ -192,15 +192,15 @@ MISTAKES = [
         "[0.5, 2.0]", "[0, 2.0]", f"{FIRST}.model.bounds.kT", "[0, 2.0]", "0 < lower < nominal < upper", 31
     ),
     Mistake(
-        "maximum_gap_s = 0.06",
-        "maximum_gap_s = 0.001",
-        f"{FIRST}.maximum_gap_s",
+        "max_gap_s = 0.06",
+        "max_gap_s = 0.001",
+        f"{FIRST}.max_gap_s",
         "0.001",
         "at least sample_interval_s",
         18,
     ),
     Mistake(
-        "maximum_gap_s = 0.06",
+        "max_gap_s = 0.06",
         "torque_delay_s = 0.006",
         f"{FIRST}.torque_delay_s",
         "0.006",
@@ -208,7 +208,7 @@ MISTAKES = [
         18,
     ),
     Mistake(
-        "maximum_gap_s = 0.06",
+        "max_gap_s = 0.06",
         "pairing_tolerance_s = 0.0025",
         f"{FIRST}.pairing_tolerance_s",
         "0.0025",

@@ -79,19 +79,19 @@ def alike(a: dict[str, Any], b: dict[str, Any]) -> None:
 
 COUNTS = 65536
 ENCODERS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
-    "a resolver": (lambda y: y % (2 * math.pi), f"wraps_at = {2 * math.pi!r}"),
+    "a resolver": (lambda y: y % (2 * math.pi), f"wrap_period = {2 * math.pi!r}"),
     "degrees around zero": (
         lambda y: (np.degrees(y) + 180) % 360 - 180,
-        f"wraps_at = 360\nfactor = {math.radians(1)!r}",
+        f"wrap_period = 360\nfactor = {math.radians(1)!r}",
     ),
     "turned round": (
         lambda y: (-y / 6.0 * COUNTS) % COUNTS,
-        f"wraps_at = {COUNTS}\nfactor = {-6.0 / COUNTS!r}\noffset = 1.5",
+        f"wrap_period = {COUNTS}\nfactor = {-6.0 / COUNTS!r}\noffset = 1.5",
     ),
     "arm, other direction": (lambda y: -R * y + 0.3, f"factor = {-1 / R!r}\noffset = {0.3 / R!r}"),
     "arm, in degrees, about to start again": (
         lambda y: (np.degrees(-R * y) + 359.999) % 360,
-        f"factor = {-math.radians(1) / R!r}\nwraps_at = 360",
+        f"factor = {-math.radians(1) / R!r}\nwrap_period = 360",
     ),
 }
 
@@ -109,7 +109,7 @@ def test_what_the_encoder_shows_changes_nothing(encoder: str, course: Course, tm
 
 
 def test_records_one_after_the_other_and_parts_of_one(course: Course, tmp_path: Path) -> None:
-    file = config(tmp_path / "a", "wraps_at = 0.5")
+    file = config(tmp_path / "a", "wrap_period = 0.5")
     record = table(tmp_path, course, lambda y: y % 0.5)
     head, *rows = record.read_text().splitlines()
     cut = far(course)
@@ -132,7 +132,7 @@ def samples(course: Course, a: int, b: int) -> dict[str, SampleBlock]:
 
 def test_saved_and_put_back_within_a_gap(course: Course, tmp_path: Path) -> None:
     """The whole angle goes on from where the saved predictor was."""
-    axes = load(config(tmp_path / "a", "wraps_at = 0.5"), {}).axes
+    axes = load(config(tmp_path / "a", "wrap_period = 0.5"), {}).axes
     cut = far(course)
     one, first, second = Monitors(axes), Monitors(axes), Monitors(axes)
     one.run(samples(course, 0, cut))
@@ -149,7 +149,7 @@ def test_half_a_turn_away_is_refused_and_counted(course: Course, tmp_path: Path)
     u, y = course
     broken = y.copy()
     broken[2500:2503] += math.pi
-    file = config(tmp_path / "a", f"wraps_at = {2 * math.pi!r}")
+    file = config(tmp_path / "a", f"wrap_period = {2 * math.pi!r}")
     result = found(file, table(tmp_path, (u, broken), lambda y: y % (2 * math.pi)))
     assert result["dropped"]["ambiguous"] == 3
     assert sum(result["counters"].values()) == N - 3
@@ -157,7 +157,7 @@ def test_half_a_turn_away_is_refused_and_counted(course: Course, tmp_path: Path)
 
 
 def test_a_record_to_identify_from_is_made_whole(course: Course, tmp_path: Path) -> None:
-    file = config(tmp_path / "a", f"wraps_at = {2 * math.pi!r}")
+    file = config(tmp_path / "a", f"wrap_period = {2 * math.pi!r}")
     text = str(table(tmp_path, course, lambda y: y % (2 * math.pi)))
     record, source = load_record(text, load(file, {}), "demo.axis1")
     np.testing.assert_allclose(record.y - record.y[0], course[1] - course[1][0], atol=1e-9)
@@ -177,7 +177,8 @@ def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
     fault = [Fault("demo.axis1", {"kT": 0.66}, 14.0)]
     period = 1.0
     wrapping, plain = (
-        load(config(tmp_path / name, line), {}) for name, line in (("a", f"wraps_at = {period!r}"), ("b", ""))
+        load(config(tmp_path / name, line), {})
+        for name, line in (("a", f"wrap_period = {period!r}"), ("b", ""))
     )
     courses = [list(blocks(read, 20.0, seed, fault)) for read in (wrapping, plain)]
     a, b = (run_live(read, frames) for read, frames in zip((wrapping, plain), courses, strict=True))
@@ -217,12 +218,12 @@ def test_resolution_is_a_noise(tmp_path: Path) -> None:
         ("", "1e-4", None),
         ("factor = 100.0", "1e-4", "which the resolution of the angle makes"),
         (
-            "wraps_at = 6.283",
+            "wrap_period = 6.283",
             "1e-4",
-            "0.00019 rad, by which the angle would jump each time; exact is 6.283185307",
+            "0.00019 rad, so the angle would jump each time; exact is 6.283185307",
         ),
-        (f"wraps_at = 360\nfactor = {math.radians(1)!r}", "1e-4", None),
-        ("wraps_at = 5.0", "1e-4", None),
+        (f"wrap_period = 360\nfactor = {math.radians(1)!r}", "1e-4", None),
+        ("wrap_period = 5.0", "1e-4", None),
     ],
 )
 def test_remarks(angle: str, noise: str, words: str | None, tmp_path: Path) -> None:
@@ -248,7 +249,7 @@ gs = 0.0
 
 
 @pytest.mark.parametrize(
-    ("where", "wraps_at", "fine"),
+    ("where", "wrap_period", "fine"),
     [
         ("shaft", 2 * math.pi, True),
         ("arm", 2 * math.pi, False),
@@ -257,10 +258,10 @@ gs = 0.0
     ],
 )
 def test_gravity_needs_to_know_where_the_arm_stands(
-    where: str, wraps_at: float, fine: bool, tmp_path: Path
+    where: str, wrap_period: float, fine: bool, tmp_path: Path
 ) -> None:
     drawn = ("[robot.axis.model.nominal]\n", GRAVITY.replace("WHERE", where))
-    text = config(tmp_path / "a", f"wraps_at = {wraps_at!r}", drawn, ('drive = "three-mass"\n', ""))
+    text = config(tmp_path / "a", f"wrap_period = {wrap_period!r}", drawn, ('drive = "three-mass"\n', ""))
     lines = text.read_text().splitlines()
     gone = ("Jg =", "Ja =", "kg =", "ka =", "dg =", "da =", "fc =", "tau0 =", "scales =")
     kept = [line for line in lines if not line.startswith(gone)]
@@ -270,16 +271,16 @@ def test_gravity_needs_to_know_where_the_arm_stands(
         return
     with pytest.raises(ConfigErrors) as caught:
         load(text, {})
-    assert [p.key for p in caught.value.problems] == ["robot[1].axis[1].angle.wraps_at"]
+    assert [p.key for p in caught.value.problems] == ["robot[1].axis[1].angle.wrap_period"]
     assert "gravity needs to know where the arm stands" in str(caught.value.problems[0])
 
 
 @pytest.mark.parametrize(
     ("table_", "line", "words"),
     [
-        ("angle", "wraps_at = 0", "must be greater than 0"),
+        ("angle", "wrap_period = 0", "must be greater than 0"),
         ("angle", "resolution = -1", "must be greater than 0"),
-        ("torque", "wraps_at = 360", "unknown key"),
+        ("torque", "wrap_period = 360", "unknown key"),
         ("torque", "resolution = 1", "unknown key"),
     ],
 )

@@ -24,14 +24,14 @@ WATCHED = 'monitor = ["kT", "1/Ja", "fm"]'
 NOISE = ("output_noise = 0.0001", "output_noise = 0.02")
 
 
-def configured(folder: Path, line: str = "averaged = true", *changes: tuple[str, str]) -> Path:
+def configured(folder: Path, line: str = "interval_mean = true", *changes: tuple[str, str]) -> Path:
     """The demo's first axis with its speed in place of its angle."""
     folder.mkdir(exist_ok=True)
     speed = ("[robot.axis.angle]", f"[robot.axis.speed]\n{line}")
     return written(folder, speed, NOISE, *changes, monitor=WATCHED)
 
 
-def read(folder: Path, line: str = "averaged = true") -> NamedAxis:
+def read(folder: Path, line: str = "interval_mean = true") -> NamedAxis:
     return load(configured(folder, line), {}).axes[0]
 
 
@@ -55,7 +55,7 @@ def course(seed: int, tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndar
 
 
 def test_the_model_has_the_mean_and_the_predictor_goes_with_it(tmp_path: Path) -> None:
-    plain, averaged = read(tmp_path / "a", "averaged = false"), read(tmp_path / "b")
+    plain, averaged = read(tmp_path / "a", "interval_mean = false"), read(tmp_path / "b")
     assert [axis_model(a.config).drive.output for a in (plain, averaged)] == ["speed", "mean speed"]
     model = axis_model(averaged.config)
     settings = axis_settings(averaged, model)
@@ -82,7 +82,7 @@ def test_taken_for_the_speed_of_the_moment_they_are_off(
     course: tuple[np.ndarray, np.ndarray], tmp_path: Path
 ) -> None:
     u, y = (column[:FAULT] for column in course)
-    facts = run(read(tmp_path / "a", "averaged = false"), u, y).status()
+    facts = run(read(tmp_path / "a", "interval_mean = false"), u, y).status()
     off = [abs(p.estimate - p.nominal) / p.standard_deviation for p in facts.parameters]
     assert max(off) > 25  # of 40 records the least was 50
 
@@ -90,7 +90,7 @@ def test_taken_for_the_speed_of_the_moment_they_are_off(
 def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarray], tmp_path: Path) -> None:
     """The whole way: values 5 to 10 % off, a record, nominal.toml, the daemon with it quiet, the next motion."""
     wrong = ("fm = 0.06 ", "fm = 0.066 ")
-    file = configured(tmp_path / "a", "averaged = true", wrong)
+    file = configured(tmp_path / "a", "interval_mean = true", wrong)
     rows = [
         f"{k * H:.3f},{a},{b}" for k, (a, b) in enumerate(zip(*(c.tolist() for c in course), strict=True))
     ]
@@ -122,7 +122,7 @@ def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarra
     plan = ["excite", "--config", str(file), "--torque-limit", "3", "--seed", "1", "--seconds", "2"]
     result = CliRunner().invoke(app, [*plan, "-o", str(tmp_path / "plan.csv")])
     assert result.exit_code == 0, result.output
-    file.write_text(text.replace("averaged = true", "averaged = false"))
+    file.write_text(text.replace("interval_mean = true", "interval_mean = false"))
     with pytest.raises(ConfigErrors, match="found with the mean speed, but this axis measures the speed"):
         load(file, {})
 
@@ -130,8 +130,8 @@ def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarra
 @pytest.mark.parametrize(
     ("line", "key", "words"),
     [
-        ("averaged = 1", "speed.averaged", "must be true or false"),
-        ("wraps_at = 3", "speed.wraps_at", "unknown key"),
+        ("interval_mean = 1", "speed.interval_mean", "must be true or false"),
+        ("wrap_period = 3", "speed.wrap_period", "unknown key"),
     ],
 )
 def test_mistakes(line: str, key: str, words: str, tmp_path: Path) -> None:
@@ -141,8 +141,10 @@ def test_mistakes(line: str, key: str, words: str, tmp_path: Path) -> None:
     assert words in str(caught.value.problems[0])
 
 
-def test_only_a_speed_is_averaged(tmp_path: Path) -> None:
-    file = written(tmp_path, ("[robot.axis.angle]", "[robot.axis.angle]\naveraged = true"), monitor=WATCHED)
+def test_only_a_speed_can_be_an_interval_mean(tmp_path: Path) -> None:
+    file = written(
+        tmp_path, ("[robot.axis.angle]", "[robot.axis.angle]\ninterval_mean = true"), monitor=WATCHED
+    )
     with pytest.raises(ConfigErrors, match="unknown key"):
         load(file, {})
 
@@ -151,7 +153,7 @@ def test_a_resolution_of_counts_in_an_interval(tmp_path: Path) -> None:
     """A drive that counts increments: one more or less is a step of its mean speed."""
     step = 2 * math.pi / 4096 / H
     file = configured(
-        tmp_path / "a", f"averaged = true\nresolution = {step!r}", ("output_noise = 0.02\n", "")
+        tmp_path / "a", f"interval_mean = true\nresolution = {step!r}", ("output_noise = 0.02\n", "")
     )
     axis = load(file, {}).axes[0]
     assert axis_settings(axis, axis_model(axis.config)).lam0 > step**2 / 12

@@ -23,7 +23,7 @@ def axis(
     folder: Path, gates: list[dict[str, Any]], varying: list[dict[str, Any]], **signal: Any
 ) -> NamedAxis:
     one = axis1(signal=[{"name": "s", **(signal or SIGNAL)}], gate=gates)
-    one["model"] = {"monitor": ["fm", "1/Ja"], "nominal": NOMINAL, "varying": varying}
+    one["model"] = {"monitor": ["fm", "1/Ja"], "nominal": NOMINAL, "schedule": varying}
     return make_config(folder, one, axis2()).axes[0]
 
 

@@ -38,7 +38,7 @@ def kinds(tmp_path: Path) -> dict[str, NamedAxis]:
             angle=None,
             speed=torque,
         ),
-        "slow samples": axis(tmp_path, {}, sample_interval_s=0.01, maximum_gap_s=0.1),
+        "slow samples": axis(tmp_path, {}, sample_interval_s=0.01, max_gap_s=0.1),
     }
 
 

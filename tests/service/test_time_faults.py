@@ -98,7 +98,7 @@ def test_each_has_its_counter(
     assert {reason: n for reason, n in live["dropped"].items() if n} == {**refused, "missing": 45}
     assert live["clock"] == dict(zip(("clock_reanchored", "clock_set_back"), events, strict=True))
     counters, samples = live["counters"], len(frames) - sum(refused.values()) // 2
-    # Four lost samples are bridged; forty are more than maximum_gap_s, and so is an hour back.
+    # Four lost samples are bridged; forty are more than max_gap_s, and so is an hour back.
     assert (counters["started"], counters["gap"], counters["not_increasing"]) == (1, 2, 0)
     assert sum(n for fate, n in counters.items() if fate != "projected") == samples
     assert counters["settling"] >= 2 * 300 - 2  # settling_time_s = 4.5 after each of them

@@ -60,7 +60,7 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
         plant.take(RECORD_S)
     _write(folder / "warm.csv", plant.take(RECORD_S))
     axis, operation = folder / "axis.toml", ["cold.csv", "warm.csv"]
-    warming = ("--varying", "fm: temperature")
+    warming = ("--schedule", "fm: temperature")
     # The masses by themselves, to start from; all; and what is watched from the motion of operation alone.
     values = _identified(folder, {"kT": 1.0, "r": R}, ["excite.csv"])
     start = ("--start", "values") if "Jm" in values else ()

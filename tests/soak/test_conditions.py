@@ -37,9 +37,9 @@ def test_what_was_identified_is_followed(tmp_path: Path, seed: int) -> None:
         "axis1",
     ]
     words += [
-        "--varying",
+        "--schedule",
         "fm: temperature",
-        "--varying",
+        "--schedule",
         "Ja: cos(angle2)",
         "-o",
         str(tmp_path / "nominal.toml"),
@@ -47,7 +47,7 @@ def test_what_was_identified_is_followed(tmp_path: Path, seed: int) -> None:
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     found = read_nominal(tmp_path / "nominal.toml")
-    slopes = {v.parameter: v.slope for v in found.varying}
+    slopes = {v.parameter: v.slope for v in found.schedule}
     print(f"slopes {slopes}, colour {found.predictor.colour:.3g}")
     assert slopes["fm"] == pytest.approx(-0.0012, rel=0.01)
     assert slopes["Ja"] == pytest.approx(15.0, rel=0.05)

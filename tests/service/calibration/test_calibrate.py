@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 import typer
 
+from monitor_core.calibration.calibrate import CalibrationOptions
 from monitor_core.calibration.doubts import CalibrationError
-from service.calibration.found import Calibration, Provenance
-from service.calibration.running import Wishes, calibrate
-from service.commands.calibrate import seconds_of
+from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.detector_choice import detectors_of
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
+from service.reports.calibration_report import Calibration, Provenance
 from service.reports.calibration_toml import as_toml
 from tests.service.calibration.test_thresholds_file import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
-WISHES = Wishes(600.0, 4.0, (0.02, 0.2), 8, copies=1_000_000, bank_copies=250_000)
+WISHES = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=1_000_000, bank_copies=250_000)
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +42,12 @@ def robot(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
 @pytest.fixture(scope="module")
 def found(robot: Path) -> Calibration:
     config = load(robot, {})
-    return calibrate(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
+    return calibrate_axis(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
 
 
 def test_the_promise(found: Calibration) -> None:
-    assert [one.detector for one in found.told] == ["bank", "cusum"]
-    for one in found.told:
+    assert [one.detector for one in found.detectors] == ["bank", "cusum"]
+    for one in found.detectors:
         most, low, high = one.between_s
         assert low < most < high
         assert low > 0.8 * 600
@@ -57,23 +57,23 @@ def test_the_promise(found: Calibration) -> None:
 def test_the_same_again_is_the_same(robot: Path, found: Calibration) -> None:
     """Also of the bank, whose copies run beside the others: neither takes the other's draws."""
     config = load(robot, {})
-    again = calibrate(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
-    assert found.bank is not None
+    again = calibrate_axis(config, config.axes[0], [str(robot.parent / "healthy.csv")], WISHES, PROVENANCE)
+    assert found.result.bank is not None
     assert as_toml(again) == as_toml(found)
 
 
 def test_faults_are_found(found: Calibration) -> None:
-    assert found.onsets == 8
-    for told in found.told:
-        for name in found.model.monitored:
+    assert found.result.onsets == 8
+    for told in found.detectors:
+        for name in found.result.model.monitored:
             up, down = told.smallest(name)
             assert up in (0.02, 0.2)
             assert down in (-0.02, -0.2)
         rows = told.confusion()
         assert all(sum(row.values()) == 4 * 8 for row in rows.values())
         assert max(rows["kT"], key=lambda name: rows["kT"][name]) == "kT"
-    assert {one.fault.parameter for one in found.caught if one.exact} == {"kT", "fm"}
-    assert found.tests.confusion()["kT"]["kT"] > 24
+    assert {one.fault.parameter for one in found.result.caught if one.exact} == {"kT", "fm"}
+    assert found.result.tests.confusion()["kT"]["kT"] > 24
 
 
 def test_the_file_is_used_by_the_daemon(robot: Path, found: Calibration, tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_the_file_is_used_by_the_daemon(robot: Path, found: Calibration, tmp_pat
     (tmp_path / "robot.toml").write_text(named(robot_text()), encoding="utf-8")
     axis = load(tmp_path / "robot.toml", {}).axes[0]
     own = axis_settings(axis, axis_model(axis.config)).thresholds
-    for here, there in zip(own, found.settings.thresholds, strict=True):
+    for here, there in zip(own, found.result.settings.thresholds, strict=True):
         assert here == pytest.approx(there, rel=1e-9)
     content = tomllib.loads(as_toml(found))
     assert content["false_alarms"]["budget_s"] == 600.0
@@ -92,8 +92,8 @@ def test_the_file_is_used_by_the_daemon(robot: Path, found: Calibration, tmp_pat
 def test_the_bank_is_calibrated_with_the_same_records_and_then_alarms(
     robot: Path, found: Calibration, tmp_path: Path
 ) -> None:
-    assert found.bank is not None
-    own = found.bank.limits.own
+    assert found.result.bank is not None
+    own = found.result.bank.limits.own
     assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {one.cause for one in own}
     assert all(5 < one.h < 60 for one in own)
     (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
@@ -111,17 +111,17 @@ def test_the_bank_is_calibrated_with_the_same_records_and_then_alarms(
 
 def test_what_the_bank_would_have_caught(found: Calibration) -> None:
     """Faults of a fifth: all, under their names, and sooner than the tests of estimates, which need a memory."""
-    assert found.bank is not None
+    assert found.result.bank is not None
     large = [
         (one, paper)
-        for one, paper in zip(found.bank.caught, found.caught, strict=True)
+        for one, paper in zip(found.result.bank.caught, found.result.caught, strict=True)
         if abs(one.fault.size) == 0.2
     ]
     assert len(large) == 6
     for one, paper in large:
         print(one.fault, one.delay(0.5), paper.delay(0.5), one.first)
         assert one.fault == paper.fault
-        assert one.found_within(found.within_s) == 1.0
+        assert one.found_within(found.result.within_s) == 1.0
         assert one.delay(0.5) < paper.delay(0.5)
     right = [first == one.fault.parameter for one, _ in large for first in one.first]
     assert sum(right) > 0.7 * len(right)
@@ -133,7 +133,9 @@ def test_json(found: Calibration) -> None:
     assert len(content["faults"]) == 3 * 2 * 2
     assert content["false_alarms"]["interval_s"][0] < content["false_alarms"]["one_in_s"]
     assert content["provenance"]["version"] == "1.2.3"
-    assert len(content["bank"]["hypotheses"]) == len(found.bank.limits.own if found.bank else ())
+    assert len(content["bank"]["hypotheses"]) == len(
+        found.result.bank.limits.own if found.result.bank else ()
+    )
     assert len(content["bank"]["faults"]) == 12
     assert content["alarms"] == "bank"
     for detector in (content, content["bank"]):
@@ -152,13 +154,15 @@ def test_page(found: Calibration) -> None:
         assert words in page
 
 
-def refused(robot: Path, wishes: Wishes = WISHES, record: str = "healthy.csv", text: str = "") -> str:
+def refused(
+    robot: Path, wishes: CalibrationOptions = WISHES, record: str = "healthy.csv", text: str = ""
+) -> str:
     if text:
         (robot.parent / "changed.toml").write_text(text, encoding="utf-8")
         robot = robot.parent / "changed.toml"
     config: Config = load(robot, {})
     with pytest.raises(CalibrationError) as caught:
-        calibrate(config, config.axes[0], [str(robot.parent / record)], wishes, PROVENANCE)
+        calibrate_axis(config, config.axes[0], [str(robot.parent / record)], wishes, PROVENANCE)
     return str(caught.value)
 
 
@@ -180,14 +184,16 @@ def test_a_record_that_is_too_short(robot: Path) -> None:
 
 def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:
     words = refused(
-        robot, Wishes(31557600.0, 4.0, (0.2,), 8, copies=1_000_000, bank_copies=250_000), "healthy.csv@0:26"
+        robot,
+        CalibrationOptions(31557600.0, 4.0, (0.2,), 8, copies=1_000_000, bank_copies=250_000),
+        "healthy.csv@0:26",
     )
     assert "too short to promise one false alarm in a year" in words
     assert "or a budget of one in" in words
 
 
 def test_less_time_than_a_memory_takes(robot: Path) -> None:
-    words = refused(robot, Wishes(600.0, 1.0, (0.2,), 8))
+    words = refused(robot, CalibrationOptions(600.0, 1.0, (0.2,), 8))
     assert "--within 1: a memory is 1 s" in words
 
 

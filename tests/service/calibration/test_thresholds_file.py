@@ -53,8 +53,8 @@ def test_to_calibrate_it_is_passed_over(robot: Path) -> None:
         (r"^torque_noise = .*", "torque_noise = 0.2", "innovation_variance = "),
         (
             r"^\[robot.axis.estimator\]",
-            "[robot.axis.estimator]\nleast_excitation = 0.1",
-            "least_excitation = 0.05",
+            "[robot.axis.estimator]\nmin_excitation = 0.1",
+            "min_excitation = 0.05",
         ),
     ],
 )

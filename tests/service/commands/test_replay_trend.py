@@ -28,7 +28,7 @@ def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]
     text = text.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
     text = text.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
     text = text.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"')
-    own = '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nwarn_before = "10 min"\n\n'
+    own = '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nlead_time = "10 min"\n\n'
     file.write_text(text.replace("[robot.axis.estimator]", f"{own}[robot.axis.estimator]"), encoding="utf-8")
     rows = ["t,u,phi"]
     # A fault is a factor of what is there by then.

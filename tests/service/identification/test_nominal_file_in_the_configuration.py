@@ -233,7 +233,7 @@ def test_the_simulated_robot_has_the_values_and_noises_of_the_file(robot: Path) 
 
 
 FOLLOWS = """
-[[varying]]
+[[schedule]]
 parameter = "fm"
 signal = "temperature"
 slope = -0.0012
@@ -260,7 +260,7 @@ def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path
     changed(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
     (found,) = conditions_of(load(robot, {}).axes[0]).follows
     assert found == Follow("fm", Term("", "temperature"), -0.0012, 32.5, 20.0, 45.0)
-    table = '[[robot.axis.model.varying]]\nparameter = "kT"\nsignal = "temperature"\nslope = 0.1\nreference = 30.0\n'
+    table = '[[robot.axis.model.schedule]]\nparameter = "kT"\nsignal = "temperature"\nslope = 0.1\nreference = 30.0\n'
     changed(robot, (ESTIMATOR, f"{table}{ESTIMATOR}"))
     assert [one.name for one in conditions_of(load(robot, {}).axes[0]).follows] == ["fm", "kT"]
     changed(robot, ('parameter = "kT"', 'parameter = "fm"'))
@@ -285,7 +285,7 @@ def test_a_slope_that_is_none_is_named(robot: Path) -> None:
     path = file_with(robot)
     path.write_text(path.read_text(encoding="utf-8") + FOLLOWS.replace("-0.0012", "nan"), encoding="utf-8")
     (problem,) = problems(robot)
-    assert "nominal.toml: varying.0.slope" in problem.message
+    assert "nominal.toml: schedule.0.slope" in problem.message
 
 
 def test_a_merged_parameter_given_twice_is_named(robot: Path) -> None:

@@ -84,9 +84,9 @@ def identify(*words: str) -> Result:
 
 def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: Path) -> None:
     words = ("--free", "Jm", "--free", "fm", "--validate", "other.csv", "--json", "all.json")
-    result = identify(*words, "--varying", "fm: temperature", "--varying", "Jm: cos(angle2)")
+    result = identify(*words, "--schedule", "fm: temperature", "--schedule", "Jm: cos(angle2)")
     assert result.exit_code == 0, result.output
-    friction, inertia = json.loads((here / "all.json").read_text(encoding="utf-8"))["varying"]
+    friction, inertia = json.loads((here / "all.json").read_text(encoding="utf-8"))["schedule"]
     sd = friction["standard_deviation"]
     assert abs(friction["slope"] - SLOPE) < 5 * sd + 0.005 * abs(SLOPE)
     assert sd < 0.1 * abs(SLOPE)
@@ -97,7 +97,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: 
     read = read_nominal(here / "nominal.toml")
     assert read.predictor.colour < 4, "with the friction held at its middle the errors would be coloured: 17"
     assert read.values["fm"] == pytest.approx(0.06, abs=5 * sd * 12.5 + 0.01 * 0.06)
-    assert [v.model_dump() for v in read.varying] == [
+    assert [v.model_dump() for v in read.schedule] == [
         {**one, "range": pytest.approx(tuple(one["range"]), rel=1e-4), "slope": pytest.approx(one["slope"]),
          "standard_deviation": pytest.approx(one["standard_deviation"], rel=1e-4)}
         for one in (friction, inertia)
@@ -115,7 +115,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: 
 def test_it_explains_what_constant_values_do_not(here: Path) -> None:
     """The whole of the friction's change: the fit of a constant is worse in cost, by far more than by one number."""
     costs = {}
-    for name, words in {"follows": ("--varying", "fm: temperature"), "constant": ()}.items():
+    for name, words in {"follows": ("--schedule", "fm: temperature"), "constant": ()}.items():
         assert identify("--free", "fm", "--json", "c.json", *words).exit_code == 0
         costs[name] = json.loads((here / "c.json").read_text(encoding="utf-8"))["predictor"]
     assert costs["constant"]["cost"] > 1.05 * costs["follows"]["cost"]
@@ -142,7 +142,7 @@ def test_it_explains_what_constant_values_do_not(here: Path) -> None:
     ],
 )  # fmt: skip
 def test_mistakes(words: tuple[str, ...], expected: str) -> None:
-    result = identify(*(part for word in words for part in ("--varying", word)))
+    result = identify(*(part for word in words for part in ("--schedule", word)))
     assert (result.exit_code, result.stdout) == (2, "")
     assert expected in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -150,16 +150,16 @@ def test_mistakes(words: tuple[str, ...], expected: str) -> None:
 
 @pytest.mark.usefixtures("here")
 def test_names_are_those_of_what_is_free() -> None:
-    result = identify("--free", "1/Ja", "--varying", "Ja: temperature")
+    result = identify("--free", "1/Ja", "--schedule", "Ja: temperature")
     assert (result.exit_code, "free is 1/Ja: write the same in both" in result.stderr) == (2, True)
-    result = identify("--fix", "fm", "--varying", "fm: temperature")
+    result = identify("--fix", "fm", "--schedule", "fm: temperature")
     assert (result.exit_code, "fm is to vary but is held (fixed by --fix)" in result.stderr) == (2, True)
 
 
 def test_a_signal_that_stays_as_it_is_tells_nothing(here: Path) -> None:
     rows = (here / "warm.csv").read_text(encoding="utf-8").splitlines()
     (here / "cold.csv").write_text("\n".join(rows[:400]) + "\n", encoding="utf-8")
-    line = ["identify", "cold.csv", "--config", "robot.toml", "--varying", "fm: temperature", "--force"]
+    line = ["identify", "cold.csv", "--config", "robot.toml", "--schedule", "fm: temperature", "--force"]
     result = CliRunner().invoke(app, line)
     assert result.exit_code == 2
     assert "temperature is 20 throughout the records" in result.stderr

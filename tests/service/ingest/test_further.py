@@ -69,7 +69,7 @@ def test_an_axis_that_needs_none_has_none(tmp_path: Path) -> None:
 
 
 def test_a_value_that_is_too_old_is_not_known_until_there_is_a_new_one(tmp_path: Path) -> None:
-    config = make_config(tmp_path, axis1(signal=[{**HEAT, "maximum_age_s": 0.02}], **GATE))
+    config = make_config(tmp_path, axis1(signal=[{**HEAT, "max_age_s": 0.02}], **GATE))
     T = START_US
     times = [T + 5000 * k for k in range(8)]
     frames = [
@@ -130,7 +130,7 @@ def test_what_is_needed_is_what_is_followed_or_gates(tmp_path: Path) -> None:
     signals = [{**HEAT, "name": name} for name in ("a", "b", "c", "d")]
     varying = [{"parameter": "kT", "signal": "cos(d)", "slope": 0.1, "reference": 0.0}]
     axis = axis1(signal=signals, gate=[{"signal": "b", "above": 0.0}])
-    axis["model"] |= {"varying": varying}
+    axis["model"] |= {"schedule": varying}
     config = make_config(tmp_path, axis)
     assert [held.name for held in Ingest(config, "bus0").axes[0].further] == ["b", "d"]
     names = [value.quantity for value in Ingest(config, "bus0").feed_values([heat(START_US, 30)])]

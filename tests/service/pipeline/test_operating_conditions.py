@@ -39,7 +39,7 @@ name = "mode"
 message = "RobotState"
 signal = "Mode"
 column = "mode"
-maximum_age_s = 0.5
+max_age_s = 0.5
 [[robot.axis.signal]]
 name = "angle2"
 axis = "axis2"
@@ -49,13 +49,13 @@ signal = "mode"
 equals = [2, 3]
 """
 VARYING = """
-[[robot.axis.model.varying]]
+[[robot.axis.model.schedule]]
 parameter = "fm"
 signal = "temperature"
 slope = -0.0012
 reference = 40.0
 range = [20.0, 60.0]
-[[robot.axis.model.varying]]
+[[robot.axis.model.schedule]]
 parameter = "Ja"
 signal = "cos(angle2)"
 slope = 15.0

@@ -12,13 +12,14 @@ import numpy as np
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.catch import Caught, Fault
 from monitor_core.calibration.hypotheses import BankLimits
+from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.settings import Threshold
-from service.calibration.found import Bank, Calibration, Provenance
-from service.calibration.reading import Source
 from service.config import load
 from service.config.axis_settings import axis_model, axis_settings
+from service.ingest.calibration_records import Source
+from service.reports.calibration_report import Calibration, Provenance
 from tests.conftest import ROOT
 
 ONSETS, WITHIN_S = 30, 4.0
@@ -42,11 +43,13 @@ def by_hand() -> Calibration:
     )
     rates = Rates(h / np.array([3e4, 4e4, 5e4]), h / 7200, h / 36000, h / 3600, 5.0)
     limits = BankLimits(OWN, h / 10800, h / 72000, h / 5400)
+    result = CalibrationResult(
+        model, settings, 3600.0, WITHIN_S, scatter, rates, np.zeros(3), _by_tests(), ONSETS, 600.0,
+        MultiModelCalibration(limits, _by_bank()),
+    )  # fmt: skip
     return Calibration(
-        axis, model, settings, 3600.0, WITHIN_S, scatter, rates, np.zeros(3), _by_tests(), ONSETS,
-        (Source("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
-        Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate healthy.csv"),
-        Bank(limits, _by_bank()), "bank",
+        axis, result, (Source("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
+        Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate healthy.csv"), "bank",
     )  # fmt: skip
 
 

@@ -14,9 +14,9 @@ from rich.console import Console
 
 from monitor_core.detection.detector_protocol import DetectorName
 from monitor_core.detection.multimodel.multimodel_detector import Limit
-from service.calibration.found import Calibration
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
+from service.reports.calibration_report import Calibration
 from service.reports.calibration_text import print_text
 from service.reports.calibration_toml import as_toml
 from service.reports.calibration_words import (
@@ -66,8 +66,8 @@ def words(text: str) -> list[str]:
 @pytest.mark.parametrize("kind", BOTH)
 def test_each_detector_with_its_promise_and_what_it_finds(kind: DetectorName) -> None:
     of = alarming(kind)
-    assert [one.detector for one in of.told] == sorted(BOTH, key=lambda one: one != kind)
-    for one in of.told:
+    assert [one.detector for one in of.detectors] == sorted(BOTH, key=lambda one: one != kind)
+    for one in of.detectors:
         assert one.promise == SENTENCES[one.detector]
         assert {name: one.smallest(name) for name in ("kT", "1/Ja")} == SMALLEST[one.detector]
         assert one.smallest("fm") == (None, None)
@@ -87,7 +87,7 @@ def test_smallest_changes_side_by_side() -> None:
 
 def test_faults_by_each_detector_with_the_delay_of_the_other() -> None:
     of = alarming("bank")
-    bank, tests = of.told
+    bank, tests = of.detectors
     assert fault_titles(of, bank)[-2:] == ("CUSUM: median", "named")
     assert fault_titles(of, tests)[-2:] == ("bank: median", "named first")
     by_bank, by_tests = list(fault_rows(of, bank)), list(fault_rows(of, tests))
@@ -96,13 +96,13 @@ def test_faults_by_each_detector_with_the_delay_of_the_other() -> None:
     assert by_tests[1] == ("kT +20 %", "exact", "90 %", "3 s", "3 s", "0.25 s", "kT")
     assert by_tests[7] == ("1/Ja -50 %", "simulated", "0 %", "later", "later", "0.7 s", "")
     assert by_bank[7] == ("1/Ja -50 %", "simulated", "100 %", "0.7 s", "0.7 s", "later", "fm 50 %, 1/Ja 50 %")
-    alone = replace(of, bank=None, alarms="cusum")
-    assert "bank: median" not in fault_titles(alone, alone.tests)
-    assert next(iter(fault_rows(alone, alone.tests))) == (*by_tests[0][:5], by_tests[0][6])
+    alone = replace(of, result=replace(of.result, bank=None), alarms="cusum")
+    assert "bank: median" not in fault_titles(alone, alone.result.tests)
+    assert next(iter(fault_rows(alone, alone.result.tests))) == (*by_tests[0][:5], by_tests[0][6])
 
 
 def test_names_of_each_detector() -> None:
-    bank, tests = alarming("bank").told
+    bank, tests = alarming("bank").detectors
     assert confusion_titles(bank) == ("fault in", "kT", "1/Ja", "delay", "fm", "noise", "none yet")
     assert list(confusion_rows(bank))[1] == ("1/Ja", "0 %", "83 %", "0 %", "17 %", "0 %", "0 %")
     assert confusion_titles(tests) == ("fault in", "kT", "1/Ja", "none yet")
@@ -127,9 +127,10 @@ def test_thresholds_of_each_detector() -> None:
 
 def test_thresholds_that_look_alike_are_said_once() -> None:
     of = by_hand()
-    assert of.bank is not None
+    assert of.result.bank is not None
     own = (*OWN, Limit("fm", 0.1, 5.71, 0.0), Limit("fm", -0.1, 5.74, 0.0))
-    alike = replace(of, bank=replace(of.bank, limits=replace(of.bank.limits, own=own)))
+    bank = replace(of.result.bank, limits=replace(of.result.bank.limits, own=own))
+    alike = replace(of, result=replace(of.result, bank=bank))
     assert list(hypothesis_rows(alike))[-1] == ("fm", "2", "5.7", "0")
 
 
@@ -152,7 +153,7 @@ def test_what_will_alarm_is_told_first(kind: DetectorName, told: list[str]) -> N
     assert f"Faults that begin at 30 places of the record, by the {first}" in text
     assert f"by the {second}" not in text
     assert f"# The {told[0]}: {SENTENCES[kind]}." in as_toml(of)
-    for row in fault_rows(of, of.told[0]):
+    for row in fault_rows(of, of.detectors[0]):
         assert all(cell in text for cell in row if " " not in cell)
 
 
@@ -210,7 +211,7 @@ def test_the_files_for_programs_have_both() -> None:
 
 
 def test_an_axis_without_a_bank() -> None:
-    of = replace(by_hand(), bank=None, alarms="cusum")
+    of = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
     for words in (as_html(of), printed(of)):
         assert "No bank of hypotheses" in words
         assert "bank: up" not in words

@@ -1,4 +1,4 @@
-"""Work on another core, while the caller goes on with its own."""
+"""A task in a thread of its own, while the caller continues: the kernel releases the GIL."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from types import TracebackType
 from typing import Generic, Self, TypeVar
 
 T = TypeVar("T")
-_TELL_S = 0.2
+_POLL_S = 0.2
 
 
-class _StoppedError(Exception):
-    """The caller wants no more of it."""
+class _CancelledError(Exception):
+    """The caller has cancelled the task."""
 
 
-class Beside(Generic[T]):
-    """Begins with the ``with`` block, and ends with it at the latest: stopped, where the block fails.
+class Background(Generic[T]):
+    """Starts with the ``with`` block and ends with it at the latest; it is cancelled if the block fails.
 
     Args:
-        work: what is to be done; it is given what to tell its progress to, 0 to 1, and is stopped when it does.
+        work: the task; it receives a function for its progress, 0 to 1, which raises when the task is cancelled.
     """
 
     def __init__(self, work: Callable[[Callable[[float], None]], T]) -> None:
@@ -28,7 +28,7 @@ class Beside(Generic[T]):
         self._pool = ThreadPoolExecutor(1)
 
     def __enter__(self) -> Self:
-        self._future = self._pool.submit(self._work, self._tell)
+        self._future = self._pool.submit(self._work, self._report)
         return self
 
     def __exit__(
@@ -37,13 +37,13 @@ class Beside(Generic[T]):
         self._stop.set()
         self._pool.shutdown()
 
-    def _tell(self, part: float) -> None:
+    def _report(self, part: float) -> None:
         if self._stop.is_set():
-            raise _StoppedError
+            raise _CancelledError
         self._part = part
 
     def result(self, progress: Callable[[float], None]) -> T:
-        """What came of it, as soon as it is there; the caller is told how far it is, and what it raises is raised."""
-        while not wait([self._future], _TELL_S).done:
+        """Wait for the result, reporting the progress meanwhile; an exception of the task is raised here."""
+        while not wait([self._future], _POLL_S).done:
             progress(self._part)
         return self._future.result()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from service.calibration.beside import Beside
+from service.commands.background import Background
 
 
 def test_what_came_of_it_and_how_far_it_was() -> None:
@@ -23,7 +23,7 @@ def test_what_came_of_it_and_how_far_it_was() -> None:
         if part == 0.5:
             seen.set()
 
-    with Beside(work) as beside:
+    with Background(work) as beside:
         assert beside.result(progress) == 7
     assert told[-1] == 0.5
 
@@ -32,7 +32,7 @@ def test_what_it_raises_is_raised() -> None:
     def work(_: object) -> None:
         raise ValueError("nothing was tested")
 
-    with Beside(work) as beside, pytest.raises(ValueError, match="nothing was tested"):
+    with Background(work) as beside, pytest.raises(ValueError, match="nothing was tested"):
         beside.result(lambda _: None)
 
 
@@ -48,7 +48,7 @@ def test_it_ends_when_the_caller_fails() -> None:
             ended.set()
 
     def call() -> None:
-        with Beside(work):
+        with Background(work):
             assert begun.wait(60)
             raise KeyError("the caller's")
 

@@ -1,0 +1,250 @@
+"""Calibration: from healthy records of an axis and a false-alarm budget to thresholds, and what they will find.
+
+The steps: deviations of the estimates in the records (healthy.py) are checked (doubts.py); bootstrap copies of the
+records (surrogate.py) tell the tails of the CUSUM sums (tail.py), from which the thresholds follow (budget.py); changes
+are put into the longest record to see what is found (catch.py); the multi-model detector is calibrated with the same
+records and budget (hypotheses.py, catch_by_bank.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from monitor_core.calibration.budget import Rates, rates, thresholds
+from monitor_core.calibration.catch import Caught, Fault, catch
+from monitor_core.calibration.catch_by_bank import catch_by_bank
+from monitor_core.calibration.doubts import (
+    CalibrationError,
+    check_healthy,
+    check_promise,
+    check_records,
+    check_settings,
+)
+from monitor_core.calibration.healthy import Samples, deviations
+from monitor_core.calibration.hypotheses import BankLimits, bank_limits
+from monitor_core.calibration.injection import changed
+from monitor_core.calibration.learned import Learned, learned
+from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
+from monitor_core.calibration.surrogate import SAMPLES
+from monitor_core.calibration.watched import COPIES
+from monitor_core.detection.multimodel.multimodel_detector import unfit
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.settings import Settings, Threshold
+
+WITHIN_MEMORIES = 10.0
+"""Changes are to be found within this number of memory lengths, unless ``within_s`` is given."""
+MIN_WITHIN_MEMORIES = 2.0
+OBSERVED_SHARE = 2.0
+"""Each change is observed for this multiple of that time."""
+
+Progress = Callable[[str, float, float], None]
+"""Receives the name of the present step, the work done, and the total work."""
+PartialProgress = Callable[[float], None]
+"""Receives the completed share, 0 to 1."""
+Task = Callable[[PartialProgress], BankLimits | None]
+
+
+class Pending(Protocol):
+    """A task that may run meanwhile."""
+
+    def result(self, progress: PartialProgress) -> BankLimits | None:
+        """Wait for the result of the task, reporting its progress."""
+
+
+Launcher = Callable[[Task], AbstractContextManager[Pending]]
+"""Starts a task, at best on another core; leaving the context ends it."""
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """What is asked of a calibration.
+
+    Attributes:
+        budget_s: mean time between false alarms of the axis that the thresholds must keep [s].
+        within_s: changes are to be found within this time [s], as small ones as possible; None: ten memory lengths.
+        sizes: changes to try, as shares of the size of the parameter, upwards and downwards.
+        onsets: number of places of the record at which each change begins.
+        seed: of the bootstrap.
+        copies: samples of bootstrap copies for the CUSUM tests.
+        bank_copies: samples of bootstrap copies for the multi-model detector.
+    """
+
+    budget_s: float
+    within_s: float | None = None
+    sizes: tuple[float, ...] = (0.05, 0.1, 0.2, 0.3, 0.5)
+    onsets: int = 100
+    seed: int = 1
+    copies: int = SAMPLES
+    bank_copies: int = COPIES
+
+
+def _no_progress(_step: str, _done: float, _total: float) -> None:
+    pass
+
+
+class _Deferred:
+    """Runs the task when its result is asked for: the launcher of a single core."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+
+    def result(self, progress: PartialProgress) -> BankLimits | None:
+        return self._task(progress)
+
+
+def _in_sequence(task: Task) -> AbstractContextManager[Pending]:
+    return nullcontext(_Deferred(task))
+
+
+def calibrate(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    options: CalibrationOptions,
+    progress: Progress = _no_progress,
+    launch: Launcher = _in_sequence,
+) -> CalibrationResult:
+    """Find thresholds that keep a false-alarm budget, from records of the healthy axis.
+
+    Args:
+        model: the axis with its nominal values.
+        settings: how it is monitored; thresholds in it are ignored.
+        records: healthy records, at best with the motion that will be monitored; ten minutes are good.
+        options: the budget, and which changes to try.
+        progress: called with the present step.
+        launch: starts the calibration of the multi-model detector, which is half of the work, on another core.
+
+    Returns:
+        The thresholds in ``result.settings``, their rate with its uncertainty, and what would have been found.
+
+    Raises:
+        CalibrationError: these records yield no thresholds; the text says why and what would be right.
+    """
+    memory_s = settings.memory * settings.interval_s
+    within_s = options.within_s or WITHIN_MEMORIES * memory_s
+    if within_s < MIN_WITHIN_MEMORIES * memory_s:
+        raise CalibrationError(
+            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
+            f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
+        )
+    check_settings(settings)
+    healthy = deviations(model, settings, records, lambda part: progress("healthy records", part, 1.0))
+    check_records(model, settings, healthy)
+    check_healthy(model, settings, healthy)
+    rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
+    samples = options.budget_s / settings.interval_s
+    task = partial(_limits, model, settings, records, samples, rng_multimodel, options.bank_copies)
+    with launch(task) as pending:
+        on_copies = partial(_step, progress, "copies of the records")
+        memories = within_s / memory_s
+        statistics = learned(
+            model, settings, records, healthy, samples, memories, rng, options.copies, on_copies
+        )
+        own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
+        calibrated = replace(settings, thresholds=own)
+        caught, onsets = _trials(model, calibrated, records, options, within_s, progress)
+        limits = pending.result(partial(_step, progress, "bank of hypotheses"))
+    faults = [trial.fault for trial in caught]
+    bank = _multimodel(model, calibrated, records, limits, faults, options, within_s) if limits else None
+    return CalibrationResult(
+        model, calibrated, options.budget_s, within_s, statistics.scatter, rate, statistics.allowance, caught, onsets,
+        sum(float(r.t_us[-1] - r.t_us[0]) * 1e-6 for r in records), bank,
+    )  # fmt: skip
+
+
+def _step(progress: Progress, name: str, part: float) -> None:
+    progress(name, part, 1.0)
+
+
+def _thresholds(
+    statistics: Learned, samples: float, interval_s: float, seed: int
+) -> tuple[tuple[Threshold, ...], Rates]:
+    """Thresholds of the CUSUM tests, and their false-alarm rate.
+
+    All from the same draws: with others the bound of a far budget, which is as wide, would not be met again.
+    """
+    own = thresholds(
+        statistics.scatter, statistics.tails, statistics.allowance, samples, np.random.default_rng(seed)
+    )
+    rate = rates(statistics.scatter, statistics.tails, own, np.random.default_rng(seed))
+    alone = rates(statistics.alone, statistics.tails, own, np.random.default_rng(seed))
+    check_promise(statistics.scatter, rate, alone, samples, interval_s)
+    return own, rate
+
+
+def _trials(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    options: CalibrationOptions,
+    within_s: float,
+    progress: Progress,
+) -> tuple[list[Caught], int]:
+    """What the CUSUM tests find of changes in the longest record; nothing if it is too short."""
+    longest = max(records, key=lambda record: len(record.t_us))
+    faults = [
+        Fault(name, sign * size)
+        for name in model.monitored
+        for sign in (1, -1)
+        for size in options.sizes
+        if _is_possible(model, name, sign * size)
+    ]
+    for share in (OBSERVED_SHARE, 1.0):
+        try:
+            return catch(
+                model, settings, longest, faults, options.onsets, share * within_s, partial(_step, progress, "faults")
+            )  # fmt: skip
+        except ValueError:
+            continue
+    return [], 0
+
+
+def _limits(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    samples: float,
+    rng: np.random.Generator,
+    copies: int,
+    progress: PartialProgress,
+) -> BankLimits | None:
+    """Thresholds of the multi-model detector; None if the axis cannot have it."""
+    if unfit(model, settings):
+        return None
+    return bank_limits(model, settings, records, samples, rng, copies, progress)
+
+
+def _multimodel(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    limits: BankLimits,
+    faults: Sequence[Fault],
+    options: CalibrationOptions,
+    within_s: float,
+) -> MultiModelCalibration:
+    """Thresholds of the multi-model detector, and what it finds of the same changes."""
+    longest = max(records, key=lambda record: len(record.t_us))
+    for share in (OBSERVED_SHARE, 1.0) if faults else ():
+        try:
+            caught = catch_by_bank(
+                model, settings, limits.own, longest, faults, options.onsets, share * within_s
+            )
+        except ValueError:
+            continue
+        return MultiModelCalibration(limits, caught)
+    return MultiModelCalibration(limits, ())
+
+
+def _is_possible(model: AxisModel, name: str, change: float) -> bool:
+    try:
+        changed(model, name, change)
+    except (ValueError, ZeroDivisionError):
+        return False
+    return True

@@ -1,0 +1,110 @@
+"""Result of a calibration: thresholds, their false-alarm rate, and the changes that each detector would have found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from monitor_core.arrays import Floats
+from monitor_core.calibration.budget import Rates
+from monitor_core.calibration.catch import Caught
+from monitor_core.calibration.doubts import duration
+from monitor_core.calibration.hypotheses import BankLimits
+from monitor_core.calibration.scatter import Scatter
+from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.settings import Settings
+
+FOUND_SHARE = 0.9
+"""A change counts as found if the detector finds it from this share of the onsets."""
+
+
+@dataclass(frozen=True)
+class DetectorResult:
+    """Performance of one detector.
+
+    ``between_s``: mean time between false alarms [s], most likely value and bounds of the 90 % interval.  ``caught``:
+    every change that was tried, with the name of its alarm: the first name of the CUSUM tests, the final name of the
+    multi-model detector.
+    """
+
+    detector: DetectorName
+    between_s: tuple[float, float, float]
+    caught: Sequence[Caught]
+    within_s: float
+
+    @property
+    def promise(self) -> str:
+        """The false-alarm rate as a sentence."""
+        most, low, high = (duration(v) for v in self.between_s)
+        return f"one false alarm in {most}, with 90 % certainty between one in {low} and one in {high}"
+
+    def smallest(self, name: str) -> tuple[float | None, float | None]:
+        """Smallest increase and decrease, in sizes of the parameter, found in time; None: none of those tried."""
+        return self._smallest(name, 1), self._smallest(name, -1)
+
+    def _smallest(self, name: str, sign: int) -> float | None:
+        sizes = [
+            abs(trial.fault.size)
+            for trial in self.caught
+            if trial.fault.parameter == name
+            and trial.fault.size * sign > 0
+            and trial.found_within(self.within_s) >= FOUND_SHARE
+        ]
+        return sign * min(sizes) if sizes else None
+
+    def confusion(self) -> dict[str, dict[str, int]]:
+        """Confusion matrix: number of changes of each parameter by the name of the alarm; "" is no alarm."""
+        tried = dict.fromkeys(trial.fault.parameter for trial in self.caught)
+        others = sorted({name for trial in self.caught for name in trial.first} - {*tried, ""})
+        table = {name: dict.fromkeys((*tried, *others, ""), 0) for name in tried}
+        for trial in self.caught:
+            for name in trial.first:
+                table[trial.fault.parameter][name] += 1
+        return table
+
+
+@dataclass(frozen=True)
+class MultiModelCalibration:
+    """Thresholds of the multi-model detector, and what it would have found of the same changes."""
+
+    limits: BankLimits
+    caught: Sequence[Caught]
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """Result of ``calibrate``; times in seconds.
+
+    ``settings`` have the thresholds.  ``onsets`` is the number of places at which each change began.  ``caught`` is
+    empty if the records are too short to try changes.  ``records_s`` is the total length of the records.
+    """
+
+    model: AxisModel
+    settings: Settings
+    budget_s: float
+    within_s: float
+    scatter: Scatter
+    rates: Rates
+    allowance: Floats
+    caught: Sequence[Caught]
+    onsets: int
+    records_s: float
+    bank: MultiModelCalibration | None = None
+    """None: the axis cannot have a multi-model detector"""
+
+    @property
+    def tests(self) -> DetectorResult:
+        """Performance of the CUSUM tests."""
+        return DetectorResult("cusum", self._between(self.rates), self.caught, self.within_s)
+
+    @property
+    def by_bank(self) -> DetectorResult | None:
+        """Performance of the multi-model detector, if the axis can have it."""
+        if self.bank is None:
+            return None
+        return DetectorResult("bank", self._between(self.bank.limits), self.bank.caught, self.within_s)
+
+    def _between(self, rates: Rates | BankLimits) -> tuple[float, float, float]:
+        h = self.settings.interval_s
+        return h / rates.whole, h / rates.upper, h / rates.lower
