@@ -20,7 +20,7 @@ class Threshold(NamedTuple):
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of one axis; the defaults are the paper's.
+    """Settings of one axis.  The defaults are the paper's; ``recommended_settings`` makes those for a real axis.
 
     Raises:
         ValueError: a value outside its range.

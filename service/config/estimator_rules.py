@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator
 
+from monitor_core.monitoring.recommended_settings import MIN_MEMORY_SAMPLES
 from service.config.encoder import step_noise
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of
 from service.config.schema import AxisConfig
-from service.config.schema_watching import FEWEST_SAMPLES
 from service.config.tables import present
 from service.config.wording import Finding
 
@@ -69,10 +69,10 @@ def memory(axis: AxisConfig) -> Iterator[Finding]:
         return
     if e.forgetting is not None:
         yield Finding(("estimator", "forgetting"), "beside memory_s: give one of the two")
-    least = FEWEST_SAMPLES * axis.sample_interval_s
+    least = MIN_MEMORY_SAMPLES * axis.sample_interval_s
     if e.memory_s < least:
         yield Finding(
-            ("estimator", "memory_s"), f"must be at least {FEWEST_SAMPLES} sample intervals, {least:g} s"
+            ("estimator", "memory_s"), f"must be at least {MIN_MEMORY_SAMPLES} sample intervals, {least:g} s"
         )
 
 

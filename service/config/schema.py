@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 
 from monitor_core.drive.structure import Output
+from monitor_core.monitoring.recommended_settings import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.kinds import FilePath, Name, Positive, Real, Text, intervals
 from service.config.schema_model import ModelConfig
 from service.config.schema_signals import (
@@ -20,8 +21,6 @@ from service.config.schema_signals import (
     TimeConfig,
 )
 from service.config.schema_watching import (
-    DEFAULT_MEMORY_S,
-    FEWEST_SAMPLES,
     DetectorConfig,
     EstimatorConfig,
     TrendConfig,
@@ -121,7 +120,7 @@ class AxisConfig(Table):
         e = self.estimator
         if e.forgetting is not None:
             return e.forgetting
-        memory = e.memory_s or max(DEFAULT_MEMORY_S, FEWEST_SAMPLES * self.sample_interval_s)
+        memory = e.memory_s or max(DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES * self.sample_interval_s)
         return 1 - self.sample_interval_s / memory
 
     @property

@@ -15,11 +15,6 @@ def _none_or_three(value: float) -> float:
     return value
 
 
-DEFAULT_MEMORY_S = 1.0
-FEWEST_SAMPLES = 10
-"""In a memory."""
-
-
 class EstimatorConfig(Table):
     """[robot.axis.estimator]: the recursive prediction error method."""
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
+from monitor_core.monitoring.recommended_settings import SETTLING_TIME_CONSTANTS
 from service.config import NamedAxis
-from service.config.axis_settings import SETTLING_TIME_CONSTANTS, AxisError, axis_model, axis_settings
+from service.config.axis_settings import AxisError, axis_model, axis_settings
 from tests.service.pipeline.robots import demo
 
 

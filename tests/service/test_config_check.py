@@ -82,7 +82,7 @@ def test_a_memory_too_short_for_the_predictor_is_a_mistake_in_one_line(tmp_path:
 def test_a_memory_that_is_short_is_noted(memory_s: float, noted: bool, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["--config", str(with_memory(tmp_path, memory_s))])
     assert result.exit_code == 0
-    assert ("Note: demo.axis1: a memory of 1 s is short beside 0.9 s" in result.stdout) == noted
+    assert ("Note: demo.axis1: a memory of 1 s is short compared with 0.9 s" in result.stdout) == noted
 
 
 def test_where_it_is_short_the_state_moves_with_the_estimates_unless_told_otherwise(tmp_path: Path) -> None:

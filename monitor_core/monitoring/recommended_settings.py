@@ -1,0 +1,208 @@
+"""Recommended settings for a real axis: from its model and the noise of its signals to ``Settings``.
+
+``Settings`` itself has the defaults of the paper, which suit the paper's simulated axis only.  The recommended ones
+have a Kalman gain from the noises, a settling time from the predictor, supervision of P, and outlier rejection.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.drive.structure import DISTURBANCE_TIME
+from monitor_core.settings import Settings
+
+SETTLING_TIME_CONSTANTS = 5
+"""After this number of its slowest time constants the predictor has forgotten its initial state (e^-5 = 0.7 %)."""
+MIN_MEMORY, AMPLE_MEMORY = 0.5, 2.5
+"""Memory over the slowest time constant of the predictor.  Below the first the estimates run away; from the second on
+they scatter as P says (the paper's own experiment has 1.8).  Between them the state moves with the estimates."""
+JOINT_STATE_SHARE = 0.2
+"""Share of these limits that suffices if the state moves with the estimates."""
+LOST_SAMPLE_SHARE = 0.1
+"""Share of the settling time that each lost sample costs, except the first of a row."""
+DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES = 1.0, 10
+"""Default memory [s], and the least number of samples in it."""
+
+
+class SettingsError(ValueError):
+    """There is no working predictor with these options; the text says what would be right."""
+
+
+@dataclass(frozen=True)
+class MonitoringOptions:
+    """What can be chosen for the monitoring of an axis; the defaults are recommended for real axes.
+
+    Attributes:
+        torque_noise: standard deviation of the torque per sample [N m], with all that the model does not explain.
+        output_noise: standard deviation of the measured angle [rad] or speed [rad/s].
+        innovation_variance: lambda_0 [rad^2 or (rad/s)^2]; None: from the noises.
+        gain: filter gain K, one number per state; empty: from the noises.
+        output_error: the paper's predictor, K = 0; only with speed.
+        lam: forgetting factor per sample; None: from ``memory_s``.
+        memory_s: memory of the estimates [s].
+        joint_state: whether the state moves with the estimates; None: if the memory is short.
+        random_walk: whether parameters are modelled as random walks instead of forgetting.
+        information_floor: share of the information at commissioning that is never forgotten.
+        min_excitation: share of the usual excitation below which nothing is estimated.
+        outlier_limit: an innovation beyond this number of standard deviations is rejected.
+        torque_delay_s: delay of the torque [s].
+        friction_speed_scale: speed scale of Coulomb friction [rad/s].
+        max_gap_s: a longer interval restarts the predictor [s]; None: ten intervals.
+        settling_time_s: no estimation for this time after a restart [s]; None: five slowest time constants.
+        P0: diagonal of P(0); empty: from the first samples.
+        alpha1: nu = alpha1 sqrt(lambda_0 P_ii) (paper eq. 22).
+        alpha2: h = alpha2 s_i (paper eq. 23).
+        covariance_reset: after an alarm P_ii is at least this many times P(0)_ii.
+        unidentifiable: pairs of parameters that the record of the nominal values does not distinguish.
+    """
+
+    torque_noise: float | None = None
+    output_noise: float | None = None
+    innovation_variance: float | None = None
+    gain: tuple[float, ...] = ()
+    output_error: bool = False
+    lam: float | None = None
+    memory_s: float | None = None
+    joint_state: bool | None = None
+    random_walk: bool = False
+    information_floor: float = 0.05
+    min_excitation: float = 0.05
+    outlier_limit: float = 6.0
+    torque_delay_s: float = 0.0
+    friction_speed_scale: float = 1.0
+    max_gap_s: float | None = None
+    settling_time_s: float | None = None
+    P0: tuple[float, ...] = ()
+    alpha1: float = 3.0
+    alpha2: float = 20.0
+    covariance_reset: float = 0.0
+    unidentifiable: tuple[tuple[str, str], ...] = ()
+
+    def forgetting(self, interval_s: float) -> float:
+        """lambda per sample: as given, or from the memory."""
+        if self.lam is not None:
+            return self.lam
+        return 1 - interval_s / (self.memory_s or max(DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES * interval_s))
+
+
+def recommended_settings(model: AxisModel, interval_s: float, options: MonitoringOptions) -> Settings:
+    """Settings for an axis.
+
+    Args:
+        model: the axis with its nominal values and monitored parameters.
+        interval_s: nominal sample interval [s].
+        options: at least the two noises; see there.
+
+    Raises:
+        SettingsError: noises are missing, the predictor is not stable, or the memory is too short for it.
+        ValueError: an option out of range.
+    """
+    K, lam0 = _gain(model, interval_s, options)
+    lam = options.forgetting(interval_s)
+    settle_s = _settling_time(model, interval_s, options, K)
+    return Settings(
+        interval_s=interval_s,
+        lam=lam,
+        lam0=lam0,
+        alpha1=options.alpha1,
+        alpha2=options.alpha2,
+        K=tuple(K),
+        K_after=_gains_after_gaps(model, interval_s, options, K),
+        delay_s=options.torque_delay_s,
+        max_gap_s=10 * interval_s if options.max_gap_s is None else options.max_gap_s,
+        settle_s=settle_s,
+        lost_s=settle_s * LOST_SAMPLE_SHARE,
+        speed_scale=options.friction_speed_scale,
+        P0=options.P0,
+        floor=options.information_floor,
+        starved=options.min_excitation,
+        outlier=options.outlier_limit,
+        joint=_joint_state(model, interval_s, options, K),
+        drift=options.random_walk,
+        widen=options.covariance_reset,
+        untold=options.unidentifiable,
+    )
+
+
+@dataclass(frozen=True)
+class ShortMemory:
+    """The memory is short for the predictor; times in seconds.
+
+    ``needed_s``: from this memory on estimates scatter as reported without a joint state.  ``joint_by_default``: the
+    state moves with the estimates because the memory is short, so they scatter as reported.
+    """
+
+    memory_s: float
+    slowest_s: float
+    needed_s: float
+    joint_by_default: bool
+
+
+def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None) -> ShortMemory | None:
+    """Whether the memory of these settings is short beside the predictor; ``joint_state`` as in the options."""
+    slowest = predictor_time_constant(model, settings.interval_s, settings.K)
+    memory = settings.memory * settings.interval_s
+    chosen = joint_state is not None
+    needed = AMPLE_MEMORY * slowest * (JOINT_STATE_SHARE if settings.joint and chosen else 1)
+    if memory >= needed:
+        return None
+    return ShortMemory(memory, slowest, needed, settings.joint and not chosen)
+
+
+def predictor_time_constant(model: AxisModel, interval_s: float, K: Sequence[float]) -> float:
+    """Slowest time constant [s] of the predictor with filter gain K; empty: output error."""
+    gain = np.array(K) if K else np.zeros(len(model.drive.states))
+    return slowest_time_constant(model, gain, interval_s)
+
+
+def _gain(model: AxisModel, interval_s: float, o: MonitoringOptions) -> tuple[Sequence[float], float]:
+    """Filter gain K, empty for output error, and lambda_0; given values take precedence."""
+    if o.output_error:
+        if o.innovation_variance is None and o.output_noise is None:
+            raise SettingsError("output error needs output_noise or innovation_variance")
+        return (), o.innovation_variance or (o.output_noise or 0.0) ** 2
+    if o.gain and o.innovation_variance is not None:
+        return o.gain, o.innovation_variance
+    if o.torque_noise is None or o.output_noise is None:
+        raise SettingsError("the filter gain needs torque_noise and output_noise")
+    K, lam0 = filter_gain(model, interval_s, o.torque_noise, o.output_noise)
+    return o.gain or tuple(float(k) for k in K), o.innovation_variance or lam0
+
+
+def _gains_after_gaps(
+    model: AxisModel, interval_s: float, o: MonitoringOptions, K: Sequence[float]
+) -> tuple[tuple[float, ...], ...]:
+    """The gains after missing samples; empty (no growth) if the noises behind K are not known."""
+    if not K or o.torque_noise is None or o.output_noise is None or DISTURBANCE_TIME in model.nominal:
+        return ()
+    noises = interval_s, o.torque_noise, o.output_noise
+    computed, _ = filter_gain(model, *noises)
+    return gains_after(model, *noises) if np.allclose(computed, K, rtol=1e-3, atol=0) else ()
+
+
+def _settling_time(model: AxisModel, interval_s: float, o: MonitoringOptions, K: Sequence[float]) -> float:
+    slowest = predictor_time_constant(model, interval_s, K)
+    if not np.isfinite(slowest):
+        raise SettingsError(
+            "the predictor is not stable: give another gain, or torque_noise and output_noise"
+        )
+    memory_s = interval_s / (1 - o.forgetting(interval_s))
+    least = MIN_MEMORY * slowest * (JOINT_STATE_SHARE if o.joint_state else 1)
+    if memory_s < least:
+        raise SettingsError(
+            f"a memory of {memory_s:.3g} s is less than {least:.3g} s, too short for the slowest time constant of the"
+            f" predictor, {slowest:.3g} s: the estimates would run away. Set joint_state = true, or raise memory_s, or"
+            " torque_noise, which makes the predictor faster"
+        )
+    return SETTLING_TIME_CONSTANTS * slowest if o.settling_time_s is None else o.settling_time_s
+
+
+def _joint_state(model: AxisModel, interval_s: float, o: MonitoringOptions, K: Sequence[float]) -> bool:
+    """Whether the state moves with the estimates: as chosen, else if they would scatter more than is reported."""
+    if o.joint_state is not None:
+        return o.joint_state
+    memory_s = interval_s / (1 - o.forgetting(interval_s))
+    return bool(memory_s < AMPLE_MEMORY * predictor_time_constant(model, interval_s, K))
