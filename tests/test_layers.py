@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 PURE = {"numpy", "scipy", "numba", "llvmlite", "operator", "monitor_core"} | {
     *("__future__", "ast", "abc", "collections", "contextlib", "dataclasses", "difflib", "enum", "fractions"),
-    *("functools", "heapq", "itertools", "json", "math", "re", "types", "typing"),
+    *("functools", "heapq", "importlib", "itertools", "json", "math", "re", "types", "typing"),
 }
 SYMBOLIC = {"sympy", "pymoca"}  # in monitor_core/modeling only
 IMPURE_CALLS = {"open", "print", "input", "exec", "eval", "__import__", "breakpoint"}

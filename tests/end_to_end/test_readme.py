@@ -1,4 +1,4 @@
-"""Every command that the README shows, run as it stands there."""
+"""Every command and program that README and docs show, run as it stands there."""
 
 from __future__ import annotations
 
@@ -30,15 +30,24 @@ from tests.end_to_end.processes import (
 from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import blocks
 
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-CONSOLE = re.findall(r"^\$ (.+)$", "\n".join(re.findall(r"```console\n(.*?)```", README, re.S)), re.M)
-TOML = re.findall(r"```toml\n(.*?)```", README, re.S)
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TEXTS = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTS}
+
+
+def code(language: str) -> list[str]:
+    """The code blocks of all documents, each once."""
+    blocks = (re.findall(rf"```{language}\n(.*?)```", text, re.S) for text in TEXTS.values())
+    return list(dict.fromkeys(block for found in blocks for block in found))
+
+
+CONSOLE = list(dict.fromkeys(re.findall(r"^\$ (.+)$", "\n".join(code("console")), re.M)))
+TOML = code("toml")
 
 
 def shown(start: str) -> list[list[str]]:
     """The commands that begin with these words, as arguments."""
     found = [shlex.split(line) for line in CONSOLE if line.startswith(start + " ")]
-    assert found, f"the README shows no {start!r} any more"
+    assert found, f"the documents show no {start!r} any more"
     return found
 
 
@@ -117,7 +126,8 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     assert len(TOML[0].splitlines()) <= 10
     true = load(write_robot(tmp_path), {})
     write_record(tmp_path / "healthy.csv", true, 30, seed)
-    identify, warm, _ = shown("axiswatch identify")
+    identify, validated, warm = shown("axiswatch identify")
+    assert "--validate" in validated
     done = run_program(*arguments(identify, tmp_path), "--output-dir", tmp_path, patience_s=300)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "report.html").stat().st_size > 100_000
@@ -127,7 +137,9 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
         scale = 1.0 if name in ("Jm", "fm") else (values["r"] / nominal["r"]) ** 2
         off = abs(values[name] * scale - nominal[name])
         assert off < 5 * sds[name] * scale + 0.005 * nominal[name], name
-    (tmp_path / "warm.toml").write_text(TOML[0] + TOML[1], encoding="utf-8")
+    (tmp_path / "warm.toml").write_text(
+        TOML[0] + next(block for block in TOML if 'column = "temp"' in block), encoding="utf-8"
+    )
     rows = (tmp_path / "healthy.csv").read_text(encoding="utf-8").splitlines()
     warmer = [f"{row},{20 + n // 500 % 4}" for n, row in enumerate(rows[1:2001])]
     (tmp_path / "warm.csv").write_text("\n".join((rows[0] + ",temp", *warmer, "")), encoding="utf-8")
@@ -168,7 +180,7 @@ def test_an_axis_is_identified_and_watched(tmp_path: Path, seed: int) -> None:
     for name, guess in {"Jm": 0.004, "Ja": 150, "kg": 2e5, "ka": 4e5, "fm": 0.03, "fc": 0, "tau0": 0}.items():
         text = re.sub(rf"^{name} = [\d.]+", f"{name} = {guess}", text, flags=re.MULTILINE)
     config.write_text(text, encoding="utf-8")
-    *_, identify = shown("axiswatch identify")
+    (identify,) = (command for command in shown("axiswatch identify") if "--validate" in command)
     done = run_program(*arguments(identify, tmp_path), patience_s=300)
     assert done.returncode == 0, done.stderr
     assert "second.log" in done.stdout
@@ -210,7 +222,7 @@ def alarms_in(config: Path, record: str) -> list[dict[str, object]]:
 
 
 def test_the_drive_drawn_here_is_modelled_and_its_fault_is_named(tmp_path: Path) -> None:
-    (drawing,) = re.findall(r"```modelica\n(.*?)```", README, re.S)
+    (drawing,) = code("modelica")
     (tmp_path / "two.mo").write_text(drawing, encoding="utf-8")
     (model,) = shown("axiswatch model")
     (demo,) = shown("axiswatch demo")
@@ -245,8 +257,30 @@ def answers_to_curl(d: Daemon) -> None:
             assert d.status(address.removeprefix(d.page)) == 200
 
 
-def test_files_that_are_named_are_there() -> None:
-    named = set(re.findall(r"`((?:service|monitor_core)/[\w./]*)`|\]\(([\w./]+)\)", README))
-    paths = {path for pair in named for path in pair if path}
-    assert len(paths) > 15
-    assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
+def test_the_library_example_names_the_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    (program,) = code("python")
+    exec(compile(program, "README.md", "exec"), {})
+    parameter, direction, _, size, *_ = capsys.readouterr().out.split()
+    assert (parameter, direction) == ("kT", "up")
+    assert float(size) == pytest.approx(0.2, abs=0.02)
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_files_that_are_named_are_there(path: Path) -> None:
+    text = TEXTS[path.name]
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s:]+)\)", text)]
+    assert [link for link in links if link and not (path.parent / link).exists()] == []
+    named = re.findall(r"`((?:service|monitor_core|tests)/[\w./]*)`", text)
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_headings_that_are_linked_are_there(path: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s:]*#[^)\s]+)\)", TEXTS[path.name]):
+        target, _, anchor = link.partition("#")
+        text = TEXTS[Path(target).name] if target else TEXTS[path.name]
+        anchors = {
+            re.sub(r"[^\w -]", "", h).strip().lower().replace(" ", "-")
+            for h in re.findall(r"^#+ (.+)$", text, re.M)
+        }
+        assert anchor in anchors, link
