@@ -5,24 +5,49 @@ from __future__ import annotations
 import errno
 import socket
 import time
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
 
 import can
+import can.interfaces
 from can.typechecking import CanFilter
 
 from service.can.decode import FrameKey
 from service.can.user_errors import BusError
-from service.config.schema import BusConfig
 
 Bus = can.BusABC
 """An open bus of any interface."""
+
+
+class BusSettings(Protocol):
+    """What a bus is opened with; [[bus]] of the configuration is one."""
+
+    @property
+    def name(self) -> str:
+        """Name by which axes refer to the bus."""
+
+    @property
+    def interface(self) -> str:
+        """Interface by the names of python-can."""
+
+    @property
+    def channel(self) -> str:
+        """Channel of that interface."""
+
+    @property
+    def queue_frames(self) -> int:
+        """Frames that may wait for the worker."""
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Further options for python-can."""
+
 
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
 _SEND_TIMEOUT_S = 1.0
 
 
-def open_bus(config: BusConfig, wanted: Iterable[FrameKey] | None = None) -> can.BusABC:
+def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> Bus:
     """Open a bus.
 
     Args:
@@ -49,7 +74,7 @@ def open_bus(config: BusConfig, wanted: Iterable[FrameKey] | None = None) -> can
         raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
 
 
-def send(bus: can.BusABC, key: FrameKey, data: bytes) -> None:
+def send(bus: Bus, key: FrameKey, data: bytes) -> None:
     """Send a frame: CAN FD when it is longer than 8 bytes.
 
     Raises:
@@ -84,7 +109,7 @@ def _check_device(name: str) -> None:
         raise OSError(errno.ENODEV, "no such device")
 
 
-def _hint(config: BusConfig, error: OSError) -> str:
+def _hint(config: BusSettings, error: OSError) -> str:
     where = _where(config)
     if config.interface != "socketcan":
         return f"cannot open {where}: {error.strerror or error}"
@@ -98,5 +123,10 @@ def _hint(config: BusConfig, error: OSError) -> str:
     return f"cannot open {where}: {error.strerror or error}"
 
 
-def _where(config: BusConfig) -> str:
+def _where(config: BusSettings) -> str:
     return f"{config.interface} {config.channel}"
+
+
+def interface_names() -> tuple[str, ...]:
+    """The interfaces that python-can knows."""
+    return tuple(sorted(can.interfaces.VALID_INTERFACES))

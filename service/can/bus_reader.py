@@ -12,13 +12,12 @@ from types import MappingProxyType
 
 import can
 
-from service.can.bus import open_bus
+from service.can.bus import BusSettings, open_bus
 from service.can.decode import FrameKey
 from service.can.frame_queue import FrameQueue
 from service.can.frames import Frame
 from service.can.receivers import Receiver, receiver_of
 from service.can.user_errors import BusError
-from service.config.schema import BusConfig
 
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
 """Why a frame did not reach the worker.  kernel_overflow is known for socketcan only."""
@@ -51,7 +50,7 @@ class CanReader:
     """
 
     def __init__(
-        self, config: BusConfig, wanted: Iterable[FrameKey], ready: threading.Event | None = None
+        self, config: BusSettings, wanted: Iterable[FrameKey], ready: threading.Event | None = None
     ) -> None:
         self._config, self._wanted = config, tuple(wanted)
         self._queue = FrameQueue(config.queue_frames, ready)

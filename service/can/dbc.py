@@ -5,9 +5,20 @@ from pathlib import Path
 
 import cantools.database
 from cantools.database.can import Database, Message, Signal
-from cantools.database.errors import Error
+from cantools.database.errors import Error as CodingError
 
 from service.texts.suggestions import did_you_mean
+
+__all__ = [
+    "CodingError",
+    "DbcError",
+    "Message",
+    "Signal",
+    "find_counter",
+    "find_message",
+    "find_signal",
+    "read_dbc",
+]
 
 
 class DbcError(Exception):
@@ -41,7 +52,7 @@ def find_message(database: Database, name: str) -> Message:
     message = by_name[name]
     try:
         message.refresh(strict=True)
-    except Error as error:
+    except CodingError as error:
         raise DbcError(f"the DBC is wrong about this message: {error}") from None
     for other in database.messages:
         if other is not message and _identifier(other) == _identifier(message):
@@ -78,7 +89,7 @@ def find_counter(message: Message, name: str) -> Signal:
 def _read(path: Path, _modified_ns: int, _size: int) -> Database:
     try:
         database = cantools.database.load_string(_text(path.read_bytes()), "dbc", strict=False)
-    except Error as error:
+    except CodingError as error:
         reason = str(error).removeprefix('DBC: "').removesuffix('"').replace(">>!<<", "<here>")
         raise DbcError(f"{path} is no valid DBC: {reason}") from None
     assert isinstance(database, Database)  # the other kind belongs to another file format

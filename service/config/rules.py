@@ -7,7 +7,7 @@ rule asks for a value that is itself wrong, ``Absent`` ends it: that value has b
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
-from service.can.interfaces import interface_names
+from service.can.bus import interface_names
 from service.config.condition_rules import CONDITION_RULES, places_of_signals, signals_of_axes
 from service.config.crosschecks import DBC_RULES
 from service.config.detector_rules import DETECTOR_RULES

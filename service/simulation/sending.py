@@ -8,8 +8,8 @@ from contextlib import ExitStack, contextmanager
 import structlog
 
 from service.can.bus import open_bus, send
-from service.can.encode import FrameEncoder
 from service.config import Config
+from service.ingest.encode import FrameEncoder
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 
 log = structlog.get_logger(__name__)

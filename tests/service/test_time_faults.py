@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.can.encode import FrameEncoder
 from service.can.frames import Frame
 from service.can.recorder import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
+from service.ingest.encode import FrameEncoder
 from service.pipeline.frame_pipeline import Core
 from service.simulation.robot import SimulatedRobot
 from tests.end_to_end.processes import demo_config

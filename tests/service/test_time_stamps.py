@@ -26,11 +26,11 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.settings import Settings
-from service.can.encode import FrameEncoder
 from service.can.frames import Frame
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest.cyclic import CyclicClock
+from service.ingest.encode import FrameEncoder
 from service.pipeline.frame_pipeline import Core
 from service.simulation.robot import SimulatedRobot
 from tests.end_to_end.processes import demo_config

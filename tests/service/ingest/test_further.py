@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.can.encode import FrameEncoder, Values
 from service.can.frames import Frame, Sample
 from service.can.user_errors import RecordError
 from service.config import Config
 from service.ingest.auxiliary_signals import HeldColumns
 from service.ingest.bus_samples import Ingest
+from service.ingest.encode import FrameEncoder, Values
 from service.ingest.records import read_record
 from service.simulation.playback import encode_table
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config

@@ -15,12 +15,12 @@ import pytest
 
 from service.can.bus import open_bus
 from service.can.decode import FrameKey
-from service.can.encode import FrameEncoder
 from service.can.frames import Frame, Sample
 from service.can.recorder import FrameRecorder
 from service.can.user_errors import BusError, IngestError, RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
+from service.ingest.encode import FrameEncoder
 from service.simulation.playback import PlayFrame, play_frames, play_record
 from tests.service.ingest.plant import axis1, axis2, axis3, axis4, make_config
 

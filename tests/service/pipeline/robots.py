@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from service.can.bus_reader import ReaderStats
-from service.can.encode import FrameEncoder
 from service.can.frames import Frame
 from service.config import Config, load
+from service.ingest.encode import FrameEncoder
 from service.simulation.robot import Fault, SimulatedRobot
 
 DEMO = Path(__file__).resolve().parents[3] / "config" / "demo.toml"

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import pytest
 
 from monitor_core.detection.alarm import Alarm
-from service.can.encode import FrameEncoder
 from service.can.frames import Frame
 from service.config import Config
 from service.config.schema_watching import DetectorConfig
+from service.ingest.encode import FrameEncoder
 from service.pipeline.alarm_journaling import Alarms, quantities
 from service.pipeline.axis_change import Change
 from service.pipeline.checkpointing import Saver, bank_id

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from service.can.encode import FrameEncoder
 from service.can.frames import Frame
 from service.can.recorder import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
+from service.ingest.encode import FrameEncoder
 from service.ingest.log_record import LogRecord
 from service.pipeline.axis_monitors import Monitors
 from service.pipeline.frame_pipeline import Core

@@ -1,4 +1,4 @@
-"""Values of axes to frames, by the DBC: the way back of decode, for playing and simulating."""
+"""Encoder: values of axes to frames by the DBC, the inverse of decoding, for play and simulate."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from cantools.database.can import Message, Signal
-from cantools.database.errors import Error
-
+from service.can.dbc import CodingError, Message, Signal
 from service.can.decode import FrameKey
 from service.can.user_errors import IngestError
 from service.config.schema import Config
@@ -136,5 +134,5 @@ def _data(message: Message, pages: Mapping[Page, Raw]) -> Iterator[bytes]:
     for page in [page for page in pages if page] or [()]:
         try:
             yield message.encode({**common, **dict(page), **pages[page]}, scaling=False, strict=False)
-        except Error as error:
+        except CodingError as error:
             raise IngestError(f"message {message.name} cannot be encoded: {error}") from None
