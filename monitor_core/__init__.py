@@ -64,12 +64,12 @@ if TYPE_CHECKING:
     from monitor_core.excitation.design import plan
     from monitor_core.excitation.multisine import multisine
     from monitor_core.excitation.reference_experiment import experiment, reference_model
+    from monitor_core.identification.estimate import Estimate
     from monitor_core.identification.greybox import fit
     from monitor_core.identification.problem import Disturbance, Problem
     from monitor_core.identification.record import Record
-    from monitor_core.identification.result import Estimate
+    from monitor_core.identification.record_checks import suspicions as check_record
     from monitor_core.identification.starting import fit_from_scratch as identify
-    from monitor_core.identification.suspicion import suspicions as check_record
     from monitor_core.modeling.simulated_axis import SimulatedAxis
     from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass, two_mass
     from monitor_core.monitoring.axis_batch import AxisBatch
@@ -157,12 +157,12 @@ _HOME = {
     "plan": "excitation.design",
     "Accuracy": "excitation.accuracy",
     "Record": "identification.record",
-    "check_record": "identification.suspicion:suspicions",
+    "check_record": "identification.record_checks:suspicions",
     "Problem": "identification.problem",
     "Disturbance": "identification.problem",
     "identify": "identification.starting:fit_from_scratch",
     "fit": "identification.greybox",
-    "Estimate": "identification.result",
+    "Estimate": "identification.estimate",
     "Settings": "settings",
     "Threshold": "settings",
     "MonitoringOptions": "monitoring.recommended_settings",

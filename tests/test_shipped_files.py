@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from monitor_core.modeling.modelica.declarations import parse
-from monitor_core.modeling.modelica.library import library
+from monitor_core.modeling.modelica.standard_library import library
 from monitor_core.modeling.modelica.syntax import ClassDef, Source
 
 ROOT = Path(__file__).resolve().parent.parent

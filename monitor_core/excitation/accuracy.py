@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.modeling.identifiability.wording import listed
+from monitor_core.modeling.identifiability.sentences_on_identifiability import listed
 
 LIMIT = 0.95
 """Of a correlation."""

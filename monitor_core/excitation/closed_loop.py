@@ -12,7 +12,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Complex, Multisine
 from monitor_core.excitation.open_loop import ExcitationError
-from monitor_core.excitation.plant import Controller, Motion, Plant
+from monitor_core.excitation.planned_drive import Controller, Motion, Plant
 from monitor_core.excitation.schedule import Schedule
 
 _BANDWIDTH = 2.0

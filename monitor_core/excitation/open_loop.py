@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Multisine
-from monitor_core.excitation.plant import Motion, Plant
+from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.schedule import Schedule
 
 _STEPS = 7

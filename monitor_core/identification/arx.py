@@ -21,7 +21,7 @@ from monitor_core.identification.frequency import Complexes, FrequencyResponse, 
 from monitor_core.identification.gram import Lags
 from monitor_core.identification.normal import ONES, Criterion, Factor, factor, least_order, solve
 from monitor_core.identification.record import Record
-from monitor_core.identification.regular import Regular, on_grid
+from monitor_core.identification.uniform_grid import Regular, on_grid
 
 _LARGEST = 200
 """Order up to which a criterion looks, unless told."""

@@ -18,8 +18,8 @@ from monitor_core.arrays import Floats
 from monitor_core.identification.innovations import Innovations, Start, reflected
 from monitor_core.identification.pem import residuals, slopes
 from monitor_core.identification.record import Record
-from monitor_core.identification.regular import Regular, of_size_one, on_grid
 from monitor_core.identification.subspace import Rule, subspace_of
+from monitor_core.identification.uniform_grid import Regular, of_size_one, on_grid
 
 _RADIUS = 1 - 1e-9
 """Of the largest pole of predictor and, where it must be stable, of the system."""

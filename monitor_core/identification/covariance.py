@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.identification.colour import scores_covariance
+from monitor_core.identification.residual_spectrum import scores_covariance
 
 _SEEN = 1e-12
 

@@ -24,9 +24,9 @@ from monitor_core.identification.frequency import (
     on_circle,
     root_of,
 )
-from monitor_core.identification.held import hold_late
+from monitor_core.identification.held_drive import hold_late
 from monitor_core.identification.record import Bools
-from monitor_core.identification.structure import Linear, Structure
+from monitor_core.identification.term_derivatives import Linear, Structure
 from monitor_core.kernel.tables import TORQUE
 
 

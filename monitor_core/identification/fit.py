@@ -9,8 +9,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME
-from monitor_core.identification.descent import STEP, UNDAMPED, End, Normal, minimise
-from monitor_core.identification.layout import LEVEL
+from monitor_core.identification.levenberg_marquardt import STEP, UNDAMPED, End, Normal, minimise
+from monitor_core.identification.parameter_vector import LEVEL
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record

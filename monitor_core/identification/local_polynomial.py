@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, circular, on_circle
 from monitor_core.identification.record import Record
-from monitor_core.identification.regular import Regular, on_grid
+from monitor_core.identification.uniform_grid import Regular, on_grid
 
 _HIDDEN = 1e-10
 """Of the strongest line of the record: polynomials told apart by less are not told at all."""

@@ -10,7 +10,7 @@ import scipy.linalg as sla
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.gram import Lags, gram, regressors, rows
-from monitor_core.identification.regular import Regular
+from monitor_core.identification.uniform_grid import Regular
 
 _WORST = 1e-10
 """Reciprocal condition of the Gram matrix below which its square root has too few digits."""

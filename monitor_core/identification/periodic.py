@@ -15,7 +15,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, circular
 from monitor_core.identification.record import Bools, Record
-from monitor_core.identification.regular import Regular, on_grid
+from monitor_core.identification.uniform_grid import Regular, on_grid
 
 _BY_CHANCE = 1e-4
 """Share of the lines without excitation that pass for excited."""

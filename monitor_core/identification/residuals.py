@@ -11,7 +11,7 @@ from scipy.signal import fftconvolve
 from scipy.special import chdtrc, ndtri  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.colour import scores_covariance
+from monitor_core.identification.residual_spectrum import scores_covariance
 
 LAGS = 25
 LEVEL = 0.99

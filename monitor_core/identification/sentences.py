@@ -9,11 +9,11 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DAMPING
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.identification.gross import GROSS
-from monitor_core.identification.layout import LEVEL, Layout, whole_intervals
+from monitor_core.identification.estimate import Estimate
+from monitor_core.identification.outlier_removal import GROSS
+from monitor_core.identification.parameter_vector import LEVEL, Layout, whole_intervals
 from monitor_core.identification.residuals import LEVEL as CONFIDENCE
-from monitor_core.identification.result import Estimate
-from monitor_core.modeling.identifiability.wording import listed
+from monitor_core.modeling.identifiability.sentences_on_identifiability import listed
 
 _USUAL = ("kT", "r")
 """What one would rather hold than others: a data sheet has it."""

@@ -17,7 +17,7 @@ from scipy.signal.windows import hann
 from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, circular
 from monitor_core.identification.record import Record
-from monitor_core.identification.regular import Regular, on_grid
+from monitor_core.identification.uniform_grid import Regular, on_grid
 
 
 def spectral_response(

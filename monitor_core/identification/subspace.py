@@ -22,8 +22,8 @@ from monitor_core.identification.innovations import Innovations, reflected
 from monitor_core.identification.normal import ONES, Criterion, factor
 from monitor_core.identification.pem import residuals
 from monitor_core.identification.record import Record
-from monitor_core.identification.regular import Regular, of_size_one, on_grid
 from monitor_core.identification.splines import smooth_predictor
+from monitor_core.identification.uniform_grid import Regular, of_size_one, on_grid
 
 Rule = Criterion | Literal["singular-values"]
 _LONGEST = 80

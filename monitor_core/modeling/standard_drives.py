@@ -4,7 +4,7 @@ from functools import cache
 from types import MappingProxyType
 
 from monitor_core.drive.structure import Drive, Output
-from monitor_core.modeling import library as drawings
+from monitor_core.modeling import drive_drawings as drawings
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.numbers import drive_of
 

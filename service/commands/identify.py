@@ -42,8 +42,8 @@ from service.commands.which_drive import axis_named
 if TYPE_CHECKING:
     from monitor_core.identification.problem import Predictor
     from service.config import NamedAxis
-    from service.identification.beginning import Start
-    from service.identification.found import Provenance
+    from service.identification.identification_result import Provenance
+    from service.identification.initial_values import Start
 
 
 class Command(OptionalValueCommand):
@@ -151,7 +151,7 @@ def _names(given: list[str] | None) -> tuple[str, ...]:
 
 
 def _provenance(axis: NamedAxis) -> Provenance:
-    from service.identification.found import Provenance
+    from service.identification.identification_result import Provenance
     from service.identification.provenance import drawing_of
 
     command = shlex.join(["axiswatch", *sys.argv[1:]])

@@ -12,7 +12,7 @@ import typer
 from service.commands.writing import STDOUT, write
 
 if TYPE_CHECKING:
-    from service.identification.found import Found
+    from service.identification.identification_result import Found
 
 
 class Files(NamedTuple):

@@ -8,8 +8,8 @@ import numpy as np
 
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.design import Experiment, Task, plan
-from monitor_core.excitation.limits import Limits
-from monitor_core.excitation.plant import Plant
+from monitor_core.excitation.motion_limits import Limits
+from monitor_core.excitation.planned_drive import Plant
 from monitor_core.excitation.prediction import Estimation
 from monitor_core.identification.arx import fit_arx
 from monitor_core.identification.blackbox import fit_blackbox

@@ -3,7 +3,6 @@
 from service.config.conditions import conditions_of, in_words, needed, unsaid
 from service.config.drives import drive_of, given_values
 from service.config.encoder import step_noise
-from service.config.limits import limits_of
 from service.config.loading import load
 from service.config.nominal import Predictor, nominal_file_of, predictor_of
 from service.config.problems import ConfigErrors, Problem
@@ -21,6 +20,7 @@ from service.config.schema_signals import FurtherConfig, SignalConfig, TimeConfi
 from service.config.schema_watching import DetectorConfig, EstimatorConfig, TrendConfig
 from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
+from service.config.trend_limits import limits_of
 
 __all__ = [
     "AxisConfig",

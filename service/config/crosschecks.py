@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
+from service.config.base_table import present
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config
-from service.config.tables import present
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 
 
 class _Wanted(NamedTuple):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from service.config.base_table import Absent
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig
-from service.config.tables import Absent
 from service.config.thresholds_file import thresholds_file_of
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 
 KIND: Keys = ("detector", "kind")
 INSTEAD = 'use "cusum"'

@@ -121,7 +121,7 @@ def model_of_library(name: str, model: str | None = None, output: Output | None 
 
 def _of_python(name: str, output: Output) -> Modelled:
     """The same drive of the library as drawn in Python, without values: a daemon need not load the Modelica parser."""
-    from monitor_core.modeling import library
+    from monitor_core.modeling import drive_drawings as library
 
     drawings = {
         "two-mass": library.two_mass,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.modeling.flat import ModelError
 from service.config import drive_sources as modeling
+from service.config.base_table import ABSENT, Absent
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig
 from service.config.schema_model import ModelConfig
-from service.config.tables import ABSENT, Absent
 
 
 def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:

@@ -2,8 +2,8 @@
 
 import math
 
+from service.config.base_table import present
 from service.config.schema import AxisConfig
-from service.config.tables import present
 
 
 def step_noise(axis: AxisConfig) -> float | None:

@@ -9,7 +9,7 @@ from monitor_core.kernel.tables import COSINE, SINE
 from service.config.model_rules import usable_drive
 from service.config.schema import AxisConfig
 from service.config.skew import watched_values
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 
 _NEARLY = 1e-3
 """Of a turn: as exactly as somebody may have written 2 pi."""

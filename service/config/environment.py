@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from service.config.positions import Keys
 from service.config.schema import Config
-from service.config.wording import Finding, table_in
+from service.config.validation_messages import Finding, table_in
 from service.texts.suggestions import did_you_mean
 
 PREFIX = "AXISWATCH_"

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterator
 
 from monitor_core.monitoring.recommended_settings import MIN_MEMORY_SAMPLES
+from service.config.base_table import present
 from service.config.encoder import step_noise
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of
 from service.config.schema import AxisConfig
-from service.config.tables import present
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 
 
 def predictor(axis: AxisConfig) -> Iterator[Finding]:

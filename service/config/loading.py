@@ -10,12 +10,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from service.config import environment
+from service.config.base_table import Reading
 from service.config.positions import Keys, nearest, positions
 from service.config.problems import ConfigErrors, Problem, dotted, shown
 from service.config.rules import broken
 from service.config.schema import Config
-from service.config.tables import Reading
-from service.config.wording import Finding, findings
+from service.config.validation_messages import Finding, findings
 
 _AT = re.compile(r"(?P<message>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)")
 

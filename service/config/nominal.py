@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from service.config.base_table import Absent
 from service.config.encoder import step_noise
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
 from service.config.schema import AxisConfig
 from service.config.schema_watching import EstimatorConfig
-from service.config.tables import Absent
 
 
 class Predictor(NamedTuple):

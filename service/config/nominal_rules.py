@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
 from monitor_core.drive.structure import Drive, Output
+from service.config.base_table import ABSENT, Absent, present
 from service.config.drives import plain_drive_of
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of
 from service.config.nominal_file import NominalError, NominalFile, read_nominal, structure_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig
-from service.config.tables import ABSENT, Absent, present
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 
 FILE: Keys = ("model", "nominal_file")
 _SAME = 1e-6
@@ -141,7 +141,7 @@ def _name(found: NominalFile) -> str:
 
 def _given(table: object, name: str) -> object:
     """The value if the user wrote it, else None."""
-    from service.config.tables import Table
+    from service.config.base_table import Table
 
     assert isinstance(table, Table)
     return getattr(table, name) if name in table.model_fields_set and present(table, name) else None

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 from service.can.bus import interface_names
+from service.config.base_table import Absent, Table, present
 from service.config.condition_rules import CONDITION_RULES, places_of_signals, signals_of_axes
 from service.config.crosschecks import DBC_RULES
 from service.config.detector_rules import DETECTOR_RULES
@@ -20,9 +21,8 @@ from service.config.positions import Keys
 from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
 from service.config.schema_signals import FurtherConfig, SignalConfig
 from service.config.skew_rules import SKEW_RULES
-from service.config.tables import Absent, Table, present
 from service.config.thresholds_rules import THRESHOLDS_RULES
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 from service.texts.suggestions import did_you_mean
 
 T = TypeVar("T")

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from monitor_core.drive.structure import Output
 from monitor_core.monitoring.recommended_settings import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
-from service.config.kinds import FilePath, Name, Positive, Real, Text, intervals
+from service.config.base_table import Absent, Table, present
 from service.config.schema_model import ModelConfig
 from service.config.schema_signals import (
     AngleConfig,
@@ -26,7 +26,7 @@ from service.config.schema_watching import (
     TrendConfig,
 )
 from service.config.sources import Source, sources_of
-from service.config.tables import Absent, Table, present
+from service.config.value_types import FilePath, Name, Positive, Real, Text, intervals
 
 
 class ServiceConfig(Table):

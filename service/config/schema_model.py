@@ -4,8 +4,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from service.config.kinds import DriveName, FilePath, Positive, Real, Text
-from service.config.tables import Table
+from service.config.base_table import Table
+from service.config.value_types import DriveName, FilePath, Positive, Real, Text
 
 
 class ScheduleConfig(Table):

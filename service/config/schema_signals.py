@@ -4,8 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.config.kinds import Name, Positive, Real, Text
-from service.config.tables import Table
+from service.config.base_table import Table
+from service.config.value_types import Name, Positive, Real, Text
 
 
 class SignalConfig(Table):

@@ -6,10 +6,10 @@ It is no parameter of the drawing: every drive can have it, its nominal value is
 from __future__ import annotations
 
 from monitor_core.drive.structure import DELAY, Drive, Output
+from service.config.base_table import ABSENT, present
 from service.config.drives import drive_of, given_values
 from service.config.nominal import nominal_file_of
 from service.config.schema import AxisConfig
-from service.config.tables import ABSENT, present
 
 SCALE = 0.5
 """Of a sample interval.  A tenth of an interval late, which reads as 3 % of motor inertia, then counts as a fifth of

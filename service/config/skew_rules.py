@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from monitor_core.drive.structure import DELAY
+from service.config.base_table import ABSENT
 from service.config.drives import drive_of
 from service.config.model_rules import usable_drive
 from service.config.positions import Keys
 from service.config.schema import AxisConfig
 from service.config.skew import has_own_delay, nominal_skew, watches_skew
-from service.config.tables import ABSENT
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 
 
 def of_the_torque(axis: AxisConfig) -> Iterator[Finding]:

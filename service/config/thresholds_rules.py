@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from service.config.base_table import ABSENT, Absent
 from service.config.positions import Keys
 from service.config.schema import AxisConfig
-from service.config.tables import ABSENT, Absent
 from service.config.thresholds_file import ThresholdsError, ThresholdsFile, read_thresholds
-from service.config.wording import Finding
+from service.config.validation_messages import Finding
 
 FILE: Keys = ("model", "thresholds_file")
 

@@ -15,12 +15,12 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive
 from monitor_core.identification.arx import fit_arx
 from monitor_core.identification.drive_response import drive_response
+from monitor_core.identification.estimate import Estimate
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.local_polynomial import local_response
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.resampling import decimate, resample
-from monitor_core.identification.result import Estimate
 from monitor_core.identification.spectral import spectral_response
 
 _POINTS = 300

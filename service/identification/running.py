@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from monitor_core.identification.estimate import Estimate
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.record import Record
-from monitor_core.identification.result import Estimate
 from monitor_core.identification.starting import fit_from, fit_from_scratch
 from service.identification.bode import bode_of
-from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
-from service.identification.found import Found, Provenance
+from service.identification.estimate_scatter import colour_of
+from service.identification.identification_result import Found, Provenance
 from service.identification.masses import grown
 from service.identification.task import Task
 from service.identification.traces import traces_of

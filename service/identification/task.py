@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 from monitor_core.drive.structure import Drive
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
-from monitor_core.identification.suspicion import Finding, Known, known_of, suspicions
+from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
 from monitor_core.modeling.statespace import StateSpace
 from service.config import Config, NamedAxis, predictor_of
 from service.config import Predictor as Configured
 from service.config.drive_sources import model_of_axis
-from service.identification.beginning import Nominal, Start, nominal_of, start_of
 from service.identification.errors import IdentificationError
-from service.identification.free import Choice, choose
+from service.identification.initial_values import Nominal, Start, nominal_of, start_of
 from service.identification.intervals import intervals
-from service.identification.varying import Asked, Follows, asked, followed, with_varying
+from service.identification.parameter_selection import Choice, choose
+from service.identification.scheduling import Asked, Follows, asked, followed, with_varying
 from service.ingest.identification_records import Loaded, load
 
 _SLOW = 0.1
@@ -38,7 +38,7 @@ class Wishes:
         start: where the fit starts: at the configured values; also where a search around them in the frequency
             response ends; or at what the records alone tell, without looking at the values.  None: "search" if there
             are values, else "records".
-        varying: parameters that follow signals, "fm: temperature"; see ``service.identification.varying``.
+        varying: parameters that follow signals, "fm: temperature"; see ``service.identification.scheduling``.
         masses: compare rows of up to so many masses; None: do not.
     """
 

@@ -15,8 +15,8 @@ from service.config.sources import Source
 from service.ingest.csv_table import CsvTable
 from service.ingest.log_record import LogRecord
 from service.ingest.rows import Floats, Rows
+from service.ingest.table_files import Table, check_columns, open_table
 from service.ingest.table_record import AxisColumns, SampleBlock, Times
-from service.ingest.tables import Table, check_columns, open_table
 from service.ingest.torn_rows import Bools, ahead, torn
 
 _NO_NUMBER = 1e30

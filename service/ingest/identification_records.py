@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.identification.parts import between
 from monitor_core.identification.record import Record
+from monitor_core.identification.segments import between
 from service.can.log_files import LOG_SUFFIXES
 from service.can.user_errors import RecordError
 from service.config.schema import Config, NamedAxis
 from service.ingest.axis_samples import AxisSamples, log_samples, table_samples
 from service.ingest.records import RECORD_SUFFIXES
-from service.ingest.tables import TABLE_SUFFIXES
+from service.ingest.table_files import TABLE_SUFFIXES
 from service.ingest.unwrap import AMBIGUOUS, turns_of
 
 _RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")

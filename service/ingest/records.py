@@ -10,8 +10,8 @@ from service.can.log_files import LOG_SUFFIXES
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.log_record import LogRecord
+from service.ingest.table_files import TABLE_SUFFIXES
 from service.ingest.table_record import SampleBlock, Step, TableRecord
-from service.ingest.tables import TABLE_SUFFIXES
 from service.ingest.timestamp_jitter import Stamps
 
 __all__ = ["RECORD_SUFFIXES", "Record", "SampleBlock", "Step", "read_record"]

@@ -19,7 +19,7 @@ from service.config.sources import Source
 from service.ingest.assemble import REASONS
 from service.ingest.auxiliary_signals import HeldColumns
 from service.ingest.rows import Floats, Rows
-from service.ingest.tables import check_columns, open_table
+from service.ingest.table_files import check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
 Times = NDArray[np.int64]

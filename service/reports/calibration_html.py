@@ -36,7 +36,7 @@ from service.reports.page import (
     tiles,
     verdict,
 )
-from service.reports.words import escaped, percent
+from service.reports.text_format import escaped, percent
 
 _LEFT = ("fault", "how", "named first", "named", "")
 

@@ -12,7 +12,7 @@ from monitor_core.calibration.doubts import duration
 from monitor_core.calibration.result import CalibrationResult, DetectorResult
 from monitor_core.detection.detector_protocol import DetectorName
 from service.reports.calibration_report import Calibration
-from service.reports.words import percent, plain
+from service.reports.text_format import percent, plain
 
 THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate")
 HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from monitor_core.excitation.accuracy import percent
 from monitor_core.excitation.design import Experiment
-from monitor_core.excitation.words import warnings
+from monitor_core.excitation.experiment_sentences import warnings
 
 UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}

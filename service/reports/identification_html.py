@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from monitor_core.identification.residuals import LEVEL
-from service.identification.found import Found
+from service.identification.identification_result import Found
 from service.reports.identification_pages import (
     correlation_table,
     masses_table,
@@ -17,7 +17,7 @@ from service.reports.identification_pages import (
 from service.reports.identification_plots import bode_picture, residual_picture, trace_picture
 from service.reports.identification_words import predictor_words, residual_words
 from service.reports.page import document, legend, section, sentences, tiles, verdict
-from service.reports.words import escaped, percent
+from service.reports.text_format import escaped, percent
 
 
 def as_html(found: Found) -> str:

@@ -10,7 +10,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.residuals import Correlation
 from monitor_core.identification.starting import Growth
-from service.identification.found import Found, Row, Slope
+from service.identification.identification_result import Found, Row, Slope
 from service.identification.traces import Trace
 from service.ingest.identification_records import Loaded
 from service.reports.identification_words import residual_words

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from monitor_core.identification.starting import Growth
-from service.identification.found import Found, Row, Slope
+from service.identification.identification_result import Found, Row, Slope
 from service.ingest.identification_records import Source
 from service.reports.identification_words import MASSES_TITLES, deviation, fits, masses_rows, number, relative
 from service.reports.page import heads, legend, listed, number_cell, table
-from service.reports.words import escaped, percent, plain
+from service.reports.text_format import escaped, percent, plain
 
 _LEAST, _MOST = 1e-4, 1.0
 """Standard deviations at the ends of their bars, which are logarithmic."""

@@ -11,7 +11,7 @@ from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.record import UNITS
 from monitor_core.identification.residuals import Correlation
 from service.identification.bode import Bode
-from service.identification.found import Found
+from service.identification.identification_result import Found
 from service.identification.traces import Trace
 from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure, thinned
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from monitor_core.identification.starting import Growth
-from service.identification.found import Found
+from service.identification.identification_result import Found
 from service.reports.identification_words import (
     MASSES_TITLES,
     deviation,
@@ -21,7 +21,7 @@ from service.reports.identification_words import (
     residual_words,
     slope_words,
 )
-from service.reports.words import percent
+from service.reports.text_format import percent
 
 
 def print_text(found: Found, console: Console) -> None:

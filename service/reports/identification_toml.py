@@ -9,10 +9,10 @@ import numpy as np
 
 from monitor_core.drive.structure import DELAY, split_name
 from service.config.nominal_file import FORMAT, structure_of
-from service.identification.found import Found, Row, Slope
+from service.identification.identification_result import Found, Row, Slope
 from service.identification.traces import Trace
 from service.ingest.identification_records import Loaded
-from service.reports.words import percent
+from service.reports.text_format import percent
 
 _DIGITS, _FEW = 10, 5
 

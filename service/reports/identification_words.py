@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 from monitor_core.identification.residuals import LEVEL
 from monitor_core.identification.starting import Growth
-from service.identification.found import Found, Row
+from service.identification.identification_result import Found, Row
 from service.identification.traces import Trace
-from service.reports.words import percent, plain
+from service.reports.text_format import percent, plain
 
 
 def number(value: float | None, sd: float | None = None) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from service.reports.page_style import STYLE
-from service.reports.words import escaped
+from service.reports.text_format import escaped
 
 NUMBER = ' class="number"'
 

@@ -12,8 +12,8 @@ from service.reports.replay_plots import axis_pictures
 from service.reports.replay_tables import alarm_table, counter_table, frame_table, parameter_table
 from service.reports.replay_words import dated, duration
 from service.reports.replayed import Replayed, ReplayedAxis
+from service.reports.text_format import escaped
 from service.reports.trend_plots import trend_picture
-from service.reports.words import escaped
 from service.texts.trend_texts import reach_words, trend_words
 
 _LEGEND = (

@@ -10,7 +10,7 @@ from monitor_core.monitoring.axis_status import ParameterStatus, Status
 from service.reports.page import NUMBER, heads, legend, number_cell, sentences, table
 from service.reports.replay_words import REASONS, dated, time_unit
 from service.reports.replayed import Replayed, ReplayedAxis
-from service.reports.words import escaped, percent, plain
+from service.reports.text_format import escaped, percent, plain
 from service.texts.alarm_texts import episode_words
 
 _ARROWS = {"up": "↑ up", "down": "↓ down"}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from service.reports.words import plain
+from service.reports.text_format import plain
 from service.texts.timestamps import iso
 
 _DATED_US = 10**15

@@ -14,8 +14,8 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import faulty
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from service.config import NamedAxis, conditions_of, drive_of, given_values, predictor_of
-from service.simulation.conditions import SimulatedConditions
-from service.simulation.motion import motion_of
+from service.simulation.planned_motion import motion_of
+from service.simulation.simulated_conditions import SimulatedConditions
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)

@@ -18,7 +18,7 @@ from service.config import (
 )
 from service.config.drive_sources import SUFFIX, Modelled, model_called
 from service.simulation.axis import lines_of_motion
-from service.simulation.motion import motion_of
+from service.simulation.planned_motion import motion_of
 from service.simulation.watching import frictions, watchable
 
 OUTPUT_NOISE = 1e-4  # rad, as in the demo with its own drive

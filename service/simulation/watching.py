@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.kernel.tables import TORQUE
-from service.simulation.motion import stiffness
+from service.simulation.planned_motion import stiffness
 
 SAMPLES = 200
 """The memory of the estimator at its default forgetting factor."""

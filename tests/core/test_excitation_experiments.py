@@ -18,15 +18,15 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation.crest import crest_factor
 from monitor_core.excitation.design import Command, Experiment, Task, plan
-from monitor_core.excitation.limits import Limits, fitted
+from monitor_core.excitation.experiment_sentences import warnings
+from monitor_core.excitation.motion_limits import Limits, fitted
 from monitor_core.excitation.multisine import Multisine, lines_in
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.optimal import information, optimal_powers
-from monitor_core.excitation.plant import Controller, Motion, Plant
+from monitor_core.excitation.planned_drive import Controller, Motion, Plant
 from monitor_core.excitation.prediction import Estimation, told_apart
 from monitor_core.excitation.schedule import Schedule
 from monitor_core.excitation.sensitivity import sensitivities, sensitivity_responses
-from monitor_core.excitation.words import warnings
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass
 from tests.core.chains import chain, values

@@ -17,7 +17,7 @@ from monitor_core.drive.assembly import Assembly
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from service.commands.calibrate import calibrate_axis
 from service.config import Config, load
-from service.identification.found import Provenance as Identified
+from service.identification.identification_result import Provenance as Identified
 from service.identification.running import run
 from service.identification.task import Wishes as Wanted
 from service.identification.task import task_of

@@ -19,8 +19,8 @@ from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.settings import Settings
 from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_model, axis_settings
-from service.config.tables import Reading
-from service.identification.colour import colour_of
+from service.config.base_table import Reading
+from service.identification.estimate_scatter import colour_of
 from tests.real.test_ur10e import INTERVAL_S, SPEED_SCALE, estimate, read
 
 pytestmark = pytest.mark.records

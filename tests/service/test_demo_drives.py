@@ -17,7 +17,7 @@ from service.pipeline.axis_change import Change
 from service.pipeline.frame_pipeline import Core
 from service.simulation.axis import ControlledAxis
 from service.simulation.demonstration import usual_fault
-from service.simulation.motion import SPEED_RMS
+from service.simulation.planned_motion import SPEED_RMS
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import blocks, demo
 

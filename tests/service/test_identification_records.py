@@ -15,7 +15,7 @@ import pyarrow.parquet
 import pytest
 import scipy.io
 
-from monitor_core.identification.suspicion import Known, suspicions
+from monitor_core.identification.record_checks import Known, suspicions
 from service.can.user_errors import RecordError
 from service.config.rules import further_signals
 from service.config.schema import Config

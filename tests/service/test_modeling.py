@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.modeling import library, modelica
+from monitor_core.modeling import drive_drawings as library
+from monitor_core.modeling import modelica
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel, ModelError
 from monitor_core.modeling.numbers import drive_of

@@ -18,9 +18,9 @@ from monitor_core.identification.starting.chains import FRICTION, chain, names
 from monitor_core.identification.starting.grown import Grown, Growth, asked, doubt_of, judged, verdict
 from monitor_core.identification.starting.growth import Stem, longer, rigid
 from monitor_core.identification.starting.modal import Response
-from monitor_core.identification.starting.progress import Progress, Steps
 from monitor_core.identification.starting.response import Measured, measure
 from monitor_core.identification.starting.search import Found
+from monitor_core.identification.starting.search_progress import Progress, Steps
 from monitor_core.identification.starting.slots import Slots
 
 

@@ -22,8 +22,8 @@ from monitor_core.drive.structure import Output
 from monitor_core.identification.arx import Arx, fit_arx
 from monitor_core.identification.frequency import DECIBEL, Complexes
 from monitor_core.identification.record import Bools, Record
-from monitor_core.identification.regular import Regular, on_grid
 from monitor_core.identification.resampling import resample
+from monitor_core.identification.uniform_grid import Regular, on_grid
 
 _ORDER = 100
 """Of the ARX model: half a second of memory at 5 ms."""

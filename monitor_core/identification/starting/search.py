@@ -23,8 +23,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.descent import Normal, minimise
 from monitor_core.identification.frequency import Complexes
+from monitor_core.identification.levenberg_marquardt import Normal, minimise
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.response import Measured, Target
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import NamedTuple
 
-from monitor_core.modeling.components.dimensions import ONE, Dimension, parse
+from monitor_core.modeling.components.unit_algebra import ONE, Dimension, parse
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, Monomial
 

@@ -11,8 +11,7 @@ two_mass = Drawing("two-mass", [
 flat = two_mass.flat()
 """
 
-from monitor_core.modeling.drawing.netlist import Drawing, from_tables
-from monitor_core.modeling.drawing.parts import (
+from monitor_core.modeling.drawing.drawn_components import (
     AngleSensor,
     CoulombFriction,
     Damper,
@@ -29,6 +28,7 @@ from monitor_core.modeling.drawing.parts import (
     Value,
     ViscousFriction,
 )
+from monitor_core.modeling.drawing.netlist import Drawing, from_tables
 
 __all__ = [
     "AngleSensor",

@@ -8,7 +8,7 @@ from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.elimination.merged import parameters_of
 from monitor_core.modeling.elimination.minimal import Dense, Reduction
 from monitor_core.modeling.elimination.rational import merge, needed
-from monitor_core.modeling.elimination.rigid import ratio, rest, rigid_angles
+from monitor_core.modeling.elimination.rigid_motion import ratio, rest, rigid_angles
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace

@@ -10,10 +10,10 @@ import numpy as np
 
 from monitor_core.arrays import Ints
 from monitor_core.modeling.flat import FlatParameter, ModelError
+from monitor_core.modeling.identifiability.combination_names import by_unit, combinations_of
 from monitor_core.modeling.identifiability.jacobian import Sample, samples_of
 from monitor_core.modeling.identifiability.lattice import components
-from monitor_core.modeling.identifiability.naming import by_unit, combinations_of
-from monitor_core.modeling.identifiability.wording import sentences
+from monitor_core.modeling.identifiability.sentences_on_identifiability import sentences
 from monitor_core.modeling.modular import Seed, rank
 from monitor_core.modeling.statespace import StateSpace
 

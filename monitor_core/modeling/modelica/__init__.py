@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin
 from monitor_core.modeling.modelica.choice import choose
-from monitor_core.modeling.modelica.conditions import truth
+from monitor_core.modeling.modelica.component_conditions import truth
 from monitor_core.modeling.modelica.declarations import parse
 from monitor_core.modeling.modelica.flattening import Flattening
 from monitor_core.modeling.modelica.instantiation import Instantiation

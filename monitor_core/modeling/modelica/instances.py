@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.modelica.changes import Bound, Changes, Scope
-from monitor_core.modeling.modelica.library import Leaf
+from monitor_core.modeling.modelica.standard_library import Leaf
 from monitor_core.modeling.modelica.syntax import ClassDef, Component, Literal, Statement
 
 

@@ -11,10 +11,10 @@ from monitor_core.modeling.components.fragments import Fragment
 from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modelica.conditions import truth
+from monitor_core.modeling.modelica.component_conditions import truth
 from monitor_core.modeling.modelica.friction import coulomb_and_viscous
 from monitor_core.modeling.modelica.instances import Instance
-from monitor_core.modeling.modelica.library import BEARING, REFUSED, SIGNAL_SOURCE
+from monitor_core.modeling.modelica.standard_library import BEARING, REFUSED, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.values import Values
 
 

@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import NoReturn
 
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.library import ANY, library
+from monitor_core.modeling.modelica.standard_library import ANY, library
 from monitor_core.modeling.modelica.syntax import ClassDef, Extends, Name, Text
 
 

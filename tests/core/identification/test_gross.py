@@ -5,7 +5,7 @@ import pytest
 
 from monitor_core.identification.fit import choose_disturbance
 from monitor_core.identification.greybox import Disturbance
-from monitor_core.identification.gross import outliers
+from monitor_core.identification.outlier_removal import outliers
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.record import Record
 from tests.core.identification.problems import reference_problem, reference_record

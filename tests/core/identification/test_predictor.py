@@ -12,7 +12,7 @@ from monitor_core.identification.fit import fit_starts
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
-from monitor_core.identification.series import MOST_LEVELS, series
+from monitor_core.identification.record_intervals import MOST_LEVELS, series
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring.axis_monitor import AxisMonitor

@@ -6,8 +6,8 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
-from monitor_core.identification.colour import autoregression, scores_covariance
 from monitor_core.identification.covariance import information
+from monitor_core.identification.residual_spectrum import autoregression, scores_covariance
 from monitor_core.identification.residuals import independence, whiteness
 
 N = 3000

@@ -9,8 +9,9 @@ import pytest
 
 from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.starting import Growth, api, grow, start
+from monitor_core.identification.starting import Growth, grow, start
 from monitor_core.identification.starting import growth as growing
+from monitor_core.identification.starting import starting_fits as api
 from monitor_core.identification.starting.chains import chain
 from monitor_core.identification.starting.grown import asked, doubt_of, verdict
 from monitor_core.identification.starting.growth import bare, longer, rigid, stems

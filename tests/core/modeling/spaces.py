@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from monitor_core.drive.structure import Output, Quantity
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
+from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.library import three_mass
 from monitor_core.modeling.statespace import Definition, Report, StateSpace
 
 UNITS = {"kT": "1", "M": "kg m^2", "J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad"}

@@ -20,9 +20,9 @@ from monitor_core.drive.structure import Output, split_name
 from monitor_core.kernel.laurent import evaluate
 from monitor_core.kernel.tables import Tables
 from monitor_core.modeling.drawing import Drawing, from_tables
+from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.library import five_mass, three_mass, two_mass
 from monitor_core.modeling.numbers import drive_of
 from monitor_core.modeling.statespace import StateSpace
 from monitor_core.modeling.symbolic import expression, matrices, symbols_of

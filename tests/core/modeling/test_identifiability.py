@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 from monitor_core.modeling.drawing import Drawing
+from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.identifiability.lattice import components, fraction, integers, short_basis
-from monitor_core.modeling.library import five_mass, three_mass, two_mass
 from monitor_core.modeling.modular import PRIMES, echelon
 from monitor_core.modeling.statespace import Entries, StateSpace
 from tests.core.modeling.spaces import Chain, Table, library_three_mass, table

@@ -7,9 +7,9 @@ import pytest
 
 from monitor_core.modeling.drawing import Drawing
 from monitor_core.modeling.drawing.expressions import parse
+from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.library import five_mass, three_mass, two_mass
 from monitor_core.modeling.statespace import Entries
 
 COMMON = ["fm", "fc", "tau0", "kT", "r"]

@@ -15,8 +15,8 @@ from monitor_core.excitation.local_identifiability import (
     usual_experiment,
 )
 from monitor_core.modeling.drawing import Drawing, Inertia, SpeedSensor, Torque, ViscousFriction
+from monitor_core.modeling.drive_drawings import three_mass
 from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.library import three_mass
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 
 

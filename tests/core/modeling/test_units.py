@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.modeling.components.dimensions import BASE, ONE, Dimension
+from monitor_core.modeling.components.unit_algebra import BASE, ONE, Dimension
 from monitor_core.modeling.components.units import Use, infer, parse, unit_of
 from monitor_core.modeling.drawing import expressions
 from monitor_core.modeling.flat import ModelError, Origin

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from service.commands.main import app
 from service.config import load
-from service.reports.words import escaped
+from service.reports.text_format import escaped
 from service.simulation.robot import Fault, SimulatedRobot
 from tests.end_to_end.processes import demo_config
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from service.config import Config, load
-from service.identification.found import Found, Provenance
+from service.identification.identification_result import Found, Provenance
 from service.identification.running import run
 from service.identification.task import Wishes, task_of
 from service.simulation.axis import ControlledAxis

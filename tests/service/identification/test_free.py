@@ -7,7 +7,7 @@ import pytest
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from service.config.drive_sources import model_of_library
 from service.identification.errors import IdentificationError
-from service.identification.free import Choice, choose
+from service.identification.parameter_selection import Choice, choose
 
 VALUES = {**REFERENCE_VALUES, "fc": 0.08, "tau0": 0.01}
 

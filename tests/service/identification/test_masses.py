@@ -15,7 +15,7 @@ from monitor_core.identification.starting import Growth
 from service.commands.main import app
 from service.config import Config, load
 from service.identification.errors import IdentificationError
-from service.identification.found import Found
+from service.identification.identification_result import Found
 from service.identification.masses import grown, masses_of
 from service.identification.task import Wishes, task_of
 from tests.service.identification.conftest import FREE, TABLE_AXIS

@@ -18,7 +18,7 @@ import pytest
 from rich.console import Console
 
 from service.config.nominal_file import read_nominal, structure_of
-from service.identification.found import Found
+from service.identification.identification_result import Found
 from service.identification.running import run
 from service.identification.task import Wishes, task_of
 from service.reports.identification_html import as_html
@@ -27,7 +27,7 @@ from service.reports.identification_text import print_text
 from service.reports.identification_toml import as_toml
 from service.reports.identification_words import residual_words
 from service.reports.plot_style import thinned
-from service.reports.words import percent, plain
+from service.reports.text_format import percent, plain
 from tests.service.identification.conftest import PROVENANCE
 
 _WITHOUT_END = {"meta", "br", "img", "link"}

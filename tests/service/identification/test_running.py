@@ -15,11 +15,11 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from service.config import Config
-from service.identification.beginning import Start
 from service.identification.bode import band
-from service.identification.colour import colour_of
 from service.identification.errors import IdentificationError
-from service.identification.found import Found, Row
+from service.identification.estimate_scatter import colour_of
+from service.identification.identification_result import Found, Row
+from service.identification.initial_values import Start
 from service.identification.running import run
 from service.identification.task import Task, Wishes, task_of
 from service.identification.traces import traces_of

@@ -14,9 +14,9 @@ from service.commands.main import app
 from service.config import Config, load
 from service.config.nominal_file import read_nominal
 from service.identification.errors import IdentificationError
-from service.identification.found import Slope
-from service.identification.free import Choice
-from service.identification.varying import Follows, asked, with_varying
+from service.identification.identification_result import Slope
+from service.identification.parameter_selection import Choice
+from service.identification.scheduling import Follows, asked, with_varying
 from service.simulation.axis import ControlledAxis
 from tests.service.identification.conftest import SHIPPED, robot_text
 

@@ -9,8 +9,8 @@ import itertools
 from pathlib import Path
 from typing import Any
 
+from service.config.base_table import Reading
 from service.config.schema import Config
-from service.config.tables import Reading
 
 DBC = """VERSION ""
 

@@ -11,8 +11,8 @@ from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.declarations import parse
 from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.instantiation import Instantiation
-from monitor_core.modeling.modelica.library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.names import Names, descendants, root_of
+from monitor_core.modeling.modelica.standard_library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.syntax import Source
 
 NAMES = Names(root_of([]))

@@ -9,7 +9,7 @@ from monitor_core.modeling.components import KINDS
 from monitor_core.modeling.flat import FlatEquation, FlatInput, FlatSensor, ModelError
 from monitor_core.modeling.modelica.connecting import Wiring
 from monitor_core.modeling.modelica.instances import Instance
-from monitor_core.modeling.modelica.library import SIGNAL_SOURCE
+from monitor_core.modeling.modelica.standard_library import SIGNAL_SOURCE
 
 
 def measured_torque(model: Instance, wiring: Wiring, own: Sequence[FlatEquation]) -> FlatInput | None:

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, ValidationInfo
 
+from service.config.base_table import ABSENT, Reading
 from service.config.drive_sources import SUFFIX
-from service.config.tables import ABSENT, Reading
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]

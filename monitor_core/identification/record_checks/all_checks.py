@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from monitor_core.identification.record import Record
-from monitor_core.identification.suspicion.finding import Finding, Known
-from monitor_core.identification.suspicion.motion import motion
-from monitor_core.identification.suspicion.outliers import strange
-from monitor_core.identification.suspicion.signals import signals
-from monitor_core.identification.suspicion.times import times
+from monitor_core.identification.record_checks.finding import Finding, Known
+from monitor_core.identification.record_checks.motion_checks import motion
+from monitor_core.identification.record_checks.outlier_checks import strange
+from monitor_core.identification.record_checks.signal_checks import signals
+from monitor_core.identification.record_checks.time_checks import times
 
 _NOTHING_KNOWN = Known()
 

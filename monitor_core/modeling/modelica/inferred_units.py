@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from monitor_core.modeling.components.dimensions import parse
+from monitor_core.modeling.components.unit_algebra import parse
 from monitor_core.modeling.components.units import Use, infer
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, ModelError
 from monitor_core.modeling.laurent import Laurent

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from monitor_core.identification.record import Record
-from monitor_core.identification.suspicion.finding import Finding, Known
+from monitor_core.identification.record_checks.finding import Finding, Known
 
 _FEWEST = 50
 _PER_PARAMETER = 10

@@ -9,7 +9,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, split_name
 from service.config import NamedAxis, given_values
 from service.identification.errors import IdentificationError
-from service.identification.free import Choice
+from service.identification.parameter_selection import Choice
 
 Start = Literal["values", "search", "records"]
 

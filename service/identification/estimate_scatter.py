@@ -13,11 +13,11 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, split_name
-from monitor_core.identification.colour import scores_covariance
+from monitor_core.identification.estimate import Estimate
 from monitor_core.identification.fit import fit_starts
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.record import Record
-from monitor_core.identification.result import Estimate
+from monitor_core.identification.residual_spectrum import scores_covariance
 
 
 def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]) -> float:

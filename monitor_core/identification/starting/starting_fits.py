@@ -20,9 +20,9 @@ from monitor_core.identification.starting.growth import longer, stems
 from monitor_core.identification.starting.inverse import chain_of_modes
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
-from monitor_core.identification.starting.progress import Progress, Steps
 from monitor_core.identification.starting.response import Measured, measure
 from monitor_core.identification.starting.search import MOST, SAME, explained, polish, search
+from monitor_core.identification.starting.search_progress import Progress, Steps
 from monitor_core.identification.starting.slots import Slots
 
 _FEWER = 20

@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.record import Bools, Record
-from monitor_core.identification.suspicion.finding import Finding
+from monitor_core.identification.record_checks.finding import Finding
 
 _SAME = 1e-9
 """Of the range: differences below that are rounding."""

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.structure import DELAY, split_name
-from monitor_core.identification.result import Estimate
+from monitor_core.identification.estimate import Estimate
 from monitor_core.identification.starting import Growth
 from service.identification.bode import Bode
 from service.identification.masses import masses_of
+from service.identification.scheduling import Follows
 from service.identification.task import Task
 from service.identification.traces import Trace
-from service.identification.varying import Follows
 
 _SURE = 3.0
 """Standard deviations."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold_slopes
-from monitor_core.identification.structure import Linear
+from monitor_core.identification.term_derivatives import Linear
 
 
 class Held(NamedTuple):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.excitation.open_loop import ExcitationError
-from monitor_core.excitation.plant import Motion
+from monitor_core.excitation.planned_drive import Motion
 
 _STEPS = 12
 _FULL = 0.99

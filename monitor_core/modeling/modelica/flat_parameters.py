@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from monitor_core.modeling.components import KINDS, Role
 from monitor_core.modeling.components.units import infer
-from monitor_core.modeling.drawing.parameters import is_positive
+from monitor_core.modeling.drawing.parameter_table import is_positive
 from monitor_core.modeling.flat import FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.instances import Instance

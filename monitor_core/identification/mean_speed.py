@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.held import Held, hold, hold_late
-from monitor_core.identification.structure import Linear
+from monitor_core.identification.held_drive import Held, hold, hold_late
+from monitor_core.identification.term_derivatives import Linear
 from monitor_core.kernel.mean import LOST
 
 

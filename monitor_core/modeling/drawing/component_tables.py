@@ -7,7 +7,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 
 from monitor_core.modeling.components import KINDS, Kind
-from monitor_core.modeling.drawing.parts import Part, Value
+from monitor_core.modeling.drawing.drawn_components import Part, Value
 from monitor_core.modeling.flat import ModelError, Origin
 
 TYPES = tuple(name for name, kind in KINDS.items() if kind.flanges)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from monitor_core.drive.structure import Drive
-from monitor_core.identification.rigid import antiresonance_s, rigid_inertia
-from monitor_core.identification.suspicion.finding import Known
+from monitor_core.identification.record_checks.finding import Known
+from monitor_core.identification.rigid_body import antiresonance_s, rigid_inertia
 
 _NOUGHT = 1e-9
 """Of the fastest pole: poles so slow are those of the free rigid motion, which has no time constant."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.record import Record
-from monitor_core.identification.rigid import rigid_fit
+from monitor_core.identification.record_checks.finding import Finding, Known
+from monitor_core.identification.rigid_body import rigid_fit
 from monitor_core.identification.speed import mean_speed
-from monitor_core.identification.suspicion.finding import Finding, Known
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work

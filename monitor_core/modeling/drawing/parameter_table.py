@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from monitor_core.modeling.components import Role
 from monitor_core.modeling.components.units import Use, infer
 from monitor_core.modeling.drawing import expressions
-from monitor_core.modeling.drawing.parts import Part
-from monitor_core.modeling.drawing.tables import similar
+from monitor_core.modeling.drawing.component_tables import similar
+from monitor_core.modeling.drawing.drawn_components import Part
 from monitor_core.modeling.flat import FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 

@@ -21,7 +21,7 @@ from monitor_core.drive.structure import split_name
 from service.config import AxisConfig
 from service.config.conditions import term_of
 from service.identification.errors import IdentificationError
-from service.identification.free import Choice
+from service.identification.parameter_selection import Choice
 from service.ingest.identification_records import Loaded
 from service.texts.suggestions import did_you_mean
 

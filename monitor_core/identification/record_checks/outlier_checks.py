@@ -9,7 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.record import Bools, Record
-from monitor_core.identification.suspicion.finding import Finding
+from monitor_core.identification.record_checks.finding import Finding
 from monitor_core.samples import PHYSICAL_LIMITS
 
 _HALF = 2

@@ -12,8 +12,9 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
 from monitor_core.identification.record import Record
-from monitor_core.identification.rigid import antiresonance_s, rigid_fit, rigid_inertia
-from monitor_core.identification.suspicion import Finding, Known, known_of, outliers, suspicions
+from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
+from monitor_core.identification.record_checks.outlier_checks import outliers
+from monitor_core.identification.rigid_body import antiresonance_s, rigid_fit, rigid_inertia
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import three_mass, two_mass
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y

@@ -7,9 +7,9 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from service.config import renamed_keys
+from service.config.base_table import Table
 from service.config.positions import Keys
 from service.config.schema import Config
-from service.config.tables import Table
 from service.texts.suggestions import did_you_mean
 
 
