@@ -5,9 +5,9 @@ import pytest
 from scipy.stats import binom
 
 from monitor_core.excitation.reference_experiment import INTERVAL_S, experiment, reference_model
-from monitor_core.monitoring.initial_covariance import steady_state_p
 from monitor_core.settings import Settings
 from tests.core.figures import Outcome, homecoming, outcome, settings_of, steady_p
+from tests.core.initial_covariance import steady_state_p
 
 BY_LUCK = 1e-6
 """Probability with which a limit on a count is missed though the share is as stated."""

@@ -18,8 +18,8 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.initial_covariance import steady_state_p
 from monitor_core.settings import Settings
+from tests.core.initial_covariance import steady_state_p
 from tests.real.irb import Record, model_and_settings, noises, read
 
 FITTED = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0")

@@ -18,11 +18,11 @@ from monitor_core.identification.frequency import (
     response_of,
     root_of,
 )
-from monitor_core.identification.periodic import periodic_response
 from monitor_core.identification.record import Record
 from monitor_core.identification.term_derivatives import Linear
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from tests.core.identification.periodic_oracle import periodic_response
 from tests.core.identification.systems import INTERVAL_S, times
 
 law = settings(deadline=None, max_examples=15)

@@ -1,8 +1,8 @@
-"""Frequency responses: spectra, periods, local polynomials and drives against systems whose response is known."""
+"""Frequency responses: spectra and local polynomials against systems whose response is known."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,13 +12,11 @@ from hypothesis import strategies as st
 from monitor_core.excitation import multisine
 from monitor_core.identification.frequency import DECIBEL, Complexes, FrequencyResponse
 from monitor_core.identification.local_polynomial import local_response
-from monitor_core.identification.periodic import periodic_response
 from monitor_core.identification.record import Record
 from monitor_core.identification.segments import split
 from monitor_core.identification.spectral import spectral_response
 from tests.core.identification.systems import (
     INTERVAL_S,
-    Discrete,
     bench_drive,
     decibels,
     innovations_record,
@@ -52,10 +50,6 @@ def by_local_instrument(record: Record) -> FrequencyResponse:
     return local_response([record], np.arange(2.0, 90.0, 4.0), reference="reference")
 
 
-def by_periods(record: Record) -> FrequencyResponse:
-    return periodic_response([record], M)
-
-
 def white(rng: np.random.Generator, N: int, sd: float, feedback: float = 0.0) -> Record:
     drive, K = small_drive()
     return innovations_record(rng, drive, K, rng.normal(size=N), sd, feedback)
@@ -84,8 +78,6 @@ def log_errors(response: FrequencyResponse) -> Complexes:
         (by_instrument, white, LOOP),
         (by_local, white, 0.0),
         (by_local_instrument, white, LOOP),
-        (by_periods, repeated, 0.0),
-        (by_periods, repeated, LOOP),
     ],
 )
 def test_deviations_cover(
@@ -93,8 +85,7 @@ def test_deviations_cover(
 ) -> None:
     """240 records: 80 % of the errors within 1.28 stated deviations, of the phases of local polynomials 77 +- 0.7 %."""
     rng = np.random.default_rng(seed)
-    size = 20 if make is repeated else 4000
-    errors = np.concatenate([log_errors(estimator(make(rng, size, 0.5, feedback))) for _ in range(240)])
+    errors = np.concatenate([log_errors(estimator(make(rng, 4000, 0.5, feedback))) for _ in range(240)])
     assert errors.size > 5000
     for part in (errors.real, errors.imag):
         assert np.mean(abs(part) < 1.2816) == pytest.approx(0.80, abs=0.06)
@@ -110,21 +101,6 @@ def test_deviations_of_a_record_with_itself_and_its_noise(seed: int) -> None:
     assert np.mean(response.sd_phase) == pytest.approx(0.25 / np.sqrt(2 * n), rel=0.1)
     assert response.coherence is not None
     assert np.mean(response.coherence) == pytest.approx(16 / 17, abs=0.01)
-
-
-def test_variance_of_periods_is_that_of_the_noise(seed: int) -> None:
-    """In closed loop, from three periods, line by line: |H|^2 lam0 M / (3 |U|^2), with H the noise's filter."""
-    rng, (drive, K) = np.random.default_rng(seed), small_drive()
-    found = [periodic_response([repeated(rng, 4, 0.01, LOOP)], M, lines=range(3, 120)) for _ in range(60)]
-    f = found[0].frequency_hz
-    G, H = drive.response(f), 1 + Discrete(drive.A, K[:, None], drive.C).response(f)
-    # A line of the reference is M / sqrt(2 * 119) high; of it G in the loop leaves 1 / (1 + LOOP G) as torque.
-    U = M / np.sqrt(2 * 119) / abs(1 + LOOP * G)
-    stated = np.mean([r.sd_phase**2 for r in found], axis=0)
-    true = abs(H) ** 2 * 0.01**2 * M / (3 * U**2) / (2 * abs(G) ** 2)
-    # 60 estimates with two degrees of freedom each: 9 %.
-    assert np.mean(stated / true) == pytest.approx(1.0, abs=0.05)
-    assert abs(stated / true - 1).max() < 0.55
 
 
 # --- closed loop -------------------------------------------------------------------------------------------
@@ -144,10 +120,8 @@ def test_closed_loop_biases_and_the_instrument_cures(seed: int, naive: Estimator
 
 
 def test_without_noise_all_are_right(seed: int) -> None:
-    """Smearing and leakage are what is left: none with periods, little with local polynomials, more with windows."""
+    """Smearing and leakage are what is left: little with local polynomials, more with windows."""
     rng, truth = np.random.default_rng(seed), small_drive()[0].response
-    periods = by_periods(repeated(rng, 4, 0.0, LOOP))
-    assert pytest.approx(truth(periods.frequency_hz), rel=1e-6) == periods.G
     for estimator, limit in ((by_local_instrument, 1e-3), (by_local, 1e-3), (by_instrument, 0.3)):
         response = estimator(white(rng, 8000, 0.0, LOOP))
         assert np.median(abs(decibels(response.G, truth(response.frequency_hz)))) < limit
@@ -176,7 +150,7 @@ def test_units_and_offsets_change_the_gain_only(seed: int, of_u: float, of_y: fl
     record = repeated(np.random.default_rng(seed), 5, 0.3, LOOP)
     signals = {"reference": 3.0 * record.signals["reference"] + offset}
     other = Record(record.t, of_u * record.u - offset, of_y * record.y + offset, "speed", signals=signals)
-    for estimator in (by_instrument, by_spectra, by_periods, by_local_instrument):
+    for estimator in (by_instrument, by_spectra, by_local_instrument):
         one, two = estimator(record), estimator(other)
         good = np.isfinite(one.G) & (one.frequency_hz < 60)
         assert good.any()
@@ -191,32 +165,23 @@ def test_responses_add_where_outputs_do(seed: int) -> None:
     u = np.tile(multisine(rng, M, INTERVAL_S, (1.0, 60.0), 1.0), 5)
     ys = rng.normal(size=(2, 5 * M))
     records = [Record(times(5 * M), u, y, "speed") for y in (*ys, ys.sum(axis=0))]
-    for estimator in (by_spectra, by_local, by_periods):
+    for estimator in (by_spectra, by_local):
         one, two, both = (estimator(record).between(1.0, 55.0).G for record in records)
         assert one + two == pytest.approx(both, rel=1e-8, abs=1e-8)
 
 
-@pytest.mark.parametrize("make", [white, repeated])
-def test_four_records_halve_the_deviations(seed: int, make: Callable[..., Record]) -> None:
+def test_four_records_halve_the_deviations(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    records = [make(rng, 4000 if make is white else 20, 0.5) for _ in range(4)]
-
-    def estimate(of: Sequence[Record]) -> FrequencyResponse:
-        if make is white:
-            return local_response(of, np.arange(2.0, 60.0, 1.0))
-        return periodic_response(of, M)
-
-    one, four = estimate(records[:1]), estimate(records)
+    records = [white(rng, 4000, 0.5) for _ in range(4)]
+    one, four = (local_response(part, np.arange(2.0, 60.0, 1.0)) for part in (records[:1], records))
     assert np.median(one.sd_db) / np.median(four.sd_db) == pytest.approx(2.0, rel=0.2)
     z = log_errors(four)
     assert np.mean(abs(z) ** 2) == pytest.approx(2.0, rel=0.6)
 
 
-def test_a_gap_leaves_segments_and_periods_out(seed: int) -> None:
+def test_a_gap_leaves_segments_out(seed: int) -> None:
     record = repeated(np.random.default_rng(seed), 10, 0.3)
     holed = record.without(slice(1700, 1705))
-    assert by_periods(record).n_effective[0] == 9
-    assert by_periods(holed).n_effective[0] == 8
     assert by_spectra(holed).n_effective[0] == pytest.approx(
         by_spectra(record).n_effective[0] * 37 / 39, rel=0.01
     )
@@ -228,14 +193,6 @@ def test_a_gap_leaves_segments_and_periods_out(seed: int) -> None:
 
 def test_lines_without_excitation_are_not_estimated(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    records = [repeated(rng, 12, 0.2, LOOP) for _ in range(20)]
-    found = [periodic_response([record], M).frequency_hz for record in records]
-    # 80 lines are not excited, one in 10 000 of these is taken for excited; of the 119 others none is missed.
-    assert sum(np.count_nonzero((f < 0.99) | (f > 60.01)) for f in found) <= 4
-    assert {np.count_nonzero((f > 0.99) & (f < 60.01)) for f in found} == {119}
-    given_lines = periodic_response(records[:1], M, lines=[120, 2, 30])
-    assert given_lines.frequency_hz == pytest.approx([1.0, 15.0, 60.0])
-    assert pytest.approx(periodic_response(records[:1], M).G[[0, 28, 118]]) == given_lines.G
     u = multisine(rng, 2000, INTERVAL_S, (1.0, 30.0), 1.0)
     local = local_response([Record(times(2000), u, np.roll(u, 1), "speed")], [10.0, 70.0])
     assert np.isfinite(local.G).tolist() == [True, False]
@@ -248,12 +205,6 @@ def test_mistakes_are_told(seed: int) -> None:
         spectral_response([record], reference="r")
     with pytest.raises(ValueError, match="1 segments of 400 samples"):
         spectral_response([record], 400)
-    with pytest.raises(ValueError, match="1 whole periods of 200 samples are left after 1"):
-        periodic_response([record], 200)
-    with pytest.raises(ValueError, match="no line of a period of 100 samples stands out"):
-        periodic_response([Record(record.t, 0 * record.u, record.y, "speed")], 100)
-    with pytest.raises(ValueError, match="lines from 3 to 50: those of 100 samples go from 1 to 49"):
-        periodic_response([record], 100, lines=[3, 50])
     with pytest.raises(ValueError, match="need 7 at least"):
         local_response([record], [1.0], lines=6)
     with pytest.raises(ValueError, match="249 lines in the longest record: 301 are wanted"):
