@@ -9,6 +9,9 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.kernel.tables import GAINS
 
+NAMING_MEMORIES = 3
+"""Memory lengths after which what a change did to all estimates is known."""
+
 
 class Threshold(NamedTuple):
     """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size."""
@@ -122,6 +125,11 @@ class Settings:
     def span(self) -> int:
         """Updates between two looks at P: a quarter of the memory."""
         return max(1, round(self.memory / 4))
+
+    @property
+    def naming_samples(self) -> int:
+        """Samples from the first crossing to the name; also between readings, and of recovery that ends an alarm."""
+        return round(NAMING_MEMORIES * self.memory)
 
     def tests(self, p: int) -> Floats:
         """alpha1, alpha2 and the allowance of each parameter (3, p).

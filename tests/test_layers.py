@@ -103,20 +103,13 @@ def test_library_is_imported_only_at_home() -> None:
     assert strays == []
 
 
-STILL_UPWARD = {
-    ("monitor_core.detection", "monitor_core.monitoring"),
-    ("monitor_core.trend", "monitor_core.detection"),
-}
-"""Imports against the direction that are still to be removed; empty when the layout is finished."""
-
-
 def layer_of(module: str) -> str:
     """The first two parts of a module's name; the core's face, ``monitor_core`` itself, is a layer of its own."""
     return ".".join(module.split(".")[:2])
 
 
 def test_imports_go_one_way() -> None:
-    upward = {
+    edges = {
         (layer_of(relative(path)[: -len(".py")].replace("/", ".").removesuffix(".__init__")), layer_of(name))
         for folder in ("monitor_core", "service")
         for path in python_files(folder)
@@ -124,9 +117,9 @@ def test_imports_go_one_way() -> None:
         if name.split(".")[0] in ("monitor_core", "service")
     }
     rank = {layer: place for place, layer in enumerate(LAYERS)}
-    unlisted = {layer for edge in upward for layer in edge} - set(rank)
+    unlisted = {layer for edge in edges for layer in edge} - set(rank)
     assert unlisted == set()
-    assert {(a, b) for a, b in upward if rank[a] < rank[b]} == STILL_UPWARD
+    assert {(a, b) for a, b in edges if rank[a] < rank[b]} == set()
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import constant_rows
 from monitor_core.kernel.vector import EIGHT
-from monitor_core.monitoring.kernel_constants import constants_of, naming_samples, vague
+from monitor_core.monitoring.kernel_constants import constants_of, vague
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8
@@ -78,7 +78,7 @@ class AxisBatch:
         st.theta[:, a] = model.theta0
         st.t[a] = NEVER
         st.onset[:, :, a] = NEVER
-        st.left[a] = naming_samples(s)
+        st.left[a] = s.naming_samples
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
         st.credit[a] = CREDIT
@@ -179,7 +179,7 @@ class AxisBatch:
     def _noted(self, N: int) -> Noted:
         """Room for what N samples of each axis can have noted: once as soon as a naming takes, in each."""
         p = self._tables.p
-        capacity = sum(N // naming_samples(s) + 1 for s in self.settings)
+        capacity = sum(N // s.naming_samples + 1 for s in self.settings)
         numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
         before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
         return Noted(*numbers, np.empty((noted_numbers(p), capacity)), *before)

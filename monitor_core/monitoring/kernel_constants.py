@@ -8,13 +8,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.stability import stable_limits
 from monitor_core.settings import Settings
 
-CALM_MEMORIES = 3
 SLOW_MEMORIES = 10
-
-
-def naming_samples(s: Settings) -> int:
-    """Samples from the first crossing to the evidence for a name, between readings, and of calm that ends an alarm."""
-    return round(CALM_MEMORIES * s.memory)
 
 
 def vague(model: AxisModel, s: Settings) -> Floats:
@@ -37,7 +31,7 @@ def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str,
         "gap_us": round(s.max_gap_s * 1e6),
         "settle_us": round(s.settle_s * 1e6),
         "seed": s.seed_updates,
-        "calm": naming_samples(s),
+        "calm": s.naming_samples,
         "floor": s.floor,
         "starved": s.starved,
         "lost_us": round(s.lost_s * 1e6),

@@ -8,10 +8,10 @@ import numpy as np
 
 from monitor_core.detection.alarm import Alarm, Direction, Reach
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.monitoring.forecast_alarms import Limit, reach, watch
 from monitor_core.trend.axis_trends import AxisHistory
 from monitor_core.trend.entries import Entry, Reading
 from monitor_core.trend.forecast import forecast
-from monitor_core.trend.limit_alarms import Limit, reach, watch
 from monitor_core.trend.trend import Trend, trend_of
 from service.config import NamedAxis, limits_of
 from service.pipeline.axis_change import Change

@@ -9,7 +9,6 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.kernel.evidence import Noted
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.monitoring.kernel_constants import naming_samples
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
 
@@ -38,7 +37,7 @@ class EvidenceBuilder:
         self, model: AxisModel, settings: Settings, lower: Floats, upper: Floats, P_nom: Floats
     ) -> None:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
-        self._theta0, self._naming = model.theta0, naming_samples(settings)
+        self._theta0, self._naming = model.theta0, settings.naming_samples
         alpha1, _, allowance = settings.tests(len(self._names))
         self._tolerance = float(alpha1.max() * np.sqrt(settings.divisor))
         self._allowed = np.diag((allowance * model.scale) ** 2)

@@ -17,7 +17,6 @@ from monitor_core.excitation.reference_experiment import (
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.kernel_constants import naming_samples
 from monitor_core.trend.axis_trends import AxisHistory
 from monitor_core.trend.entries import Reading
 from tests.core.honesty import settings_for
@@ -44,7 +43,7 @@ def torque_and_output(seed: int, N: int) -> tuple[NDArray[np.int64], Floats, Flo
 def readings(seed: int, blocks: int) -> list[list[Reading]]:
     """Those of some healthy axes, run in so many blocks."""
     model, settings = reference_model("speed"), SETTINGS
-    n = naming_samples(settings)
+    n = settings.naming_samples
     t, u, y = torque_and_output(seed, (HOURS * PER_HOUR + 12) * n)
     bank = AxisBatch([model] * AXES, [settings] * AXES)
     found: list[list[Reading]] = [[] for _ in range(AXES)]
@@ -58,7 +57,7 @@ def readings(seed: int, blocks: int) -> list[list[Reading]]:
 def test_readings_come_every_three_memories_however_the_samples_are_cut(seed: int) -> None:
     found = readings(seed, 1)
     assert found == readings(seed, 7)
-    n = naming_samples(SETTINGS)
+    n = SETTINGS.naming_samples
     for of_axis in found:
         times = np.array([r.time_us for r in of_axis])
         assert set(np.diff(times)) == {round(n * INTERVAL_S * 1e6)}
