@@ -64,12 +64,17 @@ def validated(whole: type[_F], content: dict[str, Any], path: Path, refusal: typ
         raise refusal(f"{path}: {key}: {first['msg']}") from None
 
 
+_NAMED_BY_USERS = ("values", "standard_deviations", "nominal")
+"""Tables whose keys are names of parameters."""
+
+
 def _keys(content: object) -> Iterator[str]:
-    """The keys of a table and of all tables in it."""
+    """The keys of a table and of all tables in it, without names of parameters."""
     if isinstance(content, dict):
         for key, value in content.items():
             yield key
-            yield from _keys(value)
+            if key not in _NAMED_BY_USERS:
+                yield from _keys(value)
     elif isinstance(content, list):
         for value in content:
             yield from _keys(value)
