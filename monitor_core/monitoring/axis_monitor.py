@@ -172,7 +172,8 @@ class AxisMonitor:
         """What a slow history belongs to: other nominal values or another predictor would move it, a memory not."""
         s, m = self.settings, self.model
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
-        predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale}"
+        # "None" stood for a second output once: with it the histories of earlier versions go on.
+        predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale} None"
         return f"drive={drive} {sorted(m.nominal.items())} {predictor}"
 
     def run(
