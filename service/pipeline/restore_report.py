@@ -19,14 +19,16 @@ class Loss(NamedTuple):
 
 
 def losses_in_words(losses: Iterable[Loss]) -> Iterator[str]:
-    """A sentence for each axis: why its checkpoint is not used, and what begins anew for that."""
+    """A sentence for each axis: why its checkpoint is not used, and what restarts."""
     by_axis: dict[str, list[Loss]] = {}
     for loss in losses:
         by_axis.setdefault(loss.axis_id, []).append(loss)
     for axis_id, own in by_axis.items():
         part = "" if ESTIMATES in {loss.what for loss in own} else "part of "
         reasons = dict.fromkeys(loss.reason for loss in own)
-        said = (f"{why}; anew begin {_what(loss for loss in own if loss.reason == why)}" for why in reasons)
+        said = (
+            f"{why}; what restarts: {_what(loss for loss in own if loss.reason == why)}" for why in reasons
+        )
         yield f"{axis_id}: {part}its checkpoint is not used and quarantined: {'. Also: '.join(said)}"
 
 

@@ -150,7 +150,7 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
     assert "does not fit this version" in broken_state
     assert other_version.startswith("demo.axis2: part of its checkpoint is not used")
     for message in again.messages:
-        assert message.endswith("anew begin the evidence of the bank of hypotheses")
+        assert message.endswith("what restarts: the evidence of the bank of hypotheses")
     for axis_id, found in again.core.monitors.by_id.items():
         assert found.status().samples == run.core.monitors.by_id[axis_id].status().samples > 0
 
