@@ -26,7 +26,9 @@ Monitoring:
 * ``Settings, Threshold``: all settings; their defaults are the paper's.
 * ``MonitoringOptions, recommended_settings, SettingsError``: settings for a real axis.
 * ``AxisMonitor, AxisBatch, Fleet``: one axis; axes of equal structure; axes of any kind.
-* ``AxisStatus, ParameterStatus, Status, Alarm``: present state; an alarm with name, onset and size.
+* ``SampleBlock``: samples of one axis, as ``update`` takes them.
+* ``AxisStatus, ParameterStatus, Status``: present state.
+* ``Alarm, AlarmChange``: an alarm with name, onset and size; what became of it in one update.
 
 Detection:
 
@@ -53,7 +55,7 @@ if TYPE_CHECKING:
     from monitor_core.calibration.doubts import CalibrationError
     from monitor_core.calibration.healthy import Samples as HealthyRecord
     from monitor_core.calibration.result import CalibrationResult
-    from monitor_core.detection.alarm import Alarm
+    from monitor_core.detection import Alarm
     from monitor_core.detection.multimodel.detection_limit import least_delay
     from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
     from monitor_core.drive.axis_model import AxisModel
@@ -72,15 +74,21 @@ if TYPE_CHECKING:
     from monitor_core.identification.starting import fit_from_scratch as identify
     from monitor_core.modeling.simulated_axis import SimulatedAxis
     from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass, two_mass
-    from monitor_core.monitoring.axis_batch import AxisBatch
-    from monitor_core.monitoring.axis_monitor import AxisMonitor
-    from monitor_core.monitoring.axis_status import AxisStatus, ParameterStatus, Status
-    from monitor_core.monitoring.fleet import Fleet
+    from monitor_core.monitoring import (
+        AlarmChange,
+        AxisBatch,
+        AxisMonitor,
+        AxisStatus,
+        Fleet,
+        ParameterStatus,
+        Status,
+    )
     from monitor_core.monitoring.recommended_settings import (
         MonitoringOptions,
         SettingsError,
         recommended_settings,
     )
+    from monitor_core.samples import SampleBlock
     from monitor_core.settings import Settings, Threshold
     from monitor_core.trend.forecast import forecast
     from monitor_core.trend.slow_history import SlowHistory
@@ -90,6 +98,7 @@ __all__ = [
     "REFERENCE_VALUES",
     "Accuracy",
     "Alarm",
+    "AlarmChange",
     "AxisBatch",
     "AxisModel",
     "AxisMonitor",
@@ -113,6 +122,7 @@ __all__ = [
     "ParameterStatus",
     "Problem",
     "Record",
+    "SampleBlock",
     "Settings",
     "SettingsError",
     "SimulatedAxis",
@@ -175,6 +185,8 @@ _HOME = {
     "ParameterStatus": "monitoring.axis_status",
     "Status": "monitoring.axis_status",
     "Alarm": "detection.alarm",
+    "AlarmChange": "monitoring.axis_monitor",
+    "SampleBlock": "samples",
     "MultiModelDetector": "detection.multimodel.multimodel_detector",
     "Limits": "detection.multimodel.multimodel_detector",
     "least_delay": "detection.multimodel.detection_limit",

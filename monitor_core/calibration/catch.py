@@ -9,11 +9,11 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import Load, changed, load_of, torque
 from monitor_core.calibration.plants import Plants, innovations
-from monitor_core.detection.alarm import Crossing
+from monitor_core.detection import Crossing
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 LANES = 64
@@ -120,7 +120,7 @@ def _ready(monitor: AxisMonitor, one: Samples) -> int:
     st, step = monitor.batch.state, monitor.settings.span
     for k in range(0, len(one.t_us), step):
         part = one.part(k, k + step)
-        monitor.run(part.t_us, part.u, part.y, part.shift, part.gate)
+        monitor.update(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
         if not st.seed_left[0] and st.t[0] >= st.settled[0]:
             return min(k + step + round(3 * monitor.settings.memory), len(one.t_us))
     return len(one.t_us)
@@ -131,7 +131,7 @@ def _columns(model: AxisModel, settings: Settings, one: Samples, at: Ints) -> li
     monitor, done, found = AxisMonitor(model, settings), 0, []
     for end in at.tolist():
         part = one.part(done, end)
-        monitor.run(part.t_us, part.u, part.y, part.shift, part.gate)
+        monitor.update(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
         found.append(monitor.batch.column(0))
         done = end
     return found

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.samples import forward_fill
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock, forward_fill
 from monitor_core.settings import Settings
 
 Times = NDArray[np.int64]
@@ -85,7 +85,7 @@ def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], No
     for k in range(0, N, step):
         part = one.part(k, k + step)
         before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])
-        _, trace = monitor.run_traced(part.t_us, part.u, part.y, part.shift, part.gate)
+        _, trace = monitor.update_traced(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
         moved = forward_fill(part.shift, before) if part.shift is not None else before
         here = slice(k, k + step)
         d[here] = (trace.theta - model.theta0 - moved) / model.scale

@@ -13,7 +13,8 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.plant import measured
 from monitor_core.kernel.tables import COULOMB
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 _ENDLESS = 1 - 1e-6
@@ -38,7 +39,9 @@ def innovations(model: AxisModel, settings: Settings, one: Samples, at: Sequence
     eps, states, done = [], [], 0
     for end in (*at, len(one.t_us)):
         part = one.part(done, end)
-        eps.append(monitor.run_traced(part.t_us, part.u, part.y, part.shift, part.gate)[1].eps)
+        eps.append(
+            monitor.update_traced(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))[1].eps
+        )
         states.append(monitor.batch.state.x[:, 0].copy())
         done = end
     return Innovations(np.concatenate(eps), np.array(states[:-1]).reshape(len(at), -1))

@@ -11,7 +11,7 @@ from monitor_core.calibration.catch import Caught
 from monitor_core.calibration.doubts import duration
 from monitor_core.calibration.hypotheses import BankLimits
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection import DetectorName
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 
@@ -103,7 +103,7 @@ class CalibrationResult:
         """Performance of the multi-model detector, if the axis can have it."""
         if self.bank is None:
             return None
-        return DetectorResult("bank", self._between(self.bank.limits), self.bank.caught, self.within_s)
+        return DetectorResult("multimodel", self._between(self.bank.limits), self.bank.caught, self.within_s)
 
     def _between(self, rates: Rates | BankLimits) -> tuple[float, float, float]:
         h = self.settings.interval_s

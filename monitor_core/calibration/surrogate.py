@@ -18,8 +18,8 @@ from monitor_core.calibration.own_error import Parts
 from monitor_core.calibration.plants import Plants, innovations
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
@@ -128,7 +128,7 @@ def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | No
         if start and st.t[0] >= st.settled[0] and not st.seed_left[0]:
             break
         part = one.part(start, start + step)
-        monitor.run(part.t_us, part.u, part.y, part.shift, part.gate)
+        monitor.update(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
     found = innovations(model, settings, one, (start,))
     eps = found.eps[start:]
     eps = eps[np.isfinite(eps)]

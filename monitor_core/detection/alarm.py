@@ -1,82 +1,40 @@
-"""Alarm episodes: what a monitor reports of its axis, and what an alarm is made of.
+"""Alarms: what a monitor reports of a change of its axis, and the form in which open alarms are saved.
 
-An axis alarms in two stages.  At the first crossing something has *changed*; what, is named only when the evidence is
-in, three memory lengths later: of large changes the first to cross is often not the one that changed.
+An alarm has two stages.  When a test crosses its threshold, something has *changed*.  The cause is *named* later, when
+there is enough evidence: of large changes, the first test that crosses is often not that of the changed parameter.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import json
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple
 
-from monitor_core.detection.onset import Past
-from monitor_core.trend.entries import Reading
+import numpy as np
+from numpy.typing import NDArray
 
 Direction = Literal["up", "down"]
 DIRECTIONS: tuple[Direction, Direction] = ("up", "down")
 
 Stage = Literal["changed", "named"]
-"""changed: something has; named: the evidence for what it is, is in."""
+"""changed: something has changed; named: the cause is known."""
 
 Kind = Literal["", "step", "drift", "forecast"]
-"""How it changed: at once, or little by little; empty: it cannot be told.  forecast: no change, but a slow drift that
+"""step: the change was sudden; drift: it was gradual; empty: not known.  forecast: nothing has changed yet, but a drift
 is about to reach a limit."""
 
 Doubt = Literal["", "several", "model", "sign", "still"]
-"""several: no single parameter explains it; model: the model no longer holds, so a sensor is more likely than any
-parameter; sign: as if torque or motion had changed its sign, or were stuck; still: no motion follows the torque."""
+"""several: no single parameter explains the change; model: the model no longer holds, so a sensor fault is more likely
+than any parameter; sign: as if torque or motion had changed its sign, or were stuck; still: the axis does not move when
+torque is applied."""
 
 NO_PARAMETER: tuple[Doubt, ...] = ("model", "sign", "still")
-"""With these a sensor, or a wire, is more likely than any parameter."""
+"""With these doubts a sensor or a wire is a more likely cause than any parameter."""
 
-
-@dataclass(frozen=True, slots=True)
-class Crossing:
-    """g of a parameter crossed h.  Times in microseconds since 1970."""
-
-    parameter: str
-    direction: Direction
-    time_us: int
-    onset_us: int
-    size: float
-    size_sd: float
-
-
-@dataclass(frozen=True, slots=True)
-class Recovered:
-    """The deviation of a parameter has been below nu for three memory lengths."""
-
-    parameter: str
-    time_us: int
-
-
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """All that was known of the deviations at one time."""
-
-    time_us: int
-    parameters: tuple[str, ...]
-    deviation: tuple[float, ...]
-    """theta - theta_0 now: what sizes are measured by"""
-    covariance: tuple[tuple[float, ...], ...]
-    since: tuple[float, ...]
-    """The deviations that explain the samples of the last three memory lengths, all counting alike: what causes are
-    told apart by.  The estimates forget, and may know little just now."""
-    since_covariance: tuple[tuple[float, ...], ...]
-    tolerance: float
-    """Standard deviations by which a healthy estimate may be off"""
-    excess: float
-    """Running innovation variance over lambda_0"""
-    held: tuple[int, ...]
-    """-1, 1: the lower, the upper bound holds the estimate; 0: none does"""
-    past: Past | None = field(default=None, compare=False)
-    """How the deviations went until then; None: it is not known, and nothing is named."""
-
-
-Event = Crossing | Recovered | Evidence | Reading
+MAX_EARLIER_NAMES = 20
 
 
 class Cause(NamedTuple):
-    """What may have changed; ``alike`` names causes that make the same data: it is this one or one of those."""
+    """A possible cause.  ``alike`` lists causes that produce the same data: it is this one or one of those."""
 
     parameter: str
     probability: float
@@ -84,26 +42,26 @@ class Cause(NamedTuple):
 
     @classmethod
     def read(cls, entry: Sequence[Any]) -> "Cause":
-        """From what became of it as JSON."""
+        """A cause from its JSON form."""
         parameter, probability, *alike = entry
         return cls(parameter, probability, tuple(alike[0]) if alike else ())
 
 
 class Reach(NamedTuple):
-    """When what the user gave a limit reaches it; see monitor_core.trend.forecast."""
+    """When a parameter reaches a limit that the user has set; see monitor_core.trend.forecast."""
 
     name: str
     unit: str
     limit: float
     above: bool
-    """It must stay below"""
+    """The limit is an upper one"""
     state: str
     low_us: int
     high_us: int | None
 
 
 class Name(NamedTuple):
-    """What an alarm was called, until a time."""
+    """An earlier name of an alarm, valid until a time."""
 
     until_us: int
     stage: Stage
@@ -111,11 +69,15 @@ class Name(NamedTuple):
     direction: Direction
 
 
+AlarmKey = tuple[int, str, Direction]
+"""Identity of an alarm: time at which it was raised, parameter and direction of its first name."""
+
+
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """An alarm.  ``parameter`` is the best present name, ``size`` its theta - theta0 with its standard deviation.
+    """An alarm of one axis.  Times in microseconds since 1970, sizes in the unit of the parameter.
 
-    ``raised_us`` and ``first`` never change: with them an episode is known again.
+    ``parameter`` is the best name so far; ``size`` is theta - theta_0 with its standard deviation.
     """
 
     parameter: str
@@ -129,22 +91,60 @@ class Alarm:
     crossings: int
     stage: Stage = "changed"
     causes: tuple[Cause, ...] = ()
-    """The likeliest first; those below a hundredth are left out"""
+    """The likeliest first; causes below one percent are left out"""
     doubt: Doubt = ""
     onset_low_us: int | None = None
-    """The onset lies between these with a probability of 90 %; None: earlier than can be told, or not known yet"""
+    """The onset lies between these two with a probability of 90 %; None: unknown"""
     onset_high_us: int | None = None
     kind: Kind = ""
     past: tuple[Name, ...] = ()
-    """What it was called before"""
+    """Earlier names"""
     reaches: tuple[Reach, ...] = ()
     """Of a forecast: the limit"""
 
     @property
     def first(self) -> tuple[str, Direction]:
-        """Parameter and direction of the first crossing."""
-        return (
-            (self.past[0].parameter, self.past[0].direction)
-            if self.past
-            else (self.parameter, self.direction)
-        )
+        """Parameter and direction of the first name, which never change."""
+        if self.past:
+            return self.past[0].parameter, self.past[0].direction
+        return self.parameter, self.direction
+
+    @property
+    def key(self) -> AlarmKey:
+        """Identity: it stays the same whatever the alarm is renamed to."""
+        return self.raised_us, *self.first
+
+    def earlier_names(self, until_us: int) -> tuple[Name, ...]:
+        """The earlier names and the present one, valid until a time; the first name is always kept."""
+        names = (*self.past, Name(until_us, self.stage, self.parameter, self.direction))
+        return names if len(names) <= MAX_EARLIER_NAMES else (names[0], *names[2 - MAX_EARLIER_NAMES :])
+
+
+def direction_of(size: float) -> Direction:
+    """Direction of a change; up where there is no size (NaN)."""
+    return "down" if size < 0 else "up"
+
+
+def alarms_to_array(alarms: Iterable[Alarm]) -> NDArray[np.generic]:
+    """Alarms as the bytes of a JSON text (N,), for checkpoints."""
+    return np.frombuffer(json.dumps([asdict(alarm) for alarm in alarms]).encode(), np.uint8)
+
+
+def alarms_from_array(array: NDArray[np.generic], causes: Collection[str]) -> list[Alarm]:
+    """Alarms from the bytes that ``alarms_to_array`` made; those of other causes than ``causes`` are left out.
+
+    Raises:
+        ValueError: the array does not hold alarms.
+    """
+    try:
+        alarms = [_alarm(fields) for fields in json.loads(np.asarray(array, np.uint8).tobytes())]
+    except (TypeError, KeyError, ValueError) as error:
+        raise ValueError(f"no alarms: {error}") from error
+    return [alarm for alarm in alarms if alarm.parameter in causes]
+
+
+def _alarm(fields: dict[str, Any]) -> Alarm:
+    causes = tuple(Cause.read(cause) for cause in fields.pop("causes"))
+    past = tuple(Name(*name) for name in fields.pop("past"))
+    reaches = tuple(Reach(*reach) for reach in fields.pop("reaches", ()))
+    return Alarm(**fields, causes=causes, past=past, reaches=reaches)

@@ -1,1 +1,54 @@
-"""Recursive monitoring of axes: samples in; estimates, status and alarms out."""
+"""Recursive monitoring of axes: samples in; estimates, status and alarms out.
+
+* ``axis_monitor``: one axis, alone or as a lane of a batch; start here.
+* ``axis_status``: estimates, tests and counters of an axis as plain values.
+* ``alarm_tracker``: the open alarms of an axis, made of the events of its detector.
+* ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
+* ``fleet``: axes of any structure, their blocks taken in one call.
+* ``recommended_settings``: settings for a real axis; ``kernel_constants``: settings as the kernel has them.
+* ``observability``: parameters that the last samples do not determine.
+* ``trend_monitor``, ``forecast_alarms``: long-term trends of an axis, and alarms about limits.
+"""
+
+from monitor_core.monitoring.alarm_tracker import AlarmTracker
+from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
+from monitor_core.monitoring.axis_monitor import AlarmChange, Arrays, AxisMonitor
+from monitor_core.monitoring.axis_status import (
+    AxisStatus,
+    DetectorStatus,
+    Observation,
+    ParameterStatus,
+    Status,
+)
+from monitor_core.monitoring.fleet import AxisTrace, AxisUpdate, Fleet
+from monitor_core.monitoring.forecast_alarms import Limit
+from monitor_core.monitoring.recommended_settings import (
+    MonitoringOptions,
+    SettingsError,
+    recommended_settings,
+)
+from monitor_core.monitoring.trend_monitor import ParameterTrend, TrendMonitor
+
+__all__ = [
+    "FEWEST_LANES",
+    "AlarmChange",
+    "AlarmTracker",
+    "Arrays",
+    "AxisBatch",
+    "AxisMonitor",
+    "AxisStatus",
+    "AxisTrace",
+    "AxisUpdate",
+    "DetectorStatus",
+    "Fleet",
+    "Limit",
+    "MonitoringOptions",
+    "Observation",
+    "ParameterStatus",
+    "ParameterTrend",
+    "SettingsError",
+    "Status",
+    "TrendMonitor",
+    "recommended_settings",
+    "standard_deviation",
+]

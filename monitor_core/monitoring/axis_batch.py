@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import DIRECTIONS, Crossing, Event, Recovered
+from monitor_core.detection.alarm import DIRECTIONS
+from monitor_core.detection.cusum.events import BatchEvent, Crossing, Recovered
 from monitor_core.detection.cusum.evidence_builder import EvidenceBuilder
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
@@ -98,7 +99,7 @@ class AxisBatch:
         count: NDArray[np.int64] | None = None,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-    ) -> list[tuple[int, Event]]:
+    ) -> list[tuple[int, BatchEvent]]:
         """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
 
         ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
@@ -120,7 +121,7 @@ class AxisBatch:
         count: NDArray[np.int64] | None = None,
         shift: Floats | None = None,
         gate: NDArray[np.bool_] | None = None,
-    ) -> tuple[list[tuple[int, Event]], Trace]:
+    ) -> tuple[list[tuple[int, BatchEvent]], Trace]:
         """As ``run``, with the recursion's values at every sample."""
         trace = _trace(len(t_us), *self._shape)
         return self._run(self._samples(t_us, u, y, count, shift, gate), trace), trace
@@ -156,7 +157,7 @@ class AxisBatch:
         u, y = np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float)
         return Samples(t, u, y, n, moved, opened)
 
-    def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, Event]]:
+    def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, BatchEvent]]:
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
         noted = self._noted(len(samples.t))
         reset = not self.settings[0].run_on
@@ -184,7 +185,7 @@ class AxisBatch:
         before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
         return Noted(*numbers, np.empty((noted_numbers(p), capacity)), *before)
 
-    def _named(self, events: Events, noted: Noted) -> Iterator[tuple[int, Event]]:
+    def _named(self, events: Events, noted: Noted) -> Iterator[tuple[int, BatchEvent]]:
         """All events, in their order; evidence stands between them where it was noted."""
         done = 0
         for c in range(int(noted.filled[0])):

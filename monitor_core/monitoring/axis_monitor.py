@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm, Crossing, Event, Evidence, Recovered
-from monitor_core.detection.alarm_arrays import episodes_from_array, episodes_to_array
-from monitor_core.detection.cusum.alarm_tracker import EpisodeBook
+from monitor_core.detection.alarm import Alarm, AlarmKey, alarms_from_array, alarms_to_array
+from monitor_core.detection.cusum.cusum_detector import CusumDetector
+from monitor_core.detection.cusum.events import BatchEvent
 from monitor_core.detection.cusum.evidence_builder import HELD, INVALID
-from monitor_core.detection.detector_protocol import Book, DetectorName
-from monitor_core.detection.multimodel import multimodel_detector as hypotheses
-from monitor_core.detection.multimodel.events import Event as BankEvent
+from monitor_core.detection.detector import AlarmEvent, DetectorName
+from monitor_core.detection.multimodel.events import Event as MultiModelEvent
+from monitor_core.detection.multimodel.multimodel_detector import SCHEMA as MULTIMODEL_SCHEMA
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
+from monitor_core.monitoring.alarm_tracker import AlarmTracker
 from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_status import (
     AxisStatus,
@@ -32,6 +33,7 @@ from monitor_core.monitoring.axis_status import (
     Status,
 )
 from monitor_core.monitoring.observability import confounded, untold
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
 
@@ -55,94 +57,85 @@ _OF_NO_STATE: dict[str, Any] = {
 }
 """Settings that may change from one run to the next, and a saved state goes on."""
 Arrays = dict[str, NDArray[np.generic]]
-AnyEvent = Event | BankEvent
-"""Of either detector."""
+
+
+class AlarmChange(NamedTuple):
+    """What became of an alarm in one update, and the alarm in its latest form."""
+
+    kind: Literal["raised", "renamed", "updated", "ended"]
+    alarm: Alarm
 
 
 class AxisMonitor:
     """Estimates, tests and alarms of one axis.
 
-    ``AxisMonitor(model, settings)`` monitors an axis alone.  Of many axes, each monitor is a view of one lane of an
-    ``AxisBatch`` (``of_lane``).
+    ``AxisMonitor(model, settings)`` monitors an axis alone: ``changes = monitor.update(samples)``,
+    ``monitor.status()``.
+    Of many axes, each monitor is a view of one lane of an ``AxisBatch`` (``of_lane``); see ``Fleet``.
 
     Args:
         model: nominal values and bounds.
         settings: predictor, forgetting, tests.
-        beside: the second detector, if there is one.
-        alarms: whose alarms are those of the axis.
+        multimodel: the multi-model detector; None: it does not run.
+        alarm_source: the detector whose alarms are those of the axis; the other one runs in shadow mode.
+
+    Raises:
+        ValueError: settings that do not fit the drive; alarms of a detector that does not run.
     """
 
     def __init__(
         self,
         model: AxisModel,
         settings: Settings,
-        beside: MultiModelDetector | None = None,
-        alarms: DetectorName = "cusum",
+        multimodel: MultiModelDetector | None = None,
+        alarm_source: DetectorName = "cusum",
     ) -> None:
-        self._view(AxisBatch([model], [settings]), 0, beside, alarms)
+        self._view(AxisBatch([model], [settings]), 0, multimodel, alarm_source)
 
     @classmethod
     def of_lane(
         cls,
         batch: AxisBatch,
         lane: int,
-        beside: MultiModelDetector | None = None,
-        alarms: DetectorName = "cusum",
+        multimodel: MultiModelDetector | None = None,
+        alarm_source: DetectorName = "cusum",
     ) -> AxisMonitor:
         """The monitor of one axis of a batch."""
         monitor = cls.__new__(cls)
-        monitor._view(batch, lane, beside, alarms)
+        monitor._view(batch, lane, multimodel, alarm_source)
         return monitor
 
     def _view(
-        self, batch: AxisBatch, lane: int, beside: MultiModelDetector | None, alarms: DetectorName
+        self, batch: AxisBatch, lane: int, multimodel: MultiModelDetector | None, source: DetectorName
     ) -> None:
-        self.batch, self.lane, self.beside, self.alarms = batch, lane, beside, alarms
-        if alarms == "bank" and beside is None:
-            raise ValueError("the bank of hypotheses is to alarm, but there is none")
-        self._cusum = EpisodeBook()
-        self.alarmed_by: DetectorName = alarms
-        """Whose alarms counted when the state was saved that it went on from"""
-
-    def book_of(self, detector: DetectorName) -> Book[Any]:
-        """The open alarms by one detector.
-
-        Raises:
-            ValueError: it does not run.
-        """
-        if detector == "cusum":
-            return self._cusum
-        if self.beside is None:
-            raise ValueError("there is no bank of hypotheses")
-        return self.beside.book
+        if source == "multimodel" and multimodel is None:
+            raise ValueError("the alarms are to come from the multi-model detector, but there is none")
+        self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
+        g, calm = batch.state.g[:, :, lane], batch.state.calm[:, lane]
+        self.cusum = CusumDetector(self.model.monitored, g, batch.thresholds[:, lane], calm)
+        self._tracker = AlarmTracker()
 
     @property
-    def book(self) -> Book[Any]:
-        """The open alarms of the axis: those by the detector that alarms."""
-        return self.book_of(self.alarms)
-
-    @property
-    def detectors(self) -> tuple[DetectorName, ...]:
-        """Those that run."""
-        return ("cusum",) if self.beside is None else ("cusum", "bank")
+    def open_alarms(self) -> tuple[Alarm, ...]:
+        """The open alarms of the axis, the oldest first."""
+        return self._tracker.open
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Whatever an alarm of the axis may name."""
-        return self.beside.causes if self.alarms == "bank" and self.beside else self.model.monitored
+        """Every cause that an alarm of the axis may name."""
+        return self._source.causes
+
+    @property
+    def _source(self) -> CusumDetector | MultiModelDetector:
+        if self.alarm_source == "multimodel" and self.multimodel is not None:
+            return self.multimodel
+        return self.cusum
 
     def adopt(self, open_alarms: Iterable[Alarm]) -> None:
-        """Have these open alarms and no others."""
-        episodes = list(open_alarms)
-        if self.alarms == "bank" and self.beside is not None:
-            self.beside.adopt(episodes)
-            return
-        counted = {e.parameter for e in self._cusum.open}
-        self._cusum = EpisodeBook(episodes)
-        for e in self._cusum.open:
-            if e.parameter not in counted:
-                # The calm that ends an episode is noted once: let it be counted from here.
-                self.batch.state.calm[self.model.monitored.index(e.parameter), self.lane] = 0
+        """From now on these alarms are open, and no others, as after a restart."""
+        tracker = AlarmTracker(open_alarms)
+        self._source.adopt(tracker.open, self._tracker.open)
+        self._tracker = tracker
 
     @property
     def model(self) -> AxisModel:
@@ -176,50 +169,50 @@ class AxisMonitor:
         predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale} None"
         return f"drive={drive} {sorted(m.nominal.items())} {predictor}"
 
-    def run(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        shift: Floats | None = None,
-        gate: NDArray[np.bool_] | None = None,
-    ) -> list[Alarm]:
-        """Run samples (N,) of a monitor that is alone; returns the episodes raised, updated or ended.
+    def update(self, samples: SampleBlock) -> list[AlarmChange]:
+        """Take samples (N,) of an axis that is monitored alone.
 
-        ``shift`` (N, p) and ``gate`` (N,) as for ``AxisBatch.run``.
+        Returns what became of its alarms: each alarm that was raised, renamed, updated or ended, once.
+
+        Raises:
+            ValueError: arrays of shapes that do not fit.
         """
-        block = _column(t_us), _column(u), _column(y)
-        events = self.batch.run(*block, shift=_optional(shift), gate=_optional(gate))
-        said: list[AnyEvent] = [event for _, event in events]
-        if self.beside is not None:
-            said += self.beside.run(t_us, u, y, gate, shift)
-        return [episode for event in said for episode in self.apply(event)]
+        events = self.batch.run(*_columns(samples))
+        return self.apply((event for _, event in events), self._multimodel_events(samples))
 
-    def run_traced(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        shift: Floats | None = None,
-        gate: NDArray[np.bool_] | None = None,
-    ) -> tuple[list[Alarm], Trace]:
-        """As ``run``, with the recursion's values at every sample, axis dropped: theta (N, p), g (N, 2, p), .."""
-        block = _column(t_us), _column(u), _column(y)
-        events, trace = self.batch.run_traced(*block, shift=_optional(shift), gate=_optional(gate))
-        episodes = [episode for _, event in events for episode in self.apply(event)]
-        return episodes, Trace(*(field[..., 0] for field in trace))
+    def update_traced(self, samples: SampleBlock) -> tuple[list[AlarmChange], Trace]:
+        """As ``update``, with the values of the recursion at every sample: theta (N, p), g (N, 2, p), .."""
+        events, trace = self.batch.run_traced(*_columns(samples))
+        changes = self.apply((event for _, event in events), self._multimodel_events(samples))
+        return changes, Trace(*(field[..., 0] for field in trace))
 
-    def apply(self, event: AnyEvent) -> list[Alarm]:
-        """Take an event of this axis into the book of its detector; returns the alarms that it changed.
+    def _multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
+        if self.multimodel is None:
+            return ()
+        t_us, torque, motion, shift, gate, _ = samples
+        return self.multimodel.bank.run(t_us, torque, motion, gate, shift)
 
-        Those are the episodes raised, updated or ended by the detector that alarms.  Readings are for the slow
-        history, which is kept elsewhere.
-        """
-        if isinstance(event, Reading):
-            return []
-        of: DetectorName = "cusum" if isinstance(event, Crossing | Recovered | Evidence) else "bank"
-        episodes = self.book_of(of).apply(event)
-        return episodes if of == self.alarms else []
+    def apply(
+        self, cusum: Iterable[BatchEvent] = (), multimodel: Iterable[MultiModelEvent] = ()
+    ) -> list[AlarmChange]:
+        """Make alarms of the events of the alarm source, in order of time; events of the other detector are ignored."""
+        before = {alarm.key: alarm for alarm in self.open_alarms}
+        latest: dict[AlarmKey, Alarm] = {}
+        for events in self._alarm_events(cusum, multimodel):
+            latest |= {alarm.key: alarm for alarm in self._tracker.apply(events)}
+        return [AlarmChange(_kind_of_change(before.get(key), alarm), alarm) for key, alarm in latest.items()]
+
+    def _alarm_events(
+        self, cusum: Iterable[BatchEvent], multimodel: Iterable[MultiModelEvent]
+    ) -> Iterator[list[AlarmEvent]]:
+        """Of each event, what it means for the alarms that are open then."""
+        if self.alarm_source == "cusum":
+            for event in cusum:
+                if not isinstance(event, Reading):
+                    yield self.cusum.interpret(event, self.open_alarms)
+        elif self.multimodel is not None:
+            for found in multimodel:
+                yield self.multimodel.interpret(found, self.open_alarms)
 
     def start_from(self, theta: Floats) -> None:
         """Let the recursion start from another theta (p,) than the nominal one."""
@@ -235,19 +228,13 @@ class AxisMonitor:
             innovation_variance=float(st.lam0_running[a]),
             confounded=self._confounded(),
             counters={name: int(count) for name, count in self._counts()},
-            detectors=tuple(self._detector(name) for name in self.detectors),
+            detectors=tuple(self._detectors()),
         )
 
-    def _detector(self, name: DetectorName) -> DetectorStatus:
-        cause, share = self._leading() if name == "cusum" or self.beside is None else self.beside.leading()
-        names = tuple(dict.fromkeys(e.parameter for e in self.book_of(name).open))
-        return DetectorStatus(name, name == self.alarms, cause, share, names)
-
-    def _leading(self) -> tuple[str, float]:
-        """The parameter of the CUSUM test that is nearest its threshold, and g over h."""
-        share = self.batch.state.g[:, :, self.lane].max(axis=0) / self.batch.thresholds[:, self.lane]
-        i = int(share.argmax())
-        return self.model.monitored[i], float(share[i])
+    def _detectors(self) -> Iterator[DetectorStatus]:
+        for detector in (self.cusum, self.multimodel):
+            if detector is not None:
+                yield DetectorStatus(detector.name, detector.name == self.alarm_source, *detector.leading())
 
     def _counts(self) -> Iterator[tuple[str, int]]:
         st, a = self.batch.state, self.lane
@@ -296,7 +283,7 @@ class AxisMonitor:
 
     def _status(self, i: int) -> Status:
         st, a = self.batch.state, self.lane
-        if self.book.is_open(self.model.parameters[i].name):
+        if self._tracker.is_open(self.model.parameters[i].name):
             return Status.ALARM
         if st.t[a] == NEVER:
             return Status.WAITING
@@ -309,40 +296,48 @@ class AxisMonitor:
         return _TRACKING[_OBSERVATION[st.observed[i, a]]]
 
     @property
-    def beside_key(self) -> str:
-        """What a saved state of the second detector belongs to."""
-        return f"bank schema={hypotheses.SCHEMA} {self.key}"
+    def multimodel_key(self) -> str:
+        """What a saved state of the multi-model detector belongs to."""
+        return f"multimodel schema={MULTIMODEL_SCHEMA} {self.key}"
 
     def to_arrays(self) -> Arrays:
-        """The whole state but that of the second detector, to be saved: arrays by name."""
+        """The whole state but that of the multi-model detector, to be saved: arrays by name."""
         floats, ints = self.batch.column(self.lane)
-        return {
-            "floats": floats,
-            "ints": ints,
-            "episodes": episodes_to_array(self._cusum.open),
-            "alarms": np.array([self.alarms == "bank"]),
-        }
+        return {"floats": floats, "ints": ints, "alarms": alarms_to_array(self.open_alarms)}
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Go on from a saved state.
+        """Continue from a saved state; alarms of causes that the axis no longer has are left out.
 
         Raises:
             KeyError: an array is missing.
             ValueError: it does not belong to this model, or is damaged.
         """
-        episodes = episodes_from_array(arrays["episodes"], self.model.monitored)
-        by_bank = bool(np.asarray(arrays.get("alarms", False)).any())
+        alarms = alarms_from_array(arrays["alarms"], self.causes)
         self.batch.restore(
             self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
-        self._cusum = EpisodeBook(episodes)
-        self.alarmed_by = "bank" if by_bank else "cusum"
+        self._tracker = AlarmTracker(alarms)
+
+
+def _kind_of_change(before: Alarm | None, alarm: Alarm) -> Literal["raised", "renamed", "updated", "ended"]:
+    if alarm.ended_us is not None:
+        return "ended"
+    if before is None:
+        return "raised"
+    names = [(a.stage, a.parameter, a.direction) for a in (before, alarm)]
+    return "updated" if names[0] == names[1] else "renamed"
 
 
 def _fingerprint(drive: Drive) -> int:
     """Of all that the kernel sees of a drive's structure; the same in every process."""
     seen = ([state.name for state in drive.states], drive.inputs, drive.terms, drive.speed_state)
     return int.from_bytes(repr(seen).encode(), "big") % _PRIME
+
+
+def _columns(samples: SampleBlock) -> tuple[Any, ...]:
+    """The arguments of ``AxisBatch.run`` for one axis: an axis last in every array."""
+    t_us, torque, motion, shift, gate, _ = samples
+    return _column(t_us), _column(torque), _column(motion), None, _optional(shift), _optional(gate)
 
 
 def _column(values: NDArray[_T]) -> NDArray[_T]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection.detector import DetectorName
 
 
 class Status(StrEnum):
@@ -56,17 +56,15 @@ class ParameterStatus:
 
 @dataclass(frozen=True, slots=True)
 class DetectorStatus:
-    """What a detector says now."""
+    """Evidence of one detector now."""
 
     name: DetectorName
     alarms: bool
-    """Whether its alarms are those of the axis; the other only looks on"""
+    """Whether the alarms of the axis come from it; otherwise it runs in shadow mode"""
     leading: str
-    """What is nearest its threshold: a parameter, or another cause; empty: nothing yet"""
+    """The parameter, or other cause, that is nearest its threshold; empty: none yet"""
     evidence: float
-    """Of that, g over h"""
-    open: tuple[str, ...]
-    """Names of the alarms that are open by what it says"""
+    """g / h of that cause"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""When a limit is near enough for a word: an alarm of its own kind, raised, updated and ended."""
+"""Alarms about limits: a drift is about to reach a limit that the user has set, or has reached it."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -7,15 +7,15 @@ from monitor_core.detection.alarm import Alarm, Direction, Reach
 from monitor_core.trend.forecast import Forecast
 from monitor_core.trend.trend import Trend
 
-SURE = 0.9
-"""A drift that is less likely raises no alarm: something that wanders is now and then about to reach anything."""
+MIN_DRIFT_PROBABILITY = 0.9
+"""A less likely drift raises no alarm: a parameter that fluctuates is now and then about to reach any limit."""
 
-OVER = 1.5
-"""An alarm ends when the limit is so many times as far as it has to be to raise one."""
+HYSTERESIS = 1.5
+"""An alarm ends when the limit is so many times as far away in time as it must be to raise one."""
 
 
 class Limit(NamedTuple):
-    """A limit of a monitored parameter, and how the user calls it: that of Ja is one of 1/Ja, the other way round."""
+    """A limit of a monitored parameter, and its name for the user: one of Ja is one of 1/Ja, the other way round."""
 
     value: float
     """Of the monitored parameter, in its unit"""
@@ -28,49 +28,55 @@ class Limit(NamedTuple):
     above: bool
     """What the user named must stay below: it is reached from below"""
 
+    @property
+    def direction(self) -> Direction:
+        """Direction of a change that reaches the limit."""
+        return "up" if self.upper else "down"
+
 
 def reach(limit: Limit, f: Forecast) -> Reach:
-    """A forecast with the name that the user has for it."""
+    """A forecast under the user's name of the limit."""
     return Reach(limit.name, limit.unit, limit.shown, limit.above, f.state, f.low_us, f.high_us)
 
 
-def watch(
+def forecast_alarm(
     parameter: str,
     nominal: float,
     limit: Limit,
     trend: Trend,
     f: Forecast,
-    before_us: int,
+    lead_time_us: int,
     now: Alarm | None,
 ) -> Alarm | None:
-    """The alarm about a limit as it is by this forecast: new, updated or ended; None: there is none.
+    """The alarm about a limit by this forecast: new, updated or ended; None: there is none.
 
     Args:
         parameter: its name.
         nominal: its nominal value.
-        limit: which.
+        limit: the limit.
         trend: of the parameter.
         f: when it reaches the limit.
-        before_us: an alarm is raised when the interval begins within this time.
+        lead_time_us: an alarm is raised when the interval begins within this time.
         now: the open alarm, if there is one.
     """
     size = trend.level - nominal
     if now is not None:
-        near = _is_near(f, trend, OVER * before_us)
-        ended_us = None if near else trend.time_us
-        told = (reach(limit, f),)
+        ended_us = None if _is_near(f, trend, HYSTERESIS * lead_time_us) else trend.time_us
         return replace(
-            now, updated_us=trend.time_us, ended_us=ended_us, size=size, size_sd=trend.level_sd, reaches=told
+            now,
+            updated_us=trend.time_us,
+            ended_us=ended_us,
+            size=size,
+            size_sd=trend.level_sd,
+            reaches=(reach(limit, f),),
         )
-    drifts = trend.probability["drift"] + trend.probability["both"] >= SURE
-    if not _is_near(f, trend, before_us) or not (drifts or f.state == "beyond"):
+    drifts = trend.probability["drift"] + trend.probability["both"] >= MIN_DRIFT_PROBABILITY
+    if not _is_near(f, trend, lead_time_us) or not (drifts or f.state == "beyond"):
         return None
-    direction: Direction = "up" if limit.upper else "down"
-    onset_us = min(trend.change_us, trend.time_us)
     return Alarm(
         parameter=parameter,
-        direction=direction,
-        onset_us=onset_us,
+        direction=limit.direction,
+        onset_us=min(trend.change_us, trend.time_us),
         raised_us=trend.time_us,
         updated_us=trend.time_us,
         ended_us=None,
@@ -83,5 +89,5 @@ def watch(
     )
 
 
-def _is_near(f: Forecast, trend: Trend, before_us: float) -> bool:
-    return f.state == "beyond" or (f.state != "far" and f.low_us - trend.time_us <= before_us)
+def _is_near(f: Forecast, trend: Trend, lead_time_us: float) -> bool:
+    return f.state == "beyond" or (f.state != "far" and f.low_us - trend.time_us <= lead_time_us)

@@ -1,5 +1,16 @@
-"""The slow course of the parameters, over weeks and months: what it was, whether it drifts, when it reaches a limit.
+"""Long-term trend of a parameter over weeks and months: steady, drift or step, and when a limit is reached.
 
-``entries`` are means over hours of operation, of which ``slow`` keeps a year; ``noise`` says how they scatter about any
-course, ``trend`` which course explains them, ``forecast`` when it crosses a limit, ``watch`` when that is worth a word.
+* ``entries``: readings of a monitor, and means of them over hours of operation.
+* ``slow_history``: a year of entries in bounded memory.
+* ``scatter_models``: how the entries scatter about a trend; ``trend_models``: the trends that are compared.
+* ``trend``: the probabilities of the trends, level and slope.
+* ``forecast``: when a limit is reached, with its interval; ``forecast_band``: quantiles at any time.
 """
+
+from monitor_core.trend.entries import Entry, Reading
+from monitor_core.trend.forecast import Forecast, forecast
+from monitor_core.trend.forecast_band import quantiles
+from monitor_core.trend.slow_history import SlowHistory
+from monitor_core.trend.trend import Trend, trend_of
+
+__all__ = ["Entry", "Forecast", "Reading", "SlowHistory", "Trend", "forecast", "quantiles", "trend_of"]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from monitor_core.calibration.calibrate import CalibrationOptions, Progress
-    from monitor_core.detection.detector_protocol import DetectorName
+    from monitor_core.detection import DetectorName
     from service.config import Config, NamedAxis
     from service.reports.calibration_report import Calibration, Provenance
 
@@ -121,7 +121,7 @@ def calibrate_axis(
     from monitor_core.calibration.calibrate import calibrate as find_thresholds
     from service.commands.background import Background
     from service.config.axis_settings import axis_model, axis_settings
-    from service.config.detector_choice import alarming
+    from service.config.detector_choice import alarm_source_of
     from service.ingest.calibration_records import read
     from service.reports.calibration_report import Calibration
     from service.reports.calibration_words import warnings
@@ -130,7 +130,7 @@ def calibrate_axis(
     settings = axis_settings(axis, model)
     records, sources = read(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
     result = find_thresholds(model, settings, records, options, progress, Background)
-    alarms: DetectorName = "cusum" if result.bank is None else alarming(axis.config, True)
+    alarms: DetectorName = "cusum" if result.bank is None else alarm_source_of(axis.config, True)
     return Calibration(axis, result, sources, tuple(warnings(result)), provenance, alarms)
 
 

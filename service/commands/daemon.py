@@ -13,14 +13,12 @@ import structlog
 from service.can.bus_reader import CanReader
 from service.can.recorder import FrameRecorder
 from service.config import Config
-from service.pipeline.alarm_journaling import Alarms, quantities
-from service.pipeline.axis_monitors import Monitors
-from service.pipeline.checkpointing import Saver
-from service.pipeline.frame_pipeline import Core
-from service.pipeline.intake import BusIntake, Recording
-from service.pipeline.restore_report import losses_in_words
-from service.pipeline.restoring import restore
-from service.pipeline.trend_restoring import restore_trends
+from service.pipeline.alarms import Alarms, quantities
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.bus_intake import BusIntake, Recording
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.restoring import loss_messages, restore, restore_trends
 from service.pipeline.warming import CacheFiller
 from service.pipeline.worker import Worker
 from service.store.checkpoints import Checkpoints
@@ -60,7 +58,7 @@ def run_daemon(
     """
     stop = stop or threading.Event()
     with ExitStack() as stack:
-        core = Core(config)
+        core = FramePipeline(config)
         compiled = _in_background(config, stack)
         readers = _open_buses(config, core, stack)
         worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
@@ -98,7 +96,7 @@ def _in_background(config: Config, stack: ExitStack) -> Future[None]:
 
     def compile_kernel() -> None:
         try:
-            monitors = Monitors(config.axes)
+            monitors = AxisMonitors(config.axes)
             if filler.fill(monitors.shapes):
                 monitors.compile()
                 done.set_result(None)
@@ -109,7 +107,7 @@ def _in_background(config: Config, stack: ExitStack) -> Future[None]:
     return done
 
 
-def _open_buses(config: Config, core: Core, stack: ExitStack) -> dict[str, CanReader]:
+def _open_buses(config: Config, core: FramePipeline, stack: ExitStack) -> dict[str, CanReader]:
     readers = {}
     for bus in config.bus:
         readers[bus.name] = reader = CanReader(bus, core.ingests[bus.name].keys)
@@ -120,7 +118,7 @@ def _open_buses(config: Config, core: Core, stack: ExitStack) -> dict[str, CanRe
 
 def _worker(
     config: Config,
-    core: Core,
+    core: FramePipeline,
     compiled: Future[None],
     readers: Mapping[str, CanReader],
     record: Path | None,
@@ -143,10 +141,10 @@ def _worker(
     trends = core.monitors.trends
     losses = [*restored.losses, *restore_trends(trends, checkpoints, now_us())]
     alarms.record(trends.adopt(restored.open, now_us()))
-    messages = (*restored.messages, *losses_in_words(losses))
+    messages = (*restored.messages, *loss_messages(losses))
     for message in messages:
         log.warning("start", message=message)
-    saver = Saver(checkpoints, monitors, interval_s, restored.checkpoint_us, now_us, trends=trends)
+    saver = Checkpointer(checkpoints, monitors, interval_s, restored.checkpoint_us, now_us, trends=trends)
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
     worker = Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
     return worker, journal

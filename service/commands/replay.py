@@ -18,7 +18,7 @@ from service.config import Config
 
 if TYPE_CHECKING:
     from service.commands.replay_drawing import Drawing
-    from service.pipeline.axis_monitors import Monitors
+    from service.pipeline.axis_monitors import AxisMonitors
 
 Records = Annotated[
     list[Path],
@@ -67,23 +67,23 @@ def replay(config: ConfigPath, records: Records, json: Json = None, report: Page
 
 def _replay(config: Config, paths: list[Path], where: Path | None) -> tuple[Report, Drawing | None]:
     from service.ingest.records import read_record
-    from service.pipeline.axis_monitors import Monitors
+    from service.pipeline.axis_monitors import AxisMonitors
 
-    monitors = Monitors(config.axes)
+    monitors = AxisMonitors(config.axes)
     report, drawing = Report(config, monitors), _drawing(where, monitors)
-    onlooker = None if drawing is None else drawing.see
+    observer = None if drawing is None else drawing.see
     # All are opened before the first is run: a missing one is found at once.
     for record in [read_record(path, config) for path in paths]:
         with progress_bar(record.path.name) as progress:
             for step in record.steps():
-                report.add(monitors.run(step.samples, onlooker))
-                report.add(monitors.trends.look())
+                report.add(monitors.update(step.samples, observer))
+                report.add(monitors.trends.update())
                 progress(step.done)
         report.add_dropped(record)
     return report, drawing
 
 
-def _drawing(where: Path | None, monitors: Monitors) -> Drawing | None:
+def _drawing(where: Path | None, monitors: AxisMonitors) -> Drawing | None:
     if where is None:
         return None
     from service.commands.replay_drawing import Drawing

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import typer
 
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor, AxisTrace
+from monitor_core.samples import SampleBlock
 from service.commands.exits import MISTAKE
 from service.commands.replay_report import Report, remarks_of
 from service.commands.writing import page_in, write
 from service.config import NamedAxis
-from service.pipeline.axis_monitors import Look
 from service.reports.course import Course
 from service.reports.replayed import Replayed, ReplayedAxis
 
@@ -32,9 +32,9 @@ class Drawing:
         self._path = page_in(where, "replay.html")
         self._courses = {axis_id: Course(monitor) for axis_id, monitor in monitors.items()}
 
-    def see(self, axis_id: str, look: Look) -> None:
+    def see(self, axis_id: str, block: SampleBlock, trace: AxisTrace) -> None:
         """What the detectors did at samples of an axis."""
-        self._courses[axis_id].take(look.block.t_us, look.trace, look.crossings, look.beside)
+        self._courses[axis_id].take(block.t_us, trace.estimator, trace.crossings, trace.multimodel)
 
     def write(self, report: Report, config: Path, records: Sequence[Path]) -> None:
         """The page.

@@ -10,15 +10,13 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.detection.alarm import Alarm, Name, Reach
-from monitor_core.monitoring.axis_status import AxisStatus, DetectorStatus, ParameterStatus
+from monitor_core.detection import Alarm, AlarmKey, Name, Reach
+from monitor_core.monitoring import AxisStatus, DetectorStatus, ParameterStatus, ParameterTrend
 from service.config import Config, NamedAxis
 from service.ingest.records import Record
 from service.ingest.timestamp_jitter import Stamps, remarks
-from service.pipeline.alarm_journaling import Quantity, quantities
-from service.pipeline.axis_change import Change
-from service.pipeline.axis_monitors import Monitors
-from service.pipeline.trend_tracking import ParameterTrend
+from service.pipeline.alarms import AxisAlarm, Quantity, quantities
+from service.pipeline.axis_monitors import AxisMonitors
 from service.texts.alarm_texts import episode_words
 from service.texts.timestamps import iso, maybe_iso
 from service.texts.trend_texts import reach_words, trend_words
@@ -29,9 +27,9 @@ Json = dict[str, Any]
 class Report:
     """Collects what happens during a replay."""
 
-    def __init__(self, config: Config, monitors: Monitors) -> None:
+    def __init__(self, config: Config, monitors: AxisMonitors) -> None:
         self.config, self.monitors = config, monitors
-        self._alarms: dict[tuple[str, str, str, int], Change] = {}
+        self._alarms: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self.dropped: dict[str, dict[str, int]] = {axis.id: {} for axis in config.axes}
         self.frames_dropped: dict[str, dict[str, int]] = {}
         self.clock: dict[str, dict[str, int]] = {axis.id: {} for axis in config.axes}
@@ -39,11 +37,10 @@ class Report:
         self.quantities = quantities(monitors.by_id)
         """Unit and nominal value of whatever an alarm may name, by axis and name"""
 
-    def add(self, changes: Iterable[Change]) -> None:
+    def add(self, changes: Iterable[AxisAlarm]) -> None:
         """Alarms that were raised, updated or ended."""
         for change in changes:
-            e = change.alarm
-            self._alarms[change.axis_id, *e.first, e.raised_us] = change
+            self._alarms[change.axis_id, change.alarm.key] = change
 
     def add_dropped(self, record: Record) -> None:
         """What the record lost, and how the times of its samples were."""
@@ -188,7 +185,7 @@ def _axis(report: Report, axis_id: str) -> Json:
 
 
 def _detector(d: DetectorStatus) -> Json:
-    return {**asdict(d), "evidence": _number(d.evidence), "open": list(d.open)}
+    return {**asdict(d), "evidence": _number(d.evidence)}
 
 
 def _parameter(p: ParameterStatus) -> Json:

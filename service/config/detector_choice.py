@@ -1,4 +1,4 @@
-"""Which detector of an axis alarms, and which looks on: the paper's CUSUM tests, or the bank of hypotheses."""
+"""The detectors of an axis: which one alarms, and whether the multi-model detector runs in shadow mode."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from monitor_core.calibration.doubts import duration
-from monitor_core.detection.detector_protocol import DetectorName
-from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, MultiModelDetector, unfit
+from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, unfit
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 from service.config import AxisConfig, Config, NamedAxis, thresholds_file_of
@@ -16,76 +15,82 @@ from service.config.detector_rules import follows
 
 
 class Detectors(NamedTuple):
-    """Of one axis.  ``beside`` is the bank, None where it does not run; ``why`` says so, or which h it has."""
+    """The detectors of one axis."""
 
-    alarms: DetectorName
-    beside: MultiModelDetector | None
+    alarm_source: DetectorName
+    multimodel: MultiModelDetector | None
+    """None: it does not run"""
     why: str
+    """Why it does not run, or where its thresholds are from"""
 
 
 def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detectors:
-    """As configured.  Unless said, the bank alarms where it has thresholds from a healthy record and fixed nominals.
+    """The detectors as configured.
+
+    By default the multi-model detector alarms where it has thresholds from a healthy record and the nominal values
+    are fixed.
 
     Raises:
-        AxisError: the bank is to alarm, and cannot.
+        AxisError: the multi-model detector is to alarm, and cannot.
     """
     wanted = axis.config.detector
     if reason := unfit(model, settings):
-        if wanted.kind == "bank":
-            raise AxisError(f"{axis.id}: the bank of hypotheses cannot watch it: {reason}")
+        if wanted.alarm_source == "multimodel":
+            raise AxisError(f"{axis.id}: the multi-model detector cannot run: {reason}")
         return Detectors("cusum", None, reason)
     limits, from_record = _limits(axis, settings)
-    alarms = alarming(axis.config, from_record)
-    if alarms == "cusum" and not wanted.beside:
+    source = alarm_source_of(axis.config, from_record)
+    if source == "cusum" and not wanted.shadow:
         return Detectors("cusum", None, "")
     try:
-        beside = MultiModelDetector(model, settings, limits)
+        multimodel = MultiModelDetector(model, settings, limits)
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
     why = "h from its records" if from_record else f"guaranteed h, 1 in {duration(wanted.budget_s)}"
-    return Detectors(alarms, beside, why)
+    return Detectors(source, multimodel, why)
 
 
-def alarming(axis: AxisConfig, from_record: bool) -> DetectorName:
-    """Which detector alarms of an axis that can have both, with thresholds of the bank from a healthy record or not."""
-    # What the model lacks is larger where conditions change it: there the paper's tests alarm, unless said.
-    return axis.detector.kind or ("bank" if from_record and not follows(axis) else "cusum")
+def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
+    """The detector that alarms, of an axis that can have both, with thresholds from a healthy record or without."""
+    # Model errors are larger where conditions change the model: there the paper's tests alarm by default.
+    return axis.detector.alarm_source or ("multimodel" if from_record and not follows(axis) else "cusum")
 
 
 def _limits(axis: NamedAxis, settings: Settings) -> tuple[Limits, bool]:
-    """When the bank alarms, and whether that comes from a healthy record."""
+    """Thresholds of the multi-model detector, and whether they come from a healthy record."""
     samples = axis.config.detector.budget_s / settings.interval_s
-    found = thresholds_file_of(axis.config)
-    own = () if found is None else found.hypothesis
-    limits = tuple(Limit(one.cause, one.size_or_nan, one.h, one.allowance, one.alike) for one in own)
+    thresholds = thresholds_file_of(axis.config)
+    found = () if thresholds is None else thresholds.hypothesis
+    limits = tuple(Limit(h.cause, h.size_or_nan, h.h, h.allowance, h.alike) for h in found)
     return Limits(samples, limits), bool(limits)
 
 
 def in_words(axis: NamedAxis) -> str:
-    """Which detector alarms, and which looks on.
+    """Which detector alarms, and which one runs in shadow mode.
 
     Raises:
         AxisError: the axis cannot be monitored as configured.
     """
-    found = _found(axis)
-    if found.alarms == "bank":
-        return f"alarms: bank ({found.why})"
-    return "alarms: cusum" + ("" if found.beside is None else " (bank looks on)")
+    found = _detectors(axis)
+    if found.alarm_source == "multimodel":
+        return f"alarms: multimodel ({found.why})"
+    return "alarms: cusum" + ("" if found.multimodel is None else " (multimodel in shadow mode)")
 
 
 def remarks_on_detectors(config: Config) -> Iterator[str]:
-    """What is to be known of the detectors of the axes, in words."""
+    """Remarks on the detectors of the axes for the user."""
     for axis in config.axes:
-        found, own = _found(axis), axis.config.detector
-        if found.beside is None and own.beside and found.why:
-            yield f"{axis.id}: the bank of hypotheses does not watch it: {found.why}. The CUSUM tests alarm"
-        elif found.alarms == "bank" and thresholds_file_of(axis.config) is None:
+        found, wanted = _detectors(axis), axis.config.detector
+        if found.multimodel is None and wanted.shadow and found.why:
+            yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"
+        elif found.alarm_source == "multimodel" and thresholds_file_of(axis.config) is None:
             yield (
-                f"{axis.id}: the thresholds of the bank are those of the guarantee, no more than one false alarm in"
-                f" {duration(own.budget_s)} if the model is exact. A real axis needs its own: `axiswatch calibrate`"
+                f"{axis.id}: the thresholds of the multi-model detector are the guaranteed ones: at most one false"
+                f" alarm in {duration(wanted.budget_s)} if the model is exact. A real axis needs thresholds of its own:"
+                " `axiswatch calibrate`"
             )
 
 
-def _found(axis: NamedAxis) -> Detectors:
+def _detectors(axis: NamedAxis) -> Detectors:
     model = axis_model(axis.config)
     return detectors_of(axis, model, axis_settings(axis, model))

@@ -11,7 +11,7 @@ from service.config.schema import AxisConfig
 from service.config.thresholds_file import thresholds_file_of
 from service.config.validation_messages import Finding
 
-KIND: Keys = ("detector", "kind")
+KIND: Keys = ("detector", "alarm_source")
 INSTEAD = 'use "cusum"'
 
 
@@ -24,7 +24,7 @@ def follows(axis: AxisConfig) -> bool:
 def told_apart(axis: AxisConfig) -> Iterator[Finding]:
     """What the nominal values cannot tell apart no detector can."""
     found = nominal_file_of(axis)
-    if axis.detector.kind == "bank" and found is not None and found.untold(axis.model.monitor):
+    if axis.detector.alarm_source == "multimodel" and found is not None and found.untold(axis.model.monitor):
         pairs = ", ".join(" and ".join(pair) for pair in found.untold(axis.model.monitor))
         yield Finding(KIND, f"the nominal values cannot tell {pairs} apart: identify the axis again")
 
@@ -36,7 +36,7 @@ def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
         if axis.model.thresholds_file is not None:
             raise Absent("thresholds_file")
         return
-    if axis.detector.kind == "bank" and not found.hypothesis:
+    if axis.detector.alarm_source == "multimodel" and not found.hypothesis:
         message = f"{found.path.name} has no thresholds of the bank: calibrate again, or {INSTEAD}"
         yield Finding(KIND, message)
     if found.hypothesis and "budget_s" in axis.detector.model_fields_set:

@@ -78,19 +78,21 @@ class EstimatorConfig(Table):
 class DetectorConfig(Table):
     """[robot.axis.detector]: which detector alarms, and the CUSUM tests."""
 
-    kind: Literal["bank", "cusum"] | None = Field(
+    alarm_source: Literal["multimodel", "cusum"] | None = Field(
         None,
-        description='whose alarms count: "bank" (hypotheses) or "cusum" (the paper\'s); default the bank where the'
-        " thresholds_file has thresholds for it and nominal values follow no signals",
+        description='which detector alarms: "multimodel" (parallel hypotheses) or "cusum" (the paper\'s tests); default'
+        " multimodel where the thresholds_file has thresholds for it and nominal values follow no signals",
     )
-    beside: bool = Field(
-        True, strict=True, description="the bank runs beside the CUSUM tests where these alarm, and looks on"
+    shadow: bool = Field(
+        True,
+        strict=True,
+        description="where the CUSUM tests alarm, the multi-model detector runs in shadow mode",
     )
     budget_s: Real = Field(
         31557600.0,
         ge=60,
-        description="mean time between false alarms [s] that the bank's threshold guarantees for an exact model, where"
-        " it has none from a thresholds_file",
+        description="mean time between false alarms [s] that the threshold of the multi-model detector guarantees"
+        " for an exact model, where it has none from a thresholds_file",
     )
     alpha_1: Real = Field(3.0, ge=0, description="drift nu = alpha_1 standard deviations")
     alpha_2: Positive = Field(20.0, description="threshold h = alpha_2 times the size of the parameter")

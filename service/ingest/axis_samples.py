@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.samples import PHYSICAL_LIMITS
+from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.decode import Decoder, FrameKey
 from service.config.schema import Config, NamedAxis
 from service.config.sources import Source
@@ -16,7 +16,7 @@ from service.ingest.csv_table import CsvTable
 from service.ingest.log_record import LogRecord
 from service.ingest.rows import Floats, Rows
 from service.ingest.table_files import Table, check_columns, open_table
-from service.ingest.table_record import AxisColumns, SampleBlock, Times
+from service.ingest.table_record import AxisColumns, Times
 from service.ingest.torn_rows import Bools, ahead, torn
 
 _NO_NUMBER = 1e30

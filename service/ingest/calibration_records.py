@@ -11,11 +11,11 @@ import numpy as np
 from monitor_core.calibration.healthy import Samples
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Operating
+from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
 from service.ingest.identification_records import wanted
 from service.ingest.records import read_record
-from service.ingest.table_record import SampleBlock
 from service.ingest.unwrap import turns_of
 
 
@@ -69,7 +69,7 @@ def read(
 def _joined(blocks: Sequence[SampleBlock]) -> SampleBlock:
     t_us, torque, motion = (np.concatenate([block[k] for block in blocks]) for k in range(3))
     signals = [block.signals for block in blocks if block.signals is not None]
-    return SampleBlock(t_us, torque, motion, np.concatenate(signals) if signals else None)
+    return SampleBlock(t_us, torque, motion, signals=np.concatenate(signals) if signals else None)
 
 
 def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -> Samples:
@@ -77,7 +77,7 @@ def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -
     if turns is not None:
         angle, sure = turns.take(block.t_us, block.motion)
         signals = None if block.signals is None else block.signals[sure]
-        block = SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals)
+        block = SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals=signals)
     conditions = conditions_of(axis)
     shift = gate = None
     if conditions:

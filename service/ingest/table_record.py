@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.samples import PHYSICAL_LIMITS
+from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.frames import Sample
 from service.can.user_errors import RecordError
 from service.config.conditions import needed
@@ -26,18 +26,6 @@ Times = NDArray[np.int64]
 _LATEST_US = 2.0**62
 
 
-class SampleBlock(NamedTuple):
-    """Samples of one axis: times [us], strictly increasing, torque [N m], motion [rad or rad/s].
-
-    ``signals`` (N, S) are the further ones that the axis needs, NaN where not known; None: it needs none.
-    """
-
-    t_us: Times
-    torque: Floats
-    motion: Floats
-    signals: Floats | None = None
-
-
 def block_of(samples: Sequence[Sample]) -> SampleBlock:
     """Samples, of which there is one at least, as arrays."""
     t_us, torque, motion, signals = zip(*samples, strict=True)
@@ -46,7 +34,7 @@ def block_of(samples: Sequence[Sample]) -> SampleBlock:
         np.array(t_us, np.int64),
         np.array(torque, float),
         np.array(motion, float),
-        further,
+        signals=further,
     )
 
 
@@ -178,7 +166,7 @@ class AxisColumns:
         # A row that is no sample may still hold a signal: of a temperature that was written by itself.
         held = self._held.take(np.where(timed, time_us, np.nan), rows.columns) if self._held else None
         signals = None if held is None else held[index]
-        return index, SampleBlock(t_us[later], torque[index], motion[index], signals)
+        return index, SampleBlock(t_us[later], torque[index], motion[index], signals=signals)
 
     def quantities(self, rows: Rows) -> tuple[Floats, Floats]:
         """Torque and motion in these rows, in SI units."""

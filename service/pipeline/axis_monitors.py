@@ -1,48 +1,29 @@
-"""The monitors of all axes: samples by the names of their axes into the fleet, its events into episodes."""
+"""Monitors of all configured axes: samples by axis in, changed alarms out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.detection.alarm import Alarm, Crossing
 from monitor_core.drive.operating_conditions import Operating
-from monitor_core.kernel.block import Trace
-from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import NEVER
-from monitor_core.monitoring.axis_monitor import AnyEvent, AxisMonitor
-from monitor_core.monitoring.fleet import Block, Fleet
-from monitor_core.trend.entries import Reading
+from monitor_core.monitoring import AxisMonitor, AxisTrace, Fleet
+from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.detector_choice import detectors_of
-from service.ingest.table_record import SampleBlock
 from service.ingest.unwrap import AMBIGUOUS, Motion, Turns, turns_of
-from service.pipeline.axis_change import Change
-from service.pipeline.trend_tracking import Trends
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.trends import Trends
 from service.pipeline.warming import HYPOTHESES
 
 Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""
 
-
-class Look(NamedTuple):
-    """Samples of an axis, and what became of them."""
-
-    block: Block
-    trace: Trace
-    """What the recursion did at each"""
-    crossings: Sequence[Crossing]
-    """Which of them crossed a threshold"""
-    beside: BankTrace | None
-    """What the bank of hypotheses did at each, if there is one"""
+Observer = Callable[[str, SampleBlock, AxisTrace], None]
+"""Gets the samples of each axis, and what was computed at each of them."""
 
 
-Onlooker = Callable[[str, Look], None]
-"""Is told, by axis, of all samples."""
-
-
-class Monitors:
+class AxisMonitors:
     """The monitors of all axes.
 
     Raises:
@@ -53,61 +34,51 @@ class Monitors:
         self._ids = [axis.id for axis in axes]
         models = [axis_model(axis.config) for axis in axes]
         settings = [axis_settings(axis, m) for axis, m in zip(axes, models, strict=True)]
-        found = [detectors_of(*each) for each in zip(axes, models, settings, strict=True)]
-        beside = {a: one.beside for a, one in enumerate(found) if one.beside is not None}
-        self._fleet = Fleet(models, settings, beside, {a: one.alarms for a, one in enumerate(found)})
+        detectors = [detectors_of(*each) for each in zip(axes, models, settings, strict=True)]
+        self._fleet = Fleet(
+            models,
+            settings,
+            {a: d.multimodel for a, d in enumerate(detectors) if d.multimodel is not None},
+            {a: d.alarm_source for a, d in enumerate(detectors)},
+        )
         self.by_id: Mapping[str, AxisMonitor] = dict(zip(self._ids, self._fleet.monitors, strict=True))
         self._turns = {axis.id: turns for axis in axes if (turns := turns_of(axis.config)) is not None}
         keys = [monitor.history_key for monitor in self._fleet.monitors]
         self.trends = Trends(axes, models, keys)
-        """The slow courses of all axes"""
+        """The long-term trends of all axes"""
         self._resumed = False
         conditions = [(axis.id, m, conditions_of(axis)) for axis, m in zip(axes, models, strict=True)]
         self._operating = {axis_id: Operating(m, c) for axis_id, m, c in conditions if c}
 
-    def run(self, samples: Samples, onlooker: Onlooker | None = None) -> list[Change]:
-        """Let every axis take its samples; what changed, axis by axis in order of time."""
-        whole = self._whole(samples) if self._turns else samples
-        blocks = {a: self._block(i, whole[i]) for a, i in enumerate(self._ids) if i in whole}
-        return [
-            Change(self._ids[a], episode)
-            for a, event in self._run(blocks, onlooker)
-            for episode in self._take(a, event)
-        ]
+    def update(self, samples: Samples, observer: Observer | None = None) -> list[AxisAlarm]:
+        """Let every axis take its samples; returns the alarms that changed, axis by axis."""
+        unwrapped = self._unwrapped(samples) if self._turns else samples
+        blocks = {a: self._block(i, unwrapped[i]) for a, i in enumerate(self._ids) if i in unwrapped}
+        changed: list[AxisAlarm] = []
+        for a, update in self._fleet.update(blocks, traced=observer is not None).items():
+            axis_id = self._ids[a]
+            self.trends.take(axis_id, update.readings)
+            if observer is not None and update.trace is not None:
+                observer(axis_id, blocks[a], update.trace)
+            changed += [AxisAlarm(axis_id, change.alarm) for change in update.changes]
+        return changed
 
-    def _take(self, a: int, event: AnyEvent) -> Sequence[Alarm]:
-        if isinstance(event, Reading):
-            self.trends.take(self._ids[a], event)
-            return ()
-        return self._fleet.monitors[a].apply(event)
-
-    def _run(self, blocks: Mapping[int, Block], onlooker: Onlooker | None) -> list[tuple[int, AnyEvent]]:
-        if onlooker is None:
-            return self._fleet.run(blocks)
-        traces: dict[int, Trace] = {}
-        beside: dict[int, BankTrace] = {}
-        events = self._fleet.run(blocks, traces.__setitem__, beside.__setitem__)
-        for a, trace in traces.items():
-            crossings = [event for b, event in events if b == a and isinstance(event, Crossing)]
-            onlooker(self._ids[a], Look(blocks[a], trace, crossings, beside.get(a)))
-        return events
-
-    def _block(self, axis_id: str, block: SampleBlock) -> Block:
-        """Samples with the nominal values and the gate that their operating conditions ask for."""
+    def _block(self, axis_id: str, block: SampleBlock) -> SampleBlock:
+        """Samples with the nominal values and the gate that their operating conditions require."""
         operating = self._operating.get(axis_id)
         if operating is None:
-            return Block(block.t_us, block.torque, block.motion)
+            return block
         shift, gate = operating.take(block.t_us, block.motion, block.signals)
-        return Block(block.t_us, block.torque, block.motion, shift, gate)
+        return block._replace(shift=shift, gate=gate)
 
     def dropped(self, axis_id: str) -> Mapping[str, int]:
-        """Samples of an axis that were refused before its monitor saw them, by reason."""
+        """Samples of an axis that were refused before its monitor, by reason."""
         turns = self._turns.get(axis_id)
         return {} if turns is None else {AMBIGUOUS: turns.refused}
 
-    def _whole(self, samples: Samples) -> Samples:
-        """The samples with whole angles, where those of an axis start again after each turn."""
-        if samples and not self._resumed:  # by now a saved state has been put back, if there is one
+    def _unwrapped(self, samples: Samples) -> Samples:
+        """The samples with continuous angles, where those of an axis wrap after each turn."""
+        if samples and not self._resumed:  # a saved state, if there is one, has been restored by now
             self._resumed = True
             for axis_id, turns in self._turns.items():
                 if (motion := _motion(self.by_id[axis_id])) is not None:
@@ -118,35 +89,35 @@ class Monitors:
         }
 
     def waits_for(self, axis_id: str) -> str:
-        """Why the last sample of an axis was not learned from, by its operating conditions; empty: nothing is."""
+        """The operating condition by which the last sample of an axis was not used; empty: it was used."""
         operating = self._operating.get(axis_id)
         return operating.reason if operating else ""
 
     @property
     def shapes(self) -> list[int]:
-        """Of the kernel that is needed: how many axes share each bank, and whether there are hypotheses."""
-        hypotheses = any(monitor.beside is not None for monitor in self.by_id.values())
-        return [*self._fleet.bank_sizes, *([HYPOTHESES] if hypotheses else [])]
+        """Shapes of the kernel that are needed: how many axes share each batch, and HYPOTHESES if a bank runs."""
+        hypotheses = any(monitor.multimodel is not None for monitor in self.by_id.values())
+        return [*self._fleet.batch_sizes, *([HYPOTHESES] if hypotheses else [])]
 
     def compile(self) -> None:
         """Have the kernel ready: compiled, or loaded from its cache."""
-        self.run({})
-        nothing = np.zeros(0)
-        for beside in [m.beside for m in self.by_id.values() if m.beside is not None][:1]:
-            beside.run(np.zeros(0, np.int64), nothing, nothing)
+        self.update({})
+        empty = np.zeros(0)
+        for multimodel in [m.multimodel for m in self.by_id.values() if m.multimodel is not None][:1]:
+            multimodel.bank.run(np.zeros(0, np.int64), empty, empty)
 
 
 def _motion(monitor: AxisMonitor) -> Motion | None:
-    """Where the predictor of an axis has it, at its last sample; None: there was none."""
-    state, a = monitor.batch.state, monitor.lane
-    if state.t[a] == NEVER:
+    """Motion that the predictor of an axis has at its last sample; None: there was none."""
+    state, lane = monitor.batch.state, monitor.lane
+    if state.t[lane] == NEVER:
         return None
     A, _, C = monitor.model.matrices()
-    angle, speed = float(C[0] @ state.x[:, a]), float((C @ A)[0] @ state.x[:, a])
-    return Motion(int(state.t[a]), angle, speed * 1e-6)
+    angle, speed = float(C[0] @ state.x[:, lane]), float((C @ A)[0] @ state.x[:, lane])
+    return Motion(int(state.t[lane]), angle, speed * 1e-6)
 
 
 def _unwrapped(block: SampleBlock, turns: Turns) -> SampleBlock:
     angle, sure = turns.take(block.t_us, block.motion)
     signals = None if block.signals is None else block.signals[sure]
-    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals)
+    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals=signals)

@@ -5,21 +5,21 @@ from time import monotonic
 
 import structlog
 
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from service.pipeline.trend_tracking import Trends
+from monitor_core.monitoring import AxisMonitor
+from service.pipeline.trends import Trends
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.database import StoreError
 
 log = structlog.get_logger(__name__)
 
 
-def bank_id(axis_id: str) -> str:
-    """Under which the state of the bank of hypotheses of an axis is kept, beside that of its monitor."""
+def multimodel_id(axis_id: str) -> str:
+    """Name under which the state of the multi-model detector of an axis is saved."""
     return f"{axis_id} (bank of hypotheses)"
 
 
-class Saver:
-    """Saves all monitors together, so that they always belong to one moment.
+class Checkpointer:
+    """Saves all monitors together, so that the saved states belong to one moment.
 
     Args:
         checkpoints: where.
@@ -72,7 +72,8 @@ class Saver:
 
 
 def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[AxisState]:
-    """Of the monitor, and of the bank beside it once it has been made."""
+    """Of the monitor, and of the multi-model detector once it has a state."""
     yield AxisState(axis_id, monitor.key, monitor.to_arrays())
-    if monitor.beside is not None and monitor.beside.made:
-        yield AxisState(bank_id(axis_id), monitor.beside_key, monitor.beside.to_arrays())
+    if monitor.multimodel is not None and monitor.multimodel.made:
+        state = monitor.multimodel.bank.to_arrays()
+        yield AxisState(multimodel_id(axis_id), monitor.multimodel_key, state)

@@ -1,4 +1,4 @@
-"""From frames to alarms without a clock, a thread or a file."""
+"""From frames to changed alarms: decoding of every bus, monitors of every axis; no clock, thread or file."""
 
 from collections.abc import Iterable, Mapping
 
@@ -6,11 +6,11 @@ from service.can.frames import Frame, Sample
 from service.config import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.table_record import block_of
-from service.pipeline.axis_change import Change
-from service.pipeline.axis_monitors import Monitors
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.axis_monitors import AxisMonitors
 
 
-class Core:
+class FramePipeline:
     """Ingest of every bus and the monitors of every axis.
 
     Raises:
@@ -19,23 +19,23 @@ class Core:
     """
 
     def __init__(self, config: Config) -> None:
-        self.monitors = Monitors(config.axes)
+        self.monitors = AxisMonitors(config.axes)
         self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
         self._samples: dict[str, list[Sample]] = {}
 
     def take(self, bus: str, frames: Iterable[Frame]) -> None:
-        """Frames of a bus, in the order of their receipt; their samples wait for ``run``."""
+        """Frames of a bus, in the order of their receipt; their samples wait for ``update``."""
         self._keep(self.ingests[bus].feed(frames))
 
-    def run(self) -> list[Change]:
-        """One call of the kernel for each bank, over all samples that wait."""
+    def update(self) -> list[AxisAlarm]:
+        """Let the monitors take all samples that wait; returns the alarms that changed."""
         waiting, self._samples = self._samples, {}
         if not waiting:
             return []
-        return self.monitors.run({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
+        return self.monitors.update({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
 
     def flush(self) -> None:
-        """The end of the frames: values without a partner are counted; the last samples wait for ``run``."""
+        """The end of the frames: values without a partner are counted; the last samples wait for ``update``."""
         for ingest in self.ingests.values():
             self._keep(ingest.flush())
 

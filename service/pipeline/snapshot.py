@@ -1,17 +1,16 @@
-"""What the world may see: immutable snapshots, swapped in by the worker in one assignment."""
+"""Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from monitor_core.detection.alarm import Alarm
-from monitor_core.monitoring.axis_status import AxisStatus
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AxisStatus, ParameterTrend
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
-from service.pipeline.trend_tracking import ParameterTrend
 
 
 @dataclass(frozen=True, slots=True)
 class HistoryPoint:
-    """Estimates of an axis at one time, parameters in the order of its facts."""
+    """Estimates of an axis at one time, parameters in the order of its status."""
 
     time_us: int
     estimates: tuple[float, ...]
@@ -41,7 +40,7 @@ class History:
 
 @dataclass(frozen=True, slots=True)
 class AxisSnapshot:
-    """One axis.  ``id`` is "robot.axis" and names it in the API and in the metrics."""
+    """One axis.  ``id`` is "robot.axis" and identifies it in the API and in the metrics."""
 
     id: str
     robot: str
@@ -60,22 +59,22 @@ class AxisSnapshot:
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (service.ingest.assemble.REASONS)"""
     clock: Mapping[str, int]
-    """How often the time line of the samples began anew, by cause (service.ingest.bus_samples.Ingest.axis_events)"""
+    """How often the time line of the samples restarted, by cause (service.ingest.bus_samples.Ingest.axis_events)"""
     history: History
     gated_by: str = ""
-    """Which operating condition forbids to learn from the last sample, e.g. mode = 2; empty: none does"""
+    """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
     stamps: Stamps = NOT_KNOWN
-    """How far its time stamps scatter"""
+    """Jitter of its time stamps"""
     other_causes: tuple[str, ...] = ()
-    """What alarms may name beside the monitored parameters"""
+    """Causes of alarms other than the monitored parameters"""
     trends: tuple[ParameterTrend, ...] = ()
-    """The slow course of each parameter"""
+    """The long-term trend of each parameter"""
     histories_lost: int = 0
-    """Slow histories that could not be put back at the start"""
+    """Long-term histories that could not be restored at the start"""
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Whatever an alarm may name."""
+        """Every cause that an alarm may name."""
         return (*(p.name for p in self.status.parameters), *self.other_causes)
 
 

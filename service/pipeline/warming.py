@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import structlog
 
-from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection import HypothesisBank
 from monitor_core.excitation.reference_experiment import INTERVAL_S, reference_model
-from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch
+from monitor_core.monitoring import FEWEST_LANES, AxisBatch
 from monitor_core.settings import Settings
 from service.pipeline.kernel_cache import VARIABLE
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection import HypothesisBank
 from service.reports.bins import Counts, joined, known
 
 EITHER = 0

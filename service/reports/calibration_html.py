@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from monitor_core.calibration.doubts import duration
 from monitor_core.calibration.result import DetectorResult
-from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection import DetectorName
 from service.reports.calibration_plots import power_picture
 from service.reports.calibration_report import Calibration
 from service.reports.calibration_words import (
@@ -90,7 +90,7 @@ _INJECTED = (
 )
 _NAMES: dict[DetectorName, str] = {
     "cusum": "Names: the parameter whose alarm came first; the alarm is named three memories later.",
-    "bank": "Names: those that the alarm got, up to three memories after it was raised, or six if it is noise.",
+    "multimodel": "Names: those that the alarm got, up to three memories after it was raised, or six if it is noise.",
 }
 _BANK = (
     "Predictors side by side, one for each cause and size of a change, faults of the sensors among them. g is the sum"

@@ -25,7 +25,7 @@ def as_json(calibration: Calibration) -> str:
         "false_alarms": _false_alarms(calibration.result.tests),
         "memories": calibration.result.scatter.memories,
         "parameters": [_parameter(calibration, i) for i in range(len(calibration.result.model.monitored))],
-        "bank": _bank(calibration),
+        "multimodel": _bank(calibration),
         "onsets": calibration.result.onsets,
         "faults": [_fault(calibration, one) for one in calibration.result.caught],
         "first_named": _confusion(calibration.result.tests),

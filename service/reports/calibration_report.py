@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from monitor_core.calibration.result import CalibrationResult, DetectorResult
-from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection import DetectorName
 from service.config import NamedAxis
 from service.ingest.calibration_records import Source
 

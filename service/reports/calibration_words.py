@@ -10,15 +10,18 @@ import numpy as np
 from monitor_core.calibration.catch import Caught
 from monitor_core.calibration.doubts import duration
 from monitor_core.calibration.result import CalibrationResult, DetectorResult
-from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection import DetectorName
 from service.reports.calibration_report import Calibration
 from service.reports.text_format import percent, plain
 
 THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate")
 HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")
-DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "bank": "bank of hypotheses"}
-_SHORT: dict[DetectorName, str] = {"cusum": "CUSUM", "bank": "bank"}
-_VERB: dict[DetectorName, tuple[str, str]] = {"cusum": ("alarm", "look on"), "bank": ("alarms", "looks on")}
+DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "multimodel": "bank of hypotheses"}
+_SHORT: dict[DetectorName, str] = {"cusum": "CUSUM", "multimodel": "models"}
+_VERB: dict[DetectorName, tuple[str, str]] = {
+    "cusum": ("alarm", "look on"),
+    "multimodel": ("alarms", "looks on"),
+}
 _SELDOM = 0.05
 
 
@@ -79,7 +82,7 @@ def _smallest(size: float | None) -> str:
 
 def fault_titles(calibration: Calibration, told: DetectorResult) -> tuple[str, ...]:
     """Over the columns of ``fault_rows``; the last is the delay of the other detector."""
-    named = "named" if told.detector == "bank" else "named first"
+    named = "named" if told.detector == "multimodel" else "named first"
     others = (f"{_SHORT[one.detector]}: median" for one in _others(calibration, told))
     return ("fault", "how", "found in time", "median delay", "in 9 of 10 by", *others, named)
 

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Crossing
+from monitor_core.detection import Crossing
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import UNSEEN
-from monitor_core.monitoring.axis_batch import standard_deviation
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor, standard_deviation
 from service.reports.bank_course import BankCourse
 from service.reports.bins import Counts, joined, known
 from service.reports.timeline import Timeline, Times
@@ -102,8 +101,8 @@ class Course:
     def _of_the_bank(self) -> BankCourse:
         """Made with the first samples: by then there is a bank."""
         if self.beside is None:
-            assert self._monitor.beside is not None
-            self.beside = BankCourse(self._monitor.beside.bank, self._names, self._most)
+            assert self._monitor.multimodel is not None
+            self.beside = BankCourse(self._monitor.multimodel.bank, self._names, self._most)
         return self.beside
 
     def _add(self, bins: Counts, starts: Counts, rows: Floats) -> None:

@@ -20,7 +20,7 @@ from monitor_core.excitation.reference_experiment import (
     reference_model,
 )
 from monitor_core.kernel.block import Trace
-from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
+from monitor_core.monitoring import AxisBatch, standard_deviation
 from monitor_core.settings import Settings
 from service.reports.course import SIGMAS
 from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_document, figure

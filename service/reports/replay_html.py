@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from monitor_core.monitoring import ParameterTrend
 from monitor_core.trend.forecast import COVERED
-from service.pipeline.trend_tracking import ParameterTrend
 from service.reports.course import SIGMAS
 from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
 from service.reports.replay_plots import axis_pictures
@@ -135,14 +135,16 @@ def _slowly(of: ParameterTrend) -> str:
 
 
 def _detectors(axis: ReplayedAxis) -> str:
-    """Whose alarms these are, and which are open by the detector that looks on."""
+    """The detector that alarms, and the leading cause of the detector in shadow mode."""
     said = ""
     for one in axis.status.detectors:
-        name = "bank of hypotheses" if one.name == "bank" else "CUSUM tests"
+        name = "multi-model detector" if one.name == "multimodel" else "CUSUM tests"
         if one.alarms:
-            said += f" Alarms are those of the {name}."
-        else:
-            said += f" At the end the {name} would have open: {', '.join(one.open) or 'none'}."
+            said += f" Alarms come from the {name}."
+        elif one.leading:
+            said += (
+                f" The {name} ran in shadow mode; its strongest evidence at the end is that of {one.leading}."
+            )
     return said
 
 

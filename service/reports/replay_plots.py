@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK
-from monitor_core.monitoring.axis_status import ParameterStatus
+from monitor_core.monitoring import ParameterStatus
 from service.reports import bank_plots
 from service.reports import course as rows
 from service.reports.bank_course import Group

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from monitor_core.detection.alarm import Alarm
-from monitor_core.monitoring.axis_status import ParameterStatus, Status
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import ParameterStatus, Status
 from service.reports.page import NUMBER, heads, legend, number_cell, sentences, table
 from service.reports.replay_words import REASONS, dated, time_unit
 from service.reports.replayed import Replayed, ReplayedAxis

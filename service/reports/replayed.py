@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from monitor_core.detection.alarm import Alarm
-from monitor_core.monitoring.axis_status import AxisStatus
-from service.pipeline.alarm_journaling import Quantity
-from service.pipeline.trend_tracking import ParameterTrend
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AxisStatus, ParameterTrend
+from service.pipeline.alarms import Quantity
 from service.reports.course import Course
 
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from monitor_core.detection.alarm import Reach
+from monitor_core.detection import Reach
+from monitor_core.monitoring import ParameterTrend
 from monitor_core.trend.forecast import COVERED
 from monitor_core.trend.forecast_band import quantiles
 from monitor_core.trend.trend import Trend
-from service.pipeline.trend_tracking import ParameterTrend
 from service.reports.plot_style import (
     ALARM,
     FOUND,

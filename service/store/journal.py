@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from monitor_core.detection.alarm import Alarm, Cause, Name, Reach
+from monitor_core.detection import Alarm, Cause, Name, Reach
 from service.store.database import Database
 
 MIGRATIONS = (

@@ -2,7 +2,7 @@
 
 from datetime import UTC, datetime
 
-from monitor_core.detection.alarm import Reach
+from monitor_core.detection import Reach
 from monitor_core.trend.trend import Trend
 
 SURE = 0.9

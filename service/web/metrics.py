@@ -16,8 +16,8 @@ from prometheus_client.exposition import choose_encoder
 from prometheus_client.process_collector import ProcessCollector
 from prometheus_client.registry import Collector
 
-from monitor_core.detection.alarm import DIRECTIONS, Direction, Reach, Stage
-from monitor_core.monitoring.axis_status import DetectorStatus, Observation, ParameterStatus
+from monitor_core.detection import DIRECTIONS, Direction, Reach, Stage
+from monitor_core.monitoring import DetectorStatus, Observation, ParameterStatus
 from monitor_core.trend.trend import Trend
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.web.app_state import VERSION, age_s, sample_age_s
@@ -151,11 +151,6 @@ def _detectors(axes: tuple[AxisSnapshot, ...]) -> Iterator[Metric]:
         "detector_alarms",
         "1 for the detector that raises the alarms, 0 for one that runs in shadow mode.",
         lambda d: float(d.alarms),
-    )
-    yield gauge(
-        "detector_open_alarms",
-        "Alarms that are open by what a detector says, whether they count or not.",
-        lambda d: float(len(d.open)),
     )
     yield gauge(
         "detector_evidence", "Largest test statistic of a detector, over its threshold.", lambda d: d.evidence

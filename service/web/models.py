@@ -5,9 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from monitor_core.detection.alarm import Doubt, Kind, Stage
-from monitor_core.detection.detector_protocol import DetectorName
-from monitor_core.monitoring.axis_status import Observation, Status
+from monitor_core.detection import DetectorName, Doubt, Kind, Stage
+from monitor_core.monitoring import Observation, Status
 
 
 def _finite(value: float | None) -> float | None:
@@ -99,13 +98,12 @@ class Stamps(Body):
 class Detector(Body):
     """Present evidence of a detector."""
 
-    name: DetectorName = Field(description="cusum: tests of the estimates; bank: parallel models")
+    name: DetectorName = Field(description="cusum: tests of the estimates; multimodel: parallel hypotheses")
     alarms: bool = Field(description="true: it raises the alarms of the axis; false: it runs in shadow mode")
     leading: str | None = Field(
         description="the cause nearest to its threshold, a parameter or a sensor fault; null: none yet"
     )
     evidence: Number = Field(description="test statistic of that cause divided by its threshold")
-    open: list[str] = Field(description="open alarms of this detector")
 
 
 class Axis(Body):
@@ -134,6 +132,9 @@ class Axis(Body):
     clock: dict[str, int] = Field(description="restarts of the time base of the samples, by cause")
     stamps: Stamps
     detectors: list[Detector]
+    open_alarms: list[str] = Field(
+        description="causes of the open alarms of the axis, forecasts left out: parameters or sensor faults"
+    )
     model: Model
 
 

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Sequence
 
-from monitor_core.detection.alarm import Name, Reach
-from monitor_core.monitoring.axis_status import DetectorStatus, ParameterStatus
+from monitor_core.detection import Name, Reach
+from monitor_core.monitoring import DetectorStatus, ParameterStatus, ParameterTrend
 from monitor_core.trend.entries import thinned
 from monitor_core.trend.trend import Trend
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
-from service.pipeline.trend_tracking import ParameterTrend
 from service.store import journal
 from service.texts.alarm_texts import episode_words
 from service.texts.timestamps import iso, maybe_iso
@@ -45,14 +44,13 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
         clock=dict(a.clock),
         stamps=models.Stamps(**a.stamps._asdict()),
         detectors=[_detector(d) for d in a.status.detectors],
+        open_alarms=list(dict.fromkeys(e.parameter for e in a.open_alarms if e.kind != "forecast")),
         model=_model(a),
     )
 
 
 def _detector(d: DetectorStatus) -> models.Detector:
-    return models.Detector(
-        name=d.name, alarms=d.alarms, leading=d.leading or None, evidence=d.evidence, open=list(d.open)
-    )
+    return models.Detector(name=d.name, alarms=d.alarms, leading=d.leading or None, evidence=d.evidence)
 
 
 def _parameter(p: ParameterStatus) -> models.Parameter:

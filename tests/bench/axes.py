@@ -23,9 +23,9 @@ from monitor_core.excitation.reference_experiment import (
     reference_model,
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.monitoring import AxisBatch, Fleet
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.fleet import Block, Fleet
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.chains import chain, values
 from tests.core.figures import ANGLE_TORQUE_NOISE, settings_of
@@ -120,8 +120,8 @@ def run_of_fleet(axes: int, samples: int, drives: int, seed: int) -> Callable[[]
     def run() -> object:
         nonlocal at
         block, at = slice(at, at + samples), at + samples
-        return fleet.run(
-            {a: Block(rec.t_us[block], rec.u[block, a % 10], rec.y[block, a % 10]) for a in range(axes)}
+        return fleet.update(
+            {a: SampleBlock(rec.t_us[block], rec.u[block, a % 10], rec.y[block, a % 10]) for a in range(axes)}
         )
 
     return run

@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.calibration.calibrate import OBSERVED_SHARE, WITHIN_MEMORIES, CalibrationOptions
 from monitor_core.calibration.surrogate import LANES, SAMPLES
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from service.commands.calibrate import calibrate_axis
 from service.config import load
 from service.config.axis_settings import axis_model, axis_settings

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.monitoring.axis_batch import FEWEST_LANES
+from monitor_core.monitoring import FEWEST_LANES
 from service.pipeline.warming import HYPOTHESES
 from tests.bench.measure import Say
 from tests.end_to_end.processes import ROOT

@@ -82,7 +82,7 @@ def both(model: AxisModel, names: Sequence[str], many: int, seed: int, say: Say)
             # Friction goes by the measured speed: what two predictors of the same record differ by, the limit, is not
             # what two axes differ by.
             limit = math.nan if model.nominal["fc"] else limit_s(fault, seeds[:400], DAY, model)
-            rows.append(row("bank", fault, limit, delays(bank, fault, seeds)))
+            rows.append(row("multimodel", fault, limit, delays(bank, fault, seeds)))
             rows.append(row("paper", fault, limit, paper_delays(model, paper, fault, seeds)))
     title = (
         f"Faults after 5 s, missed 5 s later; monitored {', '.join(model.monitored)}; {many} seeds; both at one false"

@@ -10,7 +10,7 @@ import pytest
 
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import Record, experiment, reference_model
-from monitor_core.monitoring.axis_batch import FEWEST_LANES
+from monitor_core.monitoring import FEWEST_LANES
 from tests.bench.axes import (
     LANES,
     ONE_BY_ONE,

@@ -20,7 +20,7 @@ from monitor_core.excitation.reference_experiment import (
     reference_model,
 )
 from monitor_core.kernel.block import Trace
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 
 AT_ONCE = 100

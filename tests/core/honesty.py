@@ -21,7 +21,7 @@ from monitor_core.excitation.reference_experiment import (
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 
 STEP = 1e-30

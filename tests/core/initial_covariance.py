@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 
 

@@ -4,7 +4,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from monitor_core.excitation.reference_experiment import Record
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case
 

@@ -10,11 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Conditions, Operating
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.alarm_versions import alarm_versions
 from tests.core.mismatch_plant import INTERVAL_S, Block, MismatchPlant
 
 FAULTS: Mapping[str, tuple[float, float]] = {"kT": (1.2, 60.0), "fc": (1.3, 60.0), "fm": (1.5, 300.0)}
@@ -56,7 +58,7 @@ class Watch:
         """What it raises or changes; and how far theta is off, in sizes (N, p)."""
         temperature = block.temperature[:, np.newaxis]
         shift, gate = Operating(self.model, self.conditions).take(block.t_us, block.y, temperature)
-        episodes, trace = self.monitor.run_traced(block.t_us, block.u, block.y, shift, gate)
+        episodes, trace = alarm_versions(self.monitor, SampleBlock(block.t_us, block.u, block.y, shift, gate))
         return episodes, (trace.theta - self.model.theta0 - shift) / self.model.scale
 
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from monitor_core.excitation.reference_experiment import reference_model
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
 from tests.core.figures import settings_of
 
 MODEL = reference_model()
@@ -28,7 +27,7 @@ def histories(
     monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
     said: list[list[Alarm]] = [[] for _ in monitors]
     for a, event in bank.run(np.repeat(np.array(t_us)[:, np.newaxis], W, axis=1), u, y):
-        said[a] += monitors[a].apply(event)
+        said[a] += [change.alarm for change in monitors[a].apply([event])]
     return said, monitors
 
 

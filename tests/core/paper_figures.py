@@ -12,8 +12,7 @@ from monitor_core.calibration.healthy import Samples, deviations
 from monitor_core.calibration.learned import learned
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import FAULT_AT, INTERVAL_S
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE
 from tests.core.hypothesis_figures import WATCHED, WITHIN_S, Delays, One, records, summed_up
@@ -70,7 +69,7 @@ def _outcomes(
     monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
     found = [One() for _ in range(W)]
     for a, event in bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y):
-        for e in monitors[a].apply(event):
+        for _, e in monitors[a].apply([event]):
             delay = (e.raised_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
             if found[a].early or delay > WITHIN_S:
                 continue

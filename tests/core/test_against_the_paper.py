@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import DIRECTIONS, Crossing
+from monitor_core.detection import DIRECTIONS, Crossing
 from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
+from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
 from tests.core.differences import TOLERANCE, apart, by_rounding, worst
@@ -115,7 +115,7 @@ def test_run_on_keeps_g(seed: int) -> None:
     paper = Paper(case.model, settings)
     paper.run(*rec)
     monitor = AxisMonitor(case.model, settings)
-    _, trace = monitor.run_traced(*rec)
+    _, trace = monitor.update_traced(SampleBlock(*rec))
     assert paper.g[0, 0] > 2 * settings.alpha2
     assert apart(trace.g, paper.log.g) < TOLERANCE
 
@@ -154,7 +154,7 @@ def test_psi_is_the_derivative_of_the_prediction(case: Case, seed: int) -> None:
     model, settings = case.model, replace(case.settings(settle_s=0.0), P0=tuple(1e-40 * case.model.scale**2))
     theta = model.theta0
     monitor = AxisMonitor(model, settings)
-    _, trace = monitor.run_traced(*rec)
+    _, trace = monitor.update_traced(SampleBlock(*rec))
     assert np.abs(trace.theta - theta).max() <= 1e-12 * np.abs(theta).max()
     for i in range(len(theta)):
         step = 1e-30 * model.scale[i]

@@ -8,8 +8,8 @@ import pytest
 from monitor_core.drive.structure import Output
 from monitor_core.kernel import block
 from monitor_core.kernel.block import Trace
+from monitor_core.monitoring import AxisBatch
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import AxisBatch
 from tests.core.cases import BY_NAME, Case, as_columns, record
 from tests.core.chains import Sensor, chain, values
 from tests.core.differences import TOLERANCE, worst

@@ -6,15 +6,15 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Alarm
-from monitor_core.detection.alarm_arrays import episodes_to_array
+from monitor_core.detection import Alarm
+from monitor_core.detection.alarm import alarms_to_array
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Term
 from monitor_core.excitation.reference_experiment import MONITORED, experiment, reference_model
 from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 
 DRIVE = three_mass("speed")
@@ -157,7 +157,7 @@ def test_counts_that_do_not_fit(count: list[int]) -> None:
 
 def test_a_saved_state_of_another_model_or_damaged(seed: int) -> None:
     monitor = AxisMonitor(MODEL, SETTINGS)
-    monitor.run(*experiment(seed))
+    monitor.update(SampleBlock(*experiment(seed)))
     arrays = monitor.to_arrays()
     angle = AxisMonitor(reference_model("angle"), SETTINGS)
     with pytest.raises(ValueError, match="does not fit this model"):
@@ -168,15 +168,15 @@ def test_a_saved_state_of_another_model_or_damaged(seed: int) -> None:
     before = [column.copy() for column in fresh.batch.column(0)]
     with pytest.raises(ValueError, match="not finite"):
         fresh.from_arrays({**arrays, "floats": broken})
-    foreign = Alarm("kg", "up", 1, 2, 3, None, size=1.0, size_sd=1.0, crossings=1)
-    with pytest.raises(ValueError, match="an episode of kg, which is not monitored"):
-        fresh.from_arrays({**arrays, "episodes": episodes_to_array([foreign])})
-    with pytest.raises(ValueError, match="no episodes: "):
-        fresh.from_arrays({**arrays, "episodes": np.array([[7, 0, 1, 2, 3, 1]])})
+    with pytest.raises(ValueError, match="no alarms: "):
+        fresh.from_arrays({**arrays, "alarms": np.array([[7, 0, 1, 2, 3, 1]])})
     with pytest.raises(KeyError, match="ints"):
         fresh.from_arrays({name: array for name, array in arrays.items() if name != "ints"})
     assert all((a == b).all() for a, b in zip(before, fresh.batch.column(0), strict=True))
-    assert fresh.book.open == ()
+    assert fresh.open_alarms == ()
+    foreign = Alarm("kg", "up", 1, 2, 3, None, size=1.0, size_sd=1.0, crossings=1)
+    fresh.from_arrays({**arrays, "alarms": alarms_to_array([foreign])})
+    assert fresh.open_alarms == (), "an alarm of what is no longer monitored is left out"
 
 
 def test_key_tells_which_states_are_interchangeable() -> None:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from tests.core.cases import CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, cases, law, lively, part, seeds, state
 from tests.core.oracle.system import held_over, inputs
@@ -37,8 +37,8 @@ def test_another_nominal_value_from_the_start_is_another_model(seed: int) -> Non
     moved = replace(PAPER.model, nominal=values)
     rec = record(seed, PAPER, SAMPLES)
     here, there = AxisMonitor(PAPER.model, lively(PAPER)), AxisMonitor(moved, lively(PAPER))
-    _, found = here.run_traced(*rec, shift=np.tile(shift, (SAMPLES, 1)))
-    _, expected = there.run_traced(*rec)
+    _, found = here.update_traced(SampleBlock(*rec, shift=np.tile(shift, (SAMPLES, 1))))
+    _, expected = there.update_traced(SampleBlock(*rec))
     np.testing.assert_allclose(found.theta[1:], expected.theta[1:], rtol=1e-9)
     np.testing.assert_allclose(found.P[1:], expected.P[1:], rtol=1e-8)
     status = zip(here.status().parameters, there.status().parameters, strict=True)
@@ -51,7 +51,7 @@ def test_the_predictor_moves_with_its_conditions(seed: int) -> None:
     model, rec, shift = PAPER.model, record(seed, PAPER, SAMPLES), shifts(seed, PAPER, 0.2)
     s = lively(PAPER)
     monitor = AxisMonitor(model, s)
-    monitor.run(*rec, shift=shift, gate=np.zeros(SAMPLES, np.bool_))
+    monitor.update(SampleBlock(*rec, shift=shift, gate=np.zeros(SAMPLES, np.bool_)))
     x = model.drive.matrix("rest", model.nominal)[:, 0] * rec.y[0]
     for k in range(1, SAMPLES):
         A, B, _ = model.matrices(model.theta0 + shift[k])
@@ -67,8 +67,8 @@ def test_behind_a_closed_gate_nothing_is_learned(seed: int, case: Case, start: i
     rec, gate = record(seed, case, SAMPLES, jitter=0.3), np.ones(SAMPLES, np.bool_)
     gate[start : start + length] = False
     monitor, open_ = (AxisMonitor(case.model, lively(case)) for _ in range(2))
-    _, trace = monitor.run_traced(*rec, gate=gate)
-    open_.run(*rec)
+    _, trace = monitor.update_traced(SampleBlock(*rec, gate=gate))
+    open_.update(SampleBlock(*rec))
     learned = np.isfinite(trace.eps)
     assert not learned[~gate].any()
     for values in (trace.theta, trace.P, trace.g):
@@ -89,7 +89,9 @@ def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, le
     held = shift.copy()
     held[start : start + length] = shift[start - 1]
     one, other = (AxisMonitor(case.model, lively(case)) for _ in range(2))
-    assert one.run(*rec, shift=unknown) == other.run(*rec, shift=held, gate=gate)
+    assert one.update(SampleBlock(*rec, shift=unknown)) == other.update(
+        SampleBlock(*rec, shift=held, gate=gate)
+    )
     assert state(one) == state(other)
 
 

@@ -12,7 +12,8 @@ from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation.reference_experiment import INTERVAL_S, Record, experiment, reference_model
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
@@ -90,7 +91,7 @@ def test_with_the_state_that_moves_it_is_the_joint_filter(
     late, (theta, variance) = slice(500, None), expected
     apart = []
     for one in (s, replace(s, joint=joint, drift=drift)):
-        _, trace = AxisMonitor(MODEL, one).run_traced(*rec)
+        _, trace = AxisMonitor(MODEL, one).update_traced(SampleBlock(*rec))
         off = ((trace.theta - theta)[late] ** 2).mean(axis=0) / variance[late].mean(axis=0)
         apart.append(float(np.sqrt(off.mean())))
     print(f"apart by {apart[0]:.3f} of a standard deviation, with one of the two alone {apart[1]:.3f}")

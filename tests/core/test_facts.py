@@ -5,8 +5,10 @@ from math import sqrt
 
 import pytest
 
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
+from tests.core.alarm_versions import alarm_versions
 from tests.core.cases import BY_NAME, record
 
 
@@ -14,7 +16,7 @@ def test_numbers_of_a_parameter(seed: int) -> None:
     case = BY_NAME["speed-zero-nominals"]
     settings = case.settings(alpha1=0.7, alpha2=0.9, lam=0.97)
     monitor = AxisMonitor(case.model, settings)
-    monitor.run(*record(seed, case, 400))
+    monitor.update(SampleBlock(*record(seed, case, 400)))
     st = monitor.batch.state
     for i, p in enumerate(monitor.status().parameters):
         P_ii = float(st.P[i, i, 0])
@@ -32,7 +34,7 @@ def test_nu_and_h_of_thresholds_of_its_own(seed: int) -> None:
     own = (Threshold(0.7, 0.9), Threshold(0.5, 2.0, 0.1), Threshold(1.0, 3.0, 0.2))
     settings = replace(case.settings(), thresholds=own)
     monitor = AxisMonitor(case.model, settings)
-    monitor.run(*record(seed, case, 10))
+    monitor.update(SampleBlock(*record(seed, case, 10)))
     for i, p in enumerate(monitor.status().parameters):
         size = case.model.scale[i]
         expected = own[i].alpha1 * sqrt(settings.lam0 * p.p_diagonal) + own[i].allowance * size
@@ -45,7 +47,7 @@ def test_an_alarm_tells_its_size_with_standard_deviation(seed: int) -> None:
     settings = case.settings(alpha1=0.5, alpha2=0.5)
     monitor = AxisMonitor(case.model, settings)
     rec = record(seed, case, 1500, true={**case.values, "kT": 1.3})
-    episodes, trace = monitor.run_traced(*rec)
+    episodes, trace = alarm_versions(monitor, SampleBlock(*rec))
     before, checked = 0.0, 0
     for e in episodes:
         # A crossing of another parameter leaves the size; the one at the naming is that of all evidence (test_naming).

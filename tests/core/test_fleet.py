@@ -10,18 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.excitation.reference_experiment import Record
+from monitor_core.monitoring import AlarmChange, AxisMonitor, Fleet
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_monitor import AnyEvent, AxisMonitor
-from monitor_core.monitoring.fleet import Block, Fleet
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from tests.core.cases import CASES, Case, as_columns, record
+from tests.core.cases import CASES, Case, record
 
 SAMPLES = 120
 seeds = st.integers(0, 2**32 - 1)
 cases = st.lists(st.sampled_from(CASES), min_size=1, max_size=6)
 law = settings(deadline=None, max_examples=20)
-Events = list[AnyEvent]
+Changes = list[AlarmChange]
 
 
 def lively(case: Case, rng: np.random.Generator) -> tuple[AxisModel, Settings]:
@@ -31,30 +30,23 @@ def lively(case: Case, rng: np.random.Generator) -> tuple[AxisModel, Settings]:
     return case.model, replace(s, run_on=bool(rng.integers(2)))
 
 
-def samples(seed: int, case: Case, rng: np.random.Generator) -> Block:
+def samples(seed: int, case: Case, rng: np.random.Generator) -> SampleBlock:
     """A record with jitter and a gap; for some axes with conditions that move, are unknown, forbid to learn."""
     rec, p = record(seed, case, SAMPLES, jitter=0.3, gaps=1), len(case.monitored)
     shift = 0.02 * case.model.scale * rng.standard_normal((SAMPLES, p)) if rng.integers(2) else None
     if shift is not None:
         shift[rng.random(SAMPLES) < 0.1] = np.nan
     gate = rng.random(SAMPLES) < 0.9 if rng.integers(2) else None
-    return Block(*rec, shift, gate)
+    return SampleBlock(*rec, shift, gate)
 
 
-def cut(block: Block, start: int, stop: int) -> Block:
-    return Block(*(None if v is None else v[start:stop] for v in block))  # type: ignore[arg-type]
+def cut(block: SampleBlock, start: int, stop: int) -> SampleBlock:
+    return SampleBlock(*(None if v is None else v[start:stop] for v in block))  # type: ignore[arg-type]
 
 
-def alone(model: AxisModel, s: Settings, blocks: list[Block]) -> tuple[AxisMonitor, Events]:
-    monitor, events = AxisMonitor(model, s), Events()
-    for b in blocks:
-        found = monitor.batch.run(
-            *as_columns(Record(b.t_us, b.u, b.y)),
-            shift=None if b.shift is None else b.shift[..., np.newaxis],
-            gate=None if b.gate is None else b.gate[..., np.newaxis],
-        )
-        events += [event for _, event in found]
-    return monitor, events
+def alone(model: AxisModel, s: Settings, blocks: list[SampleBlock]) -> tuple[AxisMonitor, Changes]:
+    monitor = AxisMonitor(model, s)
+    return monitor, [change for block in blocks for change in monitor.update(block)]
 
 
 def state(monitor: AxisMonitor) -> tuple[bytes, bytes]:
@@ -75,7 +67,7 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
         fleet = Fleet([model for model, _ in axes], [s for _, s in axes])
-        found: list[Events] = [[] for _ in axes]
+        found: list[Changes] = [[] for _ in axes]
         pieces = [
             [cut(b, 0, i), cut(b, i, j), cut(b, j, SAMPLES)] for b, (i, j) in zip(whole, cuts, strict=True)
         ]
@@ -84,10 +76,8 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
         for turn in range(3):
             # Who has no samples in this turn may be left out.
             here = {a: p[turn] for a, p in enumerate(pieces) if len(p[turn].t_us) or rng.integers(2)}
-            events = fleet.run(here)
-            assert [a for a, _ in events] == sorted(a for a, _ in events)
-            for a, event in events:
-                found[a].append(event)
+            for a, update in fleet.update(here).items():
+                found[a] += update.changes
     for a, (model, s) in enumerate(axes):
         monitor, expected = alone(model, s, pieces[a])
         assert found[a] == expected
@@ -99,9 +89,9 @@ def test_axes_of_equal_drive_and_parameters_share_a_bank() -> None:
     one, other = CASES[0], next(case for case in CASES if case.monitored != CASES[0].monitored)
     axes = [lively(case, rng) for case in (one, other, one, one)]
     fleet = Fleet([model for model, _ in axes], [replace(s, run_on=False) for _, s in axes])
-    assert fleet.bank_sizes == [3, 1]
+    assert fleet.batch_sizes == [3, 1]
     assert [m.model for m in fleet.monitors] == [model for model, _ in axes]
-    assert fleet.run({}) == []
+    assert fleet.update({}) == {}
 
 
 def test_what_does_not_fit_is_refused_before_any_axis_moves(seed: int) -> None:
@@ -111,7 +101,7 @@ def test_what_does_not_fit_is_refused_before_any_axis_moves(seed: int) -> None:
     good = samples(seed, CASES[0], rng)
     before = [state(m) for m in fleet.monitors]
     for block, message in (
-        (good._replace(u=good.u[1:]), r"axis 1: u has the shape \(119,\): need \(120,\)"),
+        (good._replace(torque=good.torque[1:]), r"axis 1: torque has the shape \(119,\): need \(120,\)"),
         (
             good._replace(shift=np.zeros((SAMPLES, 7))),
             r"axis 1: shift has the shape \(120, 7\): need \(120, 3\)",
@@ -119,9 +109,9 @@ def test_what_does_not_fit_is_refused_before_any_axis_moves(seed: int) -> None:
         (good._replace(gate=np.ones(2, np.bool_)), r"axis 1: gate has the shape \(2,\): need \(120,\)"),
     ):
         with pytest.raises(ValueError, match=message):
-            fleet.run({0: good, 1: block})
+            fleet.update({0: good, 1: block})
     with pytest.raises(ValueError, match=r"blocks for the axes \[2\]: there are 2"):
-        fleet.run({0: good, 2: good})
+        fleet.update({0: good, 2: good})
     assert [state(m) for m in fleet.monitors] == before
     with pytest.raises(ValueError, match="0 models and 0 settings"):
         Fleet([], [])

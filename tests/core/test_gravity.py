@@ -14,8 +14,9 @@ from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.tables import COSINE, SINE
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
+from tests.core.alarm_versions import alarm_versions
 from tests.core.cases import BY_NAME, Case, H, record
 from tests.core.chains import Sensor, chain, values
 
@@ -123,7 +124,7 @@ def test_gravity_follows_the_measured_angle_and_not_theta(seed: int) -> None:
     case = BY_NAME["gravity"]
     rec = record(seed, case, 300)
     monitor = AxisMonitor(case.model, case.settings())
-    monitor.run(*rec)
+    monitor.update(SampleBlock(*rec))
     st, angle = monitor.batch.state, case.values["r"] * rec.y[-1]
     assert st.u[4:, 0] == pytest.approx([np.cos(angle), np.sin(angle)], rel=1e-14)
     assert (st.du[:, 4:] == 0).all()
@@ -149,8 +150,8 @@ def test_the_estimates_do_not_depend_on_the_side_of_the_gear_that_is_measured(
     gain = tuple(np.array(own.K) * per_state / r)
     theirs = replace(own, K=gain, lam0=own.lam0 * r**2, P0=tuple(np.array(own.P0) / r**2))
     near, far = AxisMonitor(at_motor.model, own), AxisMonitor(at_gear.model, theirs)
-    near.run(*rec)
-    far.run(*rec._replace(y=rec.y * r))
+    near.update(SampleBlock(*rec))
+    far.update(SampleBlock(*rec._replace(y=rec.y * r)))
     moved = near.batch.state.theta[:, 0] / near.model.theta0 - 1
     assert (abs(moved) > 1e-5).all()
     assert far.batch.state.theta[:, 0] == pytest.approx(near.batch.state.theta[:, 0], rel=1e-9)
@@ -162,8 +163,8 @@ def test_a_heavier_load_is_found(seed: int) -> None:
     case = Case("load", "angle", ("gc", "gs", "f"), values(2), drive=lambda output: chain(2, output))
     rec = record(seed, case, 4000, true={**case.values, "gc": 1.2 * case.values["gc"]})
     monitor = AxisMonitor(case.model, case.settings(relative_sd=0.05, lam=0.999))
-    episodes = monitor.run(*rec)
-    assert (episodes[0].parameter, episodes[0].direction) == ("gc", "up")
+    alarms, _ = alarm_versions(monitor, SampleBlock(*rec))
+    assert (alarms[0].parameter, alarms[0].direction) == ("gc", "up")
     gc = monitor.status().parameters[0]
     assert gc.estimate / gc.nominal == pytest.approx(1.2, abs=0.05)
 
@@ -173,5 +174,5 @@ def test_both_kinds_of_gravity_are_told_apart() -> None:
     assert case.model.drive.inputs[4:] == (COSINE, SINE)
     monitor = AxisMonitor(case.model, case.settings())
     rec = Record(np.array([0]), np.zeros(1), np.array([0.25]))
-    monitor.run(*rec)
+    monitor.update(SampleBlock(*rec))
     assert monitor.batch.state.u[4:, 0] == pytest.approx([0.96891242171, 0.24740395925], rel=1e-10)

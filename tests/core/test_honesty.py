@@ -8,7 +8,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation.reference_experiment import INTERVAL_S, experiment, reference_model
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from tests.core.cases import BY_NAME
 from tests.core.honesty import Honesty, honesty, sensitivities, settings_for, window_variance
 
@@ -51,7 +52,7 @@ def test_the_sensitivities_that_the_bound_stands_on_are_those_of_the_kernel(name
     settings = case.settings(settle_s=0.0, P0=tuple(1e-30 * case.model.scale**2))
     rec = experiment(seed, output=case.output, samples=600)
     rec.y[0] = 0.0  # the kernel starts from the first sample, the matrices from rest
-    _, trace = AxisMonitor(case.model, settings).run_traced(*rec)
+    _, trace = AxisMonitor(case.model, settings).update_traced(SampleBlock(*rec))
     psi = sensitivities(case.model, settings, rec.u[:, np.newaxis], rec.y[:, np.newaxis])[..., 0]
     size = abs(psi).max(axis=0)
     assert (abs(trace.psi[1:] - psi[1:]) < 1e-9 * size).all()

@@ -11,7 +11,8 @@ from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import NOISE, experiment, reference_model
 from monitor_core.kernel.tables import GAINS
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 H = 0.005
@@ -55,7 +56,7 @@ def test_innovations_are_white_and_of_variance_lambda_0(output: Output, seed: in
     y = moved + NOISE[output] * rng.standard_normal((N, 1))
     pinned = Settings(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2))
     monitor = AxisMonitor(model, pinned)
-    _, trace = monitor.run_traced(np.arange(N) * 5000, u[:, 0], y[:, 0])
+    _, trace = monitor.update_traced(SampleBlock(np.arange(N) * 5000, u[:, 0], y[:, 0]))
     eps = trace.eps[1000:] / np.sqrt(lam0)
     assert np.mean(eps**2) == pytest.approx(1, abs=5 * np.sqrt(2 / N))
     for lag in (1, 2, 5):
@@ -114,7 +115,7 @@ def test_the_time_constant_is_how_an_error_of_the_state_dies_out(torque_noise: f
     for first in (0.0, 1e3):
         y = rec.y.copy()
         y[0] += first
-        eps.append(AxisMonitor(model, pinned).run_traced(rec.t_us, rec.u, y)[1].eps)
+        eps.append(AxisMonitor(model, pinned).update_traced(SampleBlock(rec.t_us, rec.u, y))[1].eps)
     tau = slowest_time_constant(model, K, H) / H
     envelope = [np.nanmax(abs(eps[1] - eps[0])[round(k * tau) : round((k + 3) * tau)]) for k in (10, 20)]
     assert np.log(envelope[0] / envelope[1]) == pytest.approx(10, rel=0.15)

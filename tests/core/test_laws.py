@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.state import COUNTERS
+from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, as_columns, record
 from tests.core.laws import SAMPLES, cases, cuts, law, lively, part, seeds, state
@@ -39,12 +39,12 @@ def test_blocks_may_end_anywhere(seed: int, case: Case, cuts: list[int]) -> None
 def test_a_saved_monitor_goes_on_as_if_nothing_had_happened(seed: int, case: Case, cut: int) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
     whole, before, after = (AxisMonitor(case.model, lively(case)) for _ in range(3))
-    whole.run(*part(rec, 0, cut))
-    expected = whole.run(*part(rec, cut))
-    before.run(*part(rec, 0, cut))
+    whole.update(SampleBlock(*part(rec, 0, cut)))
+    expected = whole.update(SampleBlock(*part(rec, cut)))
+    before.update(SampleBlock(*part(rec, 0, cut)))
     after.from_arrays({name: array.copy() for name, array in before.to_arrays().items()})
-    assert after.run(*part(rec, cut)) == expected
-    assert after.book.open == whole.book.open
+    assert after.update(SampleBlock(*part(rec, cut))) == expected
+    assert after.open_alarms == whole.open_alarms
     assert state(after) == state(whole)
 
 
@@ -117,13 +117,13 @@ def with_unusable(rec: Record, at: int, reason: str, value: float, torque: bool)
 def test_unusable_samples_are_counted_and_change_nothing(seed: int, case: Case, data: st.DataObject) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
     clean, dirty = (AxisMonitor(case.model, lively(case)) for _ in range(2))
-    expected = clean.run(*rec)
+    expected = clean.update(SampleBlock(*rec))
     added = dict.fromkeys(UNUSABLE, 0)
     for at in sorted(data.draw(st.sets(st.integers(0, SAMPLES - 1), max_size=10)), reverse=True):
         reason = data.draw(st.sampled_from(sorted(UNUSABLE)))
         rec = with_unusable(rec, at, reason, data.draw(UNUSABLE[reason]), data.draw(st.booleans()))
         added[reason] += 1
-    assert dirty.run(*rec) == expected
+    assert dirty.update(SampleBlock(*rec)) == expected
     assert state(dirty)[0] == state(clean)[0]
     before, after = (np.array(m.batch.state.counts[:, 0]) for m in (clean, dirty))
     counted = dict(zip(COUNTERS, after - before, strict=True))
@@ -147,7 +147,7 @@ def test_the_laws_see_something_happen(case: Case, seed: int) -> None:
     episodes = 0
     for k in range(5):
         monitor = AxisMonitor(case.model, lively(case))
-        episodes += len(monitor.run(*record(seed + k, case, SAMPLES, jitter=0.3, gaps=1)))
+        episodes += len(monitor.update(SampleBlock(*record(seed + k, case, SAMPLES, jitter=0.3, gaps=1))))
         assert monitor.status().counters["gap"] >= 1
         assert monitor.status().counters["used"] > SAMPLES / 2
     assert episodes > 3

@@ -15,8 +15,8 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, MONITORED, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 H, SAMPLES, SEEDS = 0.005, 4000, 64
@@ -121,10 +121,12 @@ def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, s
     y = np.append(0.0, np.diff(angle[::fine, 0]) / H)
     model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
     settings = Settings(H, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0)
-    _, trace = AxisMonitor(model, settings).run_traced(np.arange(2000)[kept] * 5000, u[kept], y[kept])
+    _, trace = AxisMonitor(model, settings).update_traced(
+        SampleBlock(np.arange(2000)[kept] * 5000, u[kept], y[kept])
+    )
     assert np.nanmax(np.abs(trace.eps)) < 1e-9 * np.abs(y).max()
-    _, whole = AxisMonitor(model, replace(settings, interval_s=0.5)).run_traced(
-        np.arange(2000)[kept] * 5000, u[kept], y[kept]
+    _, whole = AxisMonitor(model, replace(settings, interval_s=0.5)).update_traced(
+        SampleBlock(np.arange(2000)[kept] * 5000, u[kept], y[kept])
     )
     assert np.nanmax(np.abs(whole.eps)) > 0.01 * np.abs(y).max()  # it is not the mean since the last sample
 

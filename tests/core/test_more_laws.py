@@ -14,8 +14,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import gains_after
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import NOISE, Record
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case, H, as_columns, record
 from tests.core.laws import SAMPLES, lively, part, state
@@ -60,10 +60,10 @@ def test_however_supervised_blocks_may_end_anywhere_and_states_be_saved(
 ) -> None:
     rec = with_pause(seed, case)
     whole, before, after = (AxisMonitor(case.model, watched(case, way)) for _ in range(3))
-    expected = whole.run(*rec)
-    found = before.run(*part(rec, 0, cut))
+    expected = whole.update(SampleBlock(*rec))
+    found = before.update(SampleBlock(*part(rec, 0, cut)))
     after.from_arrays({name: array.copy() for name, array in before.to_arrays().items()})
-    assert found + after.run(*part(rec, cut)) == expected
+    assert found + after.update(SampleBlock(*part(rec, cut))) == expected
     assert state(after) == state(whole)
 
 
@@ -156,9 +156,9 @@ def test_units_scale_results_and_nothing_else(
     other = units.model(model)
     output = units.of("rad" if case.output == "angle" else "rad/s")
     t = rec.t_us * round(units.time)
-    _, here = AxisMonitor(model, s).run_traced(*rec)
-    _, there = AxisMonitor(other, units.settings(s, model)).run_traced(
-        t, rec.u * units.torque, rec.y * output
+    _, here = AxisMonitor(model, s).update_traced(SampleBlock(*rec))
+    _, there = AxisMonitor(other, units.settings(s, model)).update_traced(
+        SampleBlock(t, rec.u * units.torque, rec.y * output)
     )
     size, new = model.scale, other.scale
     assert close(there.theta / new, here.theta / size)
@@ -187,8 +187,8 @@ def test_a_missing_sample_is_a_double_interval(seed: int, case: Case) -> None:
     )
     rec = record(seed, case, SAMPLES)
     half = Record(rec.t_us[::2], rec.u[::2], rec.y[::2])
-    _, missing = AxisMonitor(case.model, replace(s, lost_s=0.0)).run_traced(*half)
-    _, double = AxisMonitor(case.model, replace(slow, lost_s=0.0)).run_traced(*half)
+    _, missing = AxisMonitor(case.model, replace(s, lost_s=0.0)).update_traced(SampleBlock(*half))
+    _, double = AxisMonitor(case.model, replace(slow, lost_s=0.0)).update_traced(SampleBlock(*half))
     for a, b in zip(missing, double, strict=True):
         assert close(a, b)
 
@@ -201,7 +201,7 @@ def test_the_ways_differ(way: Mapping[str, float | bool], seed: int) -> None:
         total = 0.0
         for k, case in enumerate(CASES):
             monitor = AxisMonitor(case.model, watched(case, settings_))
-            monitor.run(*with_pause(seed + k, case))
+            monitor.update(SampleBlock(*with_pause(seed + k, case)))
             total += float((monitor.batch.state.theta[:, 0] / case.model.scale).sum())
         ends.append(total)
     assert ends[0] != ends[1]

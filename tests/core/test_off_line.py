@@ -12,7 +12,8 @@ from monitor_core.excitation.reference_experiment import INTERVAL_S, NOISE, expe
 from monitor_core.identification.greybox import Problem, fit
 from monitor_core.identification.record import Record as Measured
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 LINEAR = ("kT", "tau0")
@@ -46,8 +47,8 @@ def test_a_linear_regression_gives_recursive_least_squares(
     model, settings = linear(lam, torque_noise)
     rec = experiment(seed, {"kT": 1.2}, samples=400, fault_at=0)
     pinned = replace(settings, P0=tuple(1e-30 * model.scale**2))
-    _, at_nominal = AxisMonitor(model, pinned).run_traced(*rec)
-    _, trace = AxisMonitor(model, settings).run_traced(*rec)
+    _, at_nominal = AxisMonitor(model, pinned).update_traced(SampleBlock(*rec))
+    _, trace = AxisMonitor(model, settings).update_traced(SampleBlock(*rec))
     for n in (3, 50, 399):
         psi, eps = at_nominal.psi[1 : n + 1], at_nominal.eps[1 : n + 1]
         expected = model.theta0 + least_squares(psi, eps, settings)
@@ -73,7 +74,7 @@ def test_without_forgetting_the_end_is_the_off_line_estimate(joint: bool, within
     )
     monitor = AxisMonitor(model, settings)
     monitor.start_from(model.theta0 * [1.03, 0.97, 1.03])
-    monitor.run(*rec)
+    monitor.update(SampleBlock(*rec))
     apart = (monitor.batch.state.theta[:, 0] - off_line.theta) / off_line.sd
     print(f"from the off-line estimate by {apart} of its standard deviations {off_line.sd / model.theta0}")
     assert (abs(apart) < within).all()

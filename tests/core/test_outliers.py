@@ -21,8 +21,8 @@ from monitor_core.excitation.reference_experiment import (
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, H, record
 from tests.core.figures import settings_of
@@ -139,7 +139,7 @@ def test_as_transcribed(name: str, grows: bool, seed: int) -> None:
     y[10:14] += 1000 * NOISE[case.output]  # later than that it does not, though it has not settled
     rec = Record(rec.t_us, rec.u, y)
     monitor, paper = AxisMonitor(case.model, s), Paper(case.model, s)
-    _, trace = monitor.run_traced(*rec)
+    _, trace = monitor.update_traced(SampleBlock(*rec))
     log = paper.run(*rec)
     assert monitor.status().counters["outlier"] == paper.outliers >= 3
     assert (monitor.status().counters["started"], paper.starts) == (1, 2)
@@ -160,7 +160,7 @@ def errors_after_a_push(
     y, _ = simulate_linear(model.drive, REFERENCE_VALUES, acting[:, np.newaxis], H)
     y = y[:, 0] + ANGLE_NOISE * rng.standard_normal(N)
     s = Settings(H, lam0=lam0, K=gain, K_after=after, outlier=WIDTH)
-    _, trace = AxisMonitor(model, s).run_traced(np.arange(N) * round(H * 1e6), u, y)
+    _, trace = AxisMonitor(model, s).update_traced(SampleBlock(np.arange(N) * round(H * 1e6), u, y))
     assert np.isnan(trace.eps[2801:2804]).all()
     return float(np.nansum(np.abs(trace.eps[2806:2830])) / np.sqrt(lam0))
 

@@ -23,7 +23,7 @@ from monitor_core.excitation.reference_experiment import (
     reference_model,
 )
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of
 

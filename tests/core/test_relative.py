@@ -9,7 +9,8 @@ import pytest
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from tests.core.cases import CASES, Case, as_columns, record
 
 OFFSET = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "tau0"), {"tau0": 0.2})
@@ -39,9 +40,11 @@ def test_the_monitor_is_the_same_in_other_units(case: Case, seed: int) -> None:
     s, unit = case.settings(), relative.unit
     P0 = tuple(np.asarray(s.P0) / unit**2) if s.P0 else ()
     t, u, y = (column[:, 0] for column in as_columns(record(seed, case, N)))
-    _, si = AxisMonitor(case.model, s).run_traced(t.astype(np.int64), u.astype(float), y.astype(float))
+    _, si = AxisMonitor(case.model, s).update_traced(
+        SampleBlock(t.astype(np.int64), u.astype(float), y.astype(float))
+    )
     monitor = AxisMonitor(relative, replace(s, P0=P0))
-    _, rel = monitor.run_traced(t.astype(np.int64), u.astype(float), y.astype(float))
+    _, rel = monitor.update_traced(SampleBlock(t.astype(np.int64), u.astype(float), y.astype(float)))
     assert np.allclose(rel.eps, si.eps, rtol=1e-7, atol=1e-9 * np.nanmax(np.abs(si.eps)), equal_nan=True)
     assert np.allclose(rel.theta * unit, si.theta, rtol=1e-7)
     assert np.allclose(rel.P * unit**2, si.P, rtol=1e-6)

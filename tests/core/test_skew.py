@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Crossing
+from monitor_core.detection import Crossing
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.figures import steady_p
 

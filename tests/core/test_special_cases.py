@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import (
@@ -18,8 +18,8 @@ from monitor_core.excitation.reference_experiment import (
 )
 from monitor_core.kernel.state import NEVER
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.axis_status import Status
+from monitor_core.monitoring import AxisMonitor, Status
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, record
 
@@ -33,7 +33,7 @@ def alone(case: Case) -> AxisMonitor:
 
 def run(monitor: AxisMonitor, rec: Record, start: int, stop: int | None = None, later_us: int = 0) -> None:
     piece = slice(start, stop)
-    monitor.run(rec.t_us[piece] + later_us, rec.u[piece], rec.y[piece])
+    monitor.update(SampleBlock(rec.t_us[piece] + later_us, rec.u[piece], rec.y[piece]))
 
 
 def counts(monitor: AxisMonitor) -> dict[str, int]:
@@ -67,7 +67,7 @@ def test_a_gap_starts_the_predictor_anew_and_keeps_the_rest(case: Case, jump_us:
 def test_the_longest_interval_is_not_a_gap() -> None:
     rec = experiment(1)
     monitor = AxisMonitor(SPEED, Settings(0.005, max_gap_s=0.05))
-    monitor.run(np.array([0, 50_000, 100_001]), rec.u[:3], rec.y[:3])
+    monitor.update(SampleBlock(np.array([0, 50_000, 100_001]), rec.u[:3], rec.y[:3]))
     assert monitor.status().counters["gap"] == 1
 
 
@@ -77,7 +77,7 @@ def test_first_state_is_the_drive_moving_rigidly() -> None:
     speed = 3.0
     monitor = AxisMonitor(SPEED, Settings(0.005))
     torque = np.full(200, values["fm"] * speed / values["kT"])
-    _, trace = monitor.run_traced(np.arange(200) * 5000, torque, np.full(200, speed))
+    _, trace = monitor.update_traced(SampleBlock(np.arange(200) * 5000, torque, np.full(200, speed)))
     assert np.nanmax(abs(trace.eps), initial=0) < 1e-9
     assert abs(monitor.batch.state.x[2, 0] - speed) < 1e-9
 
@@ -118,7 +118,7 @@ def test_theta_is_held_by_its_bounds_and_it_is_counted(seed: int) -> None:
     model = replace(SPEED, bounds={"kT": (0.9, 1.05)})
     settings = Settings(0.005, P0=tuple((0.1 * model.scale) ** 2), alpha2=1e9)
     monitor = AxisMonitor(model, settings)
-    _, trace = monitor.run_traced(*experiment(seed, {"kT": 1.3}))
+    _, trace = monitor.update_traced(SampleBlock(*experiment(seed, {"kT": 1.3})))
     assert trace.theta[:, 0].max() == 1.05
     assert trace.theta[-100:, 0].min() > 1.0
     assert monitor.status().counters["projected"] > 50
@@ -187,7 +187,7 @@ def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Alarm]
     monitor = AxisMonitor(model, settings)
     keep = np.arange(N) % 1500 >= lost
     t = 5000 * np.arange(N, dtype=np.int64)
-    return monitor, monitor.run(t[keep], u[keep], y[keep])
+    return monitor, [c.alarm for c in monitor.update(SampleBlock(t[keep], u[keep], y[keep]))]
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5, 9])
@@ -225,10 +225,10 @@ def test_errors_far_beyond_the_model_are_invalid(seed: int) -> None:
     settings = Settings(0.005, lam=0.98, lam0=1.0, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0, joint=True)
     monitor = AxisMonitor(reference_model("speed"), settings)
     t, u, y = experiment(seed, samples=4000)
-    monitor.run(t[:2000], u[:2000], y[:2000])
+    monitor.update(SampleBlock(t[:2000], u[:2000], y[:2000]))
     assert {p.status for p in monitor.status().parameters} <= {Status.TRACKING, Status.ALARM}
     noise = 20 * np.random.default_rng(seed).standard_normal(2000)
-    monitor.run(t[2000:], u[2000:], y[2000:] + noise)
+    monitor.update(SampleBlock(t[2000:], u[2000:], y[2000:] + noise))
     assert {p.status for p in monitor.status().parameters} <= {Status.INVALID, Status.ALARM}
     assert all(np.isnan(p.estimate) for p in monitor.status().parameters)
 
@@ -238,8 +238,8 @@ def test_nominal_values_that_a_record_could_not_tell_apart_are_not_tested(seed: 
     told = AxisMonitor(reference_model("speed"), settings)
     untold = AxisMonitor(reference_model("speed"), replace(settings, untold=(("fm", "fc"),)))
     rec = experiment(seed, {"kT": 1.3}, samples=3000)
-    assert told.run(*rec)
-    assert untold.run(*rec) == []
+    assert told.update(SampleBlock(*rec))
+    assert untold.update(SampleBlock(*rec)) == []
     assert not untold.batch.state.g.any()
     np.testing.assert_array_equal(untold.batch.state.theta, told.batch.state.theta)
     assert untold.status().confounded == (

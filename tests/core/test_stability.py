@@ -11,8 +11,8 @@ from monitor_core.drive.stability import stable_limits
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import INTERVAL_S, NOISE, experiment
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 MONITORED = (("kT", "1/Ja", "fm"), ("Jg", "Ja", "dg"), ("r", "kg", "da"), ("1/Jm", "ka", "fm"))
@@ -55,7 +55,7 @@ def test_friction_cannot_drive(seed: int) -> None:
     bank = AxisBatch([model], [Settings(INTERVAL_S, P0=(1e-4, 1e-8, 1.0), settle_s=0.0)])
     assert bank.limits[0][2, 0] == pytest.approx(0.0, abs=1e-4)
     monitor = AxisMonitor.of_lane(bank, 0)
-    monitor.run(*experiment(seed, {"fm": -3.0}, samples=2000, fault_at=200))
+    monitor.update(SampleBlock(*experiment(seed, {"fm": -3.0}, samples=2000, fault_at=200)))
     fm = monitor.status().parameters[2]
     assert bank.state.theta[2, 0] >= bank.limits[0][2, 0]
     assert monitor.status().counters["projected"] > 0

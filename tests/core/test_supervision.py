@@ -11,10 +11,9 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_
 from monitor_core.kernel.block import Trace
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.monitoring import AxisBatch, AxisMonitor, Observation, Status
 from monitor_core.monitoring import axis_batch as bank_module
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.axis_status import Observation, Status
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, Case, as_columns
 from tests.core.differences import worst
@@ -156,17 +155,17 @@ def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
     rng = np.random.default_rng(seed)
     monitor = AxisMonitor(MODEL, replace(settings, K=(), K_after=()))
     rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 300), rng)
-    monitor.run(*part(rec, 0, 3500))
+    monitor.update(SampleBlock(*part(rec, 0, 3500)))
     st = monitor.batch.state
     theta, P, g = st.theta.copy(), st.P.copy(), st.g.copy()
     before = monitor.status().counters
-    monitor.run(*part(rec, 3500, 5000))
+    monitor.update(SampleBlock(*part(rec, 3500, 5000)))
     assert (st.theta == theta).all()
     assert (st.P == P).all()
     assert (st.g == g).all()
     assert monitor.status().counters["starved"] - before["starved"] == 1500
     assert {p.observation for p in monitor.status().parameters} == {Observation.UNSEEN}
-    monitor.run(*part(rec, 5000, 5300))
+    monitor.update(SampleBlock(*part(rec, 5000, 5300)))
     assert (st.theta != theta).any()
 
 
@@ -176,10 +175,10 @@ def test_after_a_rest_all_is_watched_again(floor: float, settings: Settings, see
     rng = np.random.default_rng(seed)
     monitor = AxisMonitor(MODEL, replace(settings, K=(), K_after=(), floor=floor))
     rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 600), rng)
-    monitor.run(*part(rec, 0, 5000))
+    monitor.update(SampleBlock(*part(rec, 0, 5000)))
     assert {p.observation for p in monitor.status().parameters} == {Observation.UNSEEN}
     theta = monitor.batch.state.theta.copy()
-    monitor.run(*part(rec, 5000))
+    monitor.update(SampleBlock(*part(rec, 5000)))
     assert {p.observation for p in monitor.status().parameters} == {Observation.OBSERVED}
     assert (monitor.batch.state.theta != theta).all()
 
@@ -189,11 +188,11 @@ def test_a_constant_speed_shows_friction_only(settings: Settings, seed: int) -> 
     rng = np.random.default_rng(seed)
     monitor = AxisMonitor(MODEL, settings)
     lively = moved(BY_NAME["paper"], multisine(rng, LIVELY, H, BAND_HZ, TORQUE_RMS), rng)
-    monitor.run(*lively)
+    monitor.update(SampleBlock(*lively))
     assert all(p.observation is Observation.OBSERVED for p in monitor.status().parameters)
     assert monitor.status().confounded == ()
     steady = moved(BY_NAME["paper"], np.full(PAUSE, 0.5), rng)
-    monitor.run(steady.t_us + lively.t_us[-1] + 10**6, steady.u, steady.y)
+    monitor.update(SampleBlock(steady.t_us + lively.t_us[-1] + 10**6, steady.u, steady.y))
     seen = {p.name: p.observation for p in monitor.status().parameters}
     assert seen["1/Ja"] is Observation.UNSEEN
     assert seen["kT"] is seen["fm"] is Observation.UNSEEN
@@ -207,13 +206,13 @@ def test_what_is_not_observed_shows_its_last_observed_value_and_raises_no_alarm(
     monitor = AxisMonitor(MODEL, settings)
     u = np.concatenate([multisine(rng, 1500, H, BAND_HZ, TORQUE_RMS), np.full(4000, 0.5)])
     rec = moved(BY_NAME["paper"], u, rng)
-    monitor.run(*rec)
+    monitor.update(SampleBlock(*rec))
     i = MODEL.monitored.index("1/Ja")
     assert monitor.status().parameters[i].observation is Observation.UNSEEN
     shown, g = monitor.status().parameters[i].estimate, monitor.batch.state.g.copy()
     monitor.batch.state.theta[i] *= 2  # as far off as can be
     later = Record(rec.t_us[-1] + 5000 * np.arange(1, 401), u[-400:], rec.y[-400:])
-    monitor.run(*later)
+    monitor.update(SampleBlock(*later))
     assert monitor.status().parameters[i].estimate == shown
     assert (monitor.batch.state.g[:, i] == g[:, i]).all()
 
@@ -228,7 +227,7 @@ def test_P_stays_bounded_symmetric_and_definite_whatever_comes(seed: int) -> Non
         n = int(rng.integers(50, 1000))
         size = 10 ** rng.uniform(-6, 3, 2) * (rng.random(2) < 0.7)
         u, y = size[0] * rng.standard_normal(n), size[1] * rng.standard_normal(n)
-        monitor.run(t + 5000 * np.arange(1, n + 1), u + rng.choice([0, 1.0]), y)
+        monitor.update(SampleBlock(t + 5000 * np.arange(1, n + 1), u + rng.choice([0, 1.0]), y))
         t += 5000 * n
         P = monitor.batch.state.P[:, :, 0] / np.sqrt(np.outer(s.P0, s.P0))
         assert (P == P.T).all()
@@ -254,11 +253,11 @@ def test_an_axis_that_stands_still_at_first_waits_with_P0(
     rng = np.random.default_rng(seed)
     monitor = AxisMonitor(MODEL, replace(settings, P0=()))
     t, zero = np.arange(12_000, dtype=np.int64) * 5000, np.zeros(12_000)
-    assert monitor.run(t, zero, noise * rng.standard_normal(12_000)) == []
+    assert monitor.update(SampleBlock(t, zero, noise * rng.standard_normal(12_000))) == []
     assert {p.status for p in monitor.status().parameters} == {Status.SEEDING}
     np.testing.assert_array_equal(monitor.batch.state.theta[:, 0], MODEL.theta0)
     rec = moved(BY_NAME["paper"], multisine(rng, 8000, H, BAND_HZ, TORQUE_RMS), rng)
-    assert monitor.run(rec.t_us + t[-1] + 5000, rec.u, rec.y) == []
+    assert monitor.update(SampleBlock(rec.t_us + t[-1] + 5000, rec.u, rec.y)) == []
     assert {p.status for p in monitor.status().parameters} <= {Status.TRACKING, Status.WEAK}
     P0 = np.array(settings.P0)
     assert (abs(np.log(monitor.batch.state.P_nom[:, 0] / P0)) < np.log(3)).all()

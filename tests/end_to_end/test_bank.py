@@ -15,7 +15,8 @@ def bank_config(folder: Path) -> Path:
     text = config.read_text(encoding="utf-8")
     assert text.count("[robot.axis.detector]\n") == 1
     config.write_text(
-        text.replace("[robot.axis.detector]\n", '[robot.axis.detector]\nkind = "bank"\n'), encoding="utf-8"
+        text.replace("[robot.axis.detector]\n", '[robot.axis.detector]\nalarm_source = "multimodel"\n'),
+        encoding="utf-8",
     )
     return config
 
@@ -35,13 +36,16 @@ def test_friction_is_named_and_stays_one_alarm_over_a_restart(tmp_path: Path) ->
             assert alarm["onset_low"] <= alarm["onset"] <= alarm["onset_high"]
             assert 0.01 < alarm["size"] < 0.06
             (axis,) = d.get("api/v1/axes")["axes"]
-            assert [(x["name"], x["alarms"]) for x in axis["detectors"]] == [("cusum", False), ("bank", True)]
+            assert [(x["name"], x["alarms"]) for x in axis["detectors"]] == [
+                ("cusum", False),
+                ("multimodel", True),
+            ]
             metrics = d.text("metrics")
             assert d.stop() == 0
         for line in (
             'axiswatch_alarm_active{axis="demo.axis1",direction="up",parameter="fm"} 1.0',
             'axiswatch_alarm_active{axis="demo.axis1",direction="up",parameter="torque sign"} 0.0',
-            'axiswatch_detector_alarms{axis="demo.axis1",detector="bank"} 1.0',
+            'axiswatch_detector_alarms{axis="demo.axis1",detector="multimodel"} 1.0',
         ):
             assert line in metrics
         with daemon(config) as d:
@@ -56,5 +60,5 @@ def test_friction_is_named_and_stays_one_alarm_over_a_restart(tmp_path: Path) ->
     assert result.returncode == 0, result.stderr
     (replayed,) = json.loads(out.read_text(encoding="utf-8"))["axes"]
     assert replayed["alarms"][0]["raised"] == alarm["raised"]
-    assert [d["name"] for d in replayed["detectors"] if d["alarms"]] == ["bank"]
+    assert [d["name"] for d in replayed["detectors"] if d["alarms"]] == ["multimodel"]
     assert "fm" in page.read_text(encoding="utf-8")

@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
 from service.config import load
-from service.pipeline.axis_monitors import Monitors
+from service.pipeline.axis_monitors import AxisMonitors
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import Daemon, daemon, demo_config, run_program, running, wait_for
 
@@ -35,7 +35,7 @@ def alarms(daemon: Daemon) -> dict[int, dict[str, Any]]:
 def saved(config_file: Path) -> dict[str, AxisMonitor]:
     """The monitors as the daemon has left them."""
     config = load(config_file, {})
-    monitors = Monitors(config.axes).by_id
+    monitors = AxisMonitors(config.axes).by_id
     checkpoints = Checkpoints(config.service.state_dir / "checkpoints.sqlite")
     for axis_id, monitor in monitors.items():
         found = checkpoints.load(axis_id, monitor.key, 0)

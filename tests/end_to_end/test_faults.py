@@ -15,12 +15,12 @@ UNSAVED = "the state of the monitors cannot be saved"
 
 BROKEN = """
 from service.commands.main import main
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.frame_pipeline import FramePipeline
 
 def run(_):
     raise ZeroDivisionError("division by a fault")
 
-Core.run = run
+FramePipeline.run = run
 main()
 """
 

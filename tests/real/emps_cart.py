@@ -12,9 +12,10 @@ import numpy as np
 from monitor_core.calibration.calibrate import CalibrationOptions
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.injection import load_of, torque
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from monitor_core.drive.assembly import Assembly
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
 from service.config import Config, load
 from service.identification.identification_result import Provenance as Identified
@@ -24,6 +25,7 @@ from service.identification.task import task_of
 from service.ingest.calibration_records import read
 from service.reports.calibration_report import Calibration, Provenance
 from service.reports.identification_toml import as_toml
+from tests.core.alarm_versions import alarm_versions
 
 CART = """model Cart "A motor on a ball screw with a cart: a shaft whose angle in rad is the position in m"
   import Modelica.Mechanics.Rotational.*;
@@ -138,11 +140,11 @@ def faulty(found: Calibration, one: Samples, change: Mapping[str, float], start:
 def said(found: Calibration, one: Samples) -> tuple[list[Alarm], AxisMonitor]:
     """All that the monitor reports of it, and the monitor."""
     monitor = AxisMonitor(found.result.model, found.result.settings)
-    return monitor.run(one.t_us, one.u, one.y), monitor
+    return alarm_versions(monitor, SampleBlock(one.t_us, one.u, one.y))[0], monitor
 
 
 def peak_of_g(found: Calibration, one: Samples) -> float:
     """Largest g over its threshold, of any test."""
     monitor = AxisMonitor(found.result.model, found.result.settings)
-    _, trace = monitor.run_traced(one.t_us, one.u, one.y)
+    _, trace = monitor.update_traced(SampleBlock(one.t_us, one.u, one.y))
     return float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))

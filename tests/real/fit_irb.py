@@ -17,7 +17,8 @@ from scipy.optimize import least_squares
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.initial_covariance import steady_state_p
 from tests.real.irb import Record, model_and_settings, noises, read
@@ -40,7 +41,7 @@ class Errors(NamedTuple):
 def prediction_errors(model: AxisModel, settings: Settings, record: Record) -> Errors:
     """The errors of the monitor's predictor with theta at nominal: the run that looks for P(0) never ends."""
     frozen = replace(settings, lam=1 - 1e-6, P0=())
-    _, trace = AxisMonitor(model, frozen).run_traced(*record)
+    _, trace = AxisMonitor(model, frozen).update_traced(SampleBlock(*record))
     eps, psi = trace.eps, trace.psi
     learned = np.isfinite(eps)
     return Errors(eps[learned], psi[learned])

@@ -15,7 +15,7 @@ import pytest
 
 from monitor_core.calibration.doubts import CalibrationError
 from monitor_core.calibration.healthy import Samples
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from service.reports.calibration_report import Calibration
 from tests.real.emps_cart import (
     BUDGET_S,

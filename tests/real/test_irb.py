@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm
-from monitor_core.monitoring.axis_batch import standard_deviation
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import AxisMonitor, standard_deviation
+from monitor_core.samples import SampleBlock
+from tests.core.alarm_versions import alarm_versions
 from tests.real.fit_irb import (
     FITTED,
     all_fitted,
@@ -44,7 +45,7 @@ def start_of_fault(record: Record) -> int:
 def run(record: Record) -> tuple[list[Alarm], Floats, AxisMonitor]:
     """Episodes, largest g / size by direction and parameter, and the monitor after the record."""
     monitor = AxisMonitor(*model_and_settings())
-    episodes, trace = monitor.run_traced(*record)
+    episodes, trace = alarm_versions(monitor, SampleBlock(*record))
     return episodes, trace.g.max(axis=0) / monitor.model.scale, monitor
 
 
@@ -68,7 +69,7 @@ def test_healthy_record_is_quiet(record: Record) -> None:
 
 def test_reported_standard_deviations_are_those_of_the_estimates(record: Record) -> None:
     model, settings = model_and_settings()
-    _, trace = AxisMonitor(model, settings).run_traced(*record)
+    _, trace = AxisMonitor(model, settings).update_traced(SampleBlock(*record))
     late = slice(round(1 / settings.interval_s), None)
     reported = np.vectorize(lambda P_ii: standard_deviation(settings, P_ii))(trace.P[late])
     spread = np.sqrt(np.mean(((trace.theta[late] - model.theta0) / reported) ** 2, axis=0))

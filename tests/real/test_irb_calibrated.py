@@ -9,7 +9,8 @@ import pytest
 from monitor_core.calibration.calibrate import CalibrationOptions
 from monitor_core.calibration.doubts import CalibrationError
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
 from service.reports.calibration_report import Calibration, Provenance
 from tests.real.irb import Record, configuration, read, with_torque_constant, with_viscous_friction
@@ -40,7 +41,7 @@ def found(path: Path) -> Calibration:
 
 def test_the_healthy_record_is_quiet(found: Calibration, path: Path) -> None:
     monitor = AxisMonitor(found.result.model, found.result.settings)
-    episodes, trace = monitor.run_traced(*read(path))
+    episodes, trace = monitor.update_traced(SampleBlock(*read(path)))
     assert episodes == []
     assert (trace.g.max(axis=(0, 1)) < 0.5 * monitor.batch.thresholds[:, 0]).all()
 
@@ -60,7 +61,8 @@ def test_a_fault_in_the_second_half_is_named_in_time(
     record: Record = read(path)
     start = len(record.u) // 2
     faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
-    episodes = AxisMonitor(found.result.model, found.result.settings).run(*faulty)
+    monitor = AxisMonitor(found.result.model, found.result.settings)
+    episodes = [change.alarm for change in monitor.update(SampleBlock(*faulty))]
     assert {(e.parameter, e.direction) for e in episodes} == {alarm}
     delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
     print(f"irb {alarm}: {delay_s:.2f} s")
@@ -83,22 +85,22 @@ def test_the_bank_with_its_own_thresholds_is_quiet_and_finds_the_same_faults(
         model,
         settings,
         MultiModelDetector(model, settings, limits),
-        "bank",
+        "multimodel",
     )
-    assert watched.run(*record) == []
+    assert watched.update(SampleBlock(*record)) == []
     start = len(record.u) // 2
     faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
     watched = AxisMonitor(
         model,
         settings,
         MultiModelDetector(model, settings, limits),
-        "bank",
+        "multimodel",
     )
-    episodes = watched.run(*faulty)
+    episodes = [change.alarm for change in watched.update(SampleBlock(*faulty))]
     delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
     print(f"irb, bank, {name}: {delay_s:.2f} s")
     assert 0 < delay_s < WITHIN_S
-    assert [(e.parameter, e.stage) for e in watched.book.open] == [(name, "named")]
+    assert [(e.parameter, e.stage) for e in watched.open_alarms] == [(name, "named")]
 
 
 def test_a_year_cannot_be_promised_from_ten_seconds(path: Path) -> None:

@@ -16,7 +16,7 @@ import pytest
 from service.commands.play import TOO_SLOW
 from service.config import load
 from service.ingest.records import read_record
-from service.pipeline.axis_monitors import Monitors
+from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.playback import play_record
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import Daemon, daemon, run_program, wait_for
@@ -142,9 +142,9 @@ def test_replay_of_the_recorded_frames_gives_the_same_bits(played: Played) -> No
 def test_replay_of_the_recorded_frames_gives_the_same_state(played: Played) -> None:
     """All of it: theta, the whole P, g, the predictor."""
     config = load(played.config, {})
-    monitors = Monitors(config.axes)
+    monitors = AxisMonitors(config.axes)
     for step in read_record(played.recording, config).steps():
-        monitors.run(step.samples)
+        monitors.update(step.samples)
     monitor = monitors.by_id[AXIS]
     saved = _saved(config.service.state_dir / "checkpoints.sqlite", monitor.key)
     for name, array in monitor.to_arrays().items():

@@ -10,17 +10,19 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.record import Record
 from monitor_core.kernel.block import Trace
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.base_table import Reading
 from service.identification.estimate_scatter import colour_of
+from tests.core.alarm_versions import alarm_versions
 from tests.real.test_ur10e import INTERVAL_S, SPEED_SCALE, estimate, read
 
 pytestmark = pytest.mark.records
@@ -97,7 +99,9 @@ def run(
     watched: tuple[AxisModel, Settings], record: Record, u: Floats
 ) -> tuple[list[Alarm], Trace, AxisMonitor]:
     monitor = AxisMonitor(*watched)
-    episodes, trace = monitor.run_traced(np.round(record.t * 1e6).astype(np.int64), u, record.y)
+    episodes, trace = alarm_versions(
+        monitor, SampleBlock(np.round(record.t * 1e6).astype(np.int64), u, record.y)
+    )
     return episodes, trace, monitor
 
 

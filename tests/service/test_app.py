@@ -12,7 +12,7 @@ import pytest
 import structlog
 
 from service.commands.daemon import DaemonFailedError, run_daemon
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.warming import CacheFiller
 from service.store.journal import Journal
 from tests.service.pipeline.robots import demo
@@ -21,12 +21,12 @@ from tests.service.pipeline.robots import demo
 def test_a_worker_that_fails_stops_the_daemon_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(_: Core) -> None:
+    def broken(_: FramePipeline) -> None:
         raise ZeroDivisionError("a fault of the program")
 
     config = demo(tmp_path, 1)
     web = config.web.model_copy(update={"port": 0})
-    monkeypatch.setattr(Core, "run", broken)
+    monkeypatch.setattr(FramePipeline, "run", broken)
     with structlog.testing.capture_logs() as logs, pytest.raises(DaemonFailedError) as failure:
         run_daemon(config.model_copy(update={"web": web}))
     assert isinstance(failure.value.__cause__, ZeroDivisionError)

@@ -78,40 +78,40 @@ def checked(path: Path) -> str:
 
 def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None:
     one = found(robot)
-    assert one.alarms == "cusum"
-    assert one.beside is not None
-    assert "alarms: cusum (bank looks on)" in checked(robot)
+    assert one.alarm_source == "cusum"
+    assert one.multimodel is not None
+    assert "alarms: cusum (multimodel in shadow mode)" in checked(robot)
 
 
 def test_alone(robot: Path) -> None:
-    assert found(detector(robot, "beside = false")) == Detectors("cusum", None, "")
-    assert "bank" not in checked(robot)
+    assert found(detector(robot, "shadow = false")) == Detectors("cusum", None, "")
+    assert "multimodel" not in checked(robot)
 
 
 def test_the_bank_without_a_record_is_said_to_go_by_the_guarantee(robot: Path) -> None:
-    one = found(detector(robot, 'kind = "bank"', "budget_s = 3600.0"))
-    assert one.alarms == "bank"
+    one = found(detector(robot, 'alarm_source = "multimodel"', "budget_s = 3600.0"))
+    assert one.alarm_source == "multimodel"
     said = checked(robot)
-    assert "no more than one false alarm in an hour if the model is exact" in said
+    assert "at most one false alarm in an hour if the model is exact" in said
     assert "axiswatch calibrate" in said
 
 
 def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
     one = found(calibrated(robot, OWN))
-    assert one.alarms == "bank"
-    assert one.beside is not None
-    assert one.beside.bank.causes == ("kT", "torque sign")
-    assert one.beside.bank.hypotheses[0].alike == ("torque scale",)
+    assert one.alarm_source == "multimodel"
+    assert one.multimodel is not None
+    assert one.multimodel.bank.causes == ("kT", "torque sign")
+    assert one.multimodel.bank.hypotheses[0].alike == ("torque scale",)
     said = checked(robot)
-    assert "alarms: bank (h from its records)" in said
+    assert "alarms: multimodel (h from its records)" in said
     assert "guarantee" not in said
-    assert found(detector(robot, 'kind = "cusum"')).alarms == "cusum"
+    assert found(detector(robot, 'alarm_source = "cusum"')).alarm_source == "cusum"
 
 
 def test_a_file_of_thresholds_without_the_bank(robot: Path) -> None:
-    assert found(calibrated(robot, [])).alarms == "cusum"
-    key, message = problem(detector(robot, 'kind = "bank"'))
-    assert key.endswith("detector.kind")
+    assert found(calibrated(robot, [])).alarm_source == "cusum"
+    key, message = problem(detector(robot, 'alarm_source = "multimodel"'))
+    assert key.endswith("detector.alarm_source")
     assert message == 'thresholds.toml has no thresholds of the bank: calibrate again, or use "cusum"'
 
 
@@ -148,6 +148,6 @@ def test_where_nominal_values_vary_the_bank_looks_on_unless_it_is_asked_for(robo
     calibrated(robot, [{"cause": "fm", "size": 0.2, "h": 9.0}])
     read_from_files(VARYING, robot)
     one = found(robot)
-    assert one.alarms == "cusum"
-    assert one.beside is not None
-    assert found(detector(robot, 'kind = "bank"')).alarms == "bank"
+    assert one.alarm_source == "cusum"
+    assert one.multimodel is not None
+    assert found(detector(robot, 'alarm_source = "multimodel"')).alarm_source == "multimodel"

@@ -13,8 +13,8 @@ from monitor_core.drive.axis_model import AxisModel
 from service.commands.demo import with_drive_of
 from service.commands.main import app
 from service.config import Config, drive_of, given_values
-from service.pipeline.axis_change import Change
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.axis import ControlledAxis
 from service.simulation.demonstration import usual_fault
 from service.simulation.planned_motion import SPEED_RMS
@@ -116,11 +116,11 @@ def test_every_drive_moves_as_fast(name: str, tmp_path: Path, seed: int) -> None
 def test_the_usual_fault_is_named_and_nothing_else(name: str, tmp_path: Path, seed: int) -> None:
     read = config(tmp_path, name)
     broken = usual_fault(read.axes[0].config)
-    core, found = Core(read), dict[tuple[str, str], Change]()
+    core, found = FramePipeline(read), dict[tuple[str, str], AxisAlarm]()
     faults = [Fault("demo.axis2", {broken: 1.3}, FAULT_S)]
     for block in blocks(read, FAULT_S + 15, seed, faults):
         core.take("can0", block)
-        for change in core.run():
+        for change in core.update():
             found.setdefault((change.axis_id, change.alarm.parameter), change)
     first = next(iter(found.values()))
     assert set(found) == {("demo.axis2", broken)}

@@ -13,14 +13,14 @@ import pytest
 from typer.testing import CliRunner
 
 from monitor_core.drive.kalman import filter_gain
+from monitor_core.samples import SampleBlock
 from service.commands.main import app
 from service.config import Config, ConfigErrors, load
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.encoder_remarks import remarks_on_encoders
 from service.ingest.identification_records import load as load_record
-from service.ingest.table_record import SampleBlock
-from service.pipeline.axis_monitors import Monitors
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import blocks
@@ -134,13 +134,13 @@ def test_saved_and_put_back_within_a_gap(course: Course, tmp_path: Path) -> None
     """The whole angle goes on from where the saved predictor was."""
     axes = load(config(tmp_path / "a", "wrap_period = 0.5"), {}).axes
     cut = far(course)
-    one, first, second = Monitors(axes), Monitors(axes), Monitors(axes)
-    one.run(samples(course, 0, cut))
-    one.run(samples(course, cut, N))
-    first.run(samples(course, 0, cut))
-    second.run({})
+    one, first, second = AxisMonitors(axes), AxisMonitors(axes), AxisMonitors(axes)
+    one.update(samples(course, 0, cut))
+    one.update(samples(course, cut, N))
+    first.update(samples(course, 0, cut))
+    second.update({})
     second.by_id["demo.axis1"].from_arrays(first.by_id["demo.axis1"].to_arrays())
-    second.run(samples(course, cut, N))
+    second.update(samples(course, cut, N))
     a, b = (m.by_id["demo.axis1"].to_arrays()["floats"] for m in (one, second))
     np.testing.assert_array_equal(a, b)
 
@@ -164,11 +164,11 @@ def test_a_record_to_identify_from_is_made_whole(course: Course, tmp_path: Path)
     assert source.dropped["ambiguous"] == 0
 
 
-def run_live(read: Config, frames: list[list[Any]]) -> Core:
-    core = Core(read)
+def run_live(read: Config, frames: list[list[Any]]) -> FramePipeline:
+    core = FramePipeline(read)
     for block in frames:
         core.take(read.bus[0].name, block)
-        core.run()
+        core.update()
     return core
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from service.commands.main import app
 from service.config import ConfigErrors, NamedAxis, load
 from service.config.axis_settings import axis_model, axis_settings
-from service.ingest.table_record import SampleBlock
-from service.pipeline.axis_monitors import Monitors
+from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import ControlledAxis
 from tests.service.test_skew import written
 
@@ -36,8 +36,8 @@ def read(folder: Path, line: str = "interval_mean = true") -> NamedAxis:
 
 
 def run(axis: NamedAxis, u: np.ndarray, y: np.ndarray) -> AxisMonitor:
-    monitors = Monitors([axis])
-    monitors.run({axis.id: SampleBlock(np.arange(len(u)) * 5000, u, y)})
+    monitors = AxisMonitors([axis])
+    monitors.update({axis.id: SampleBlock(np.arange(len(u)) * 5000, u, y)})
     return monitors.by_id[axis.id]
 
 
@@ -70,12 +70,12 @@ def test_estimates_are_right_and_the_fault_is_found(
     u, y = course
     after = run(read(tmp_path / "a"), u, y)
     before = run(read(tmp_path / "b"), u[:FAULT], y[:FAULT])
-    assert not before.book.open
+    assert not before.open_alarms
     for p in before.status().parameters:
         assert abs(p.estimate - p.nominal) < 8 * p.standard_deviation, p.name
     kT = after.status().parameters[0]
     assert kT.estimate == pytest.approx(0.8, abs=8 * kT.standard_deviation)
-    assert "kT" in {e.parameter for e in after.book.open}
+    assert "kT" in {e.parameter for e in after.open_alarms}
 
 
 def test_taken_for_the_speed_of_the_moment_they_are_off(
@@ -118,7 +118,7 @@ def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarra
     file.write_text(text.replace("torque_noise = 0.05\n", "").replace("output_noise = 0.02\n", ""))
     axis = load(file, {}).axes[0]
     assert axis_model(axis.config).drive.output == "mean speed"
-    assert not run(axis, course[0][:FAULT], course[1][:FAULT]).book.open
+    assert not run(axis, course[0][:FAULT], course[1][:FAULT]).open_alarms
     plan = ["excite", "--config", str(file), "--torque-limit", "3", "--seed", "1", "--seconds", "2"]
     result = CliRunner().invoke(app, [*plan, "-o", str(tmp_path / "plan.csv")])
     assert result.exit_code == 0, result.output

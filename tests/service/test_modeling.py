@@ -161,8 +161,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from service.config import load
-from service.pipeline.axis_monitors import Monitors
-Monitors(load(Path(sys.argv[1]), {}).axes)
+from service.pipeline.axis_monitors import AxisMonitors
+AxisMonitors(load(Path(sys.argv[1]), {}).axes)
 print(sorted({"sympy", "pymoca", "antlr4"} & {name.split(".")[0] for name in sys.modules}))
 """
     done = subprocess.run(

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
-from service.ingest.table_record import SampleBlock
-from service.pipeline.axis_monitors import Monitors
+from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 from service.simulation.sending import run_robot
@@ -54,8 +54,8 @@ def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Pa
     times = np.arange(n) * round(robot.interval_s * 1e6)
     u, y = (np.array([getattr(r, name) for r in readings]) for name in ("torque", "motion"))
     assert 0.5 < u.std() < 2.0
-    monitors = Monitors([one])
-    assert monitors.run({one.id: SampleBlock(times, u, y)}) == []
+    monitors = AxisMonitors([one])
+    assert monitors.update({one.id: SampleBlock(times, u, y)}) == []
     for p in monitors.by_id[one.id].status().parameters:
         assert abs(p.estimate - p.nominal) < 0.15 * p.nominal, p.name
 

@@ -14,7 +14,7 @@ from service.can.recorder import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest.encode import FrameEncoder
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.robot import SimulatedRobot
 from tests.end_to_end.processes import demo_config
 
@@ -65,12 +65,12 @@ def of_replay(file: Path, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
 
 
 def of_the_daemon(config: Config, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
-    core = Core(config)
+    core = FramePipeline(config)
     for k in range(0, len(frames), 61):
         core.take("can0", frames[k : k + 61])
-        core.run()
+        core.update()
     core.flush()
-    core.run()
+    core.update()
     ingest = core.ingests["can0"]
     return {
         "counters": core.monitors.by_id["demo.axis1"].status().counters,

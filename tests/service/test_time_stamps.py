@@ -24,14 +24,14 @@ from monitor_core.excitation.reference_experiment import (
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from service.can.frames import Frame
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest.cyclic import CyclicClock
 from service.ingest.encode import FrameEncoder
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.robot import SimulatedRobot
 from tests.end_to_end.processes import demo_config
 
@@ -147,12 +147,12 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
     log = write(tmp_path / "jitter.log", frames)
     exact = write(tmp_path / "exact.log", frames_of(config, np.random.default_rng(seed), 20.0, 0.0))
 
-    core = Core(config)
+    core = FramePipeline(config)
     for k in range(0, len(frames), 37):
         core.take("can0", frames[k : k + 37])
-        core.run()
+        core.update()
     core.flush()
-    core.run()
+    core.update()
     fitted, raw, known = replayed(file, log), replayed(raw_file, log), replayed(raw_file, exact)
     facts = core.monitors.by_id["demo.axis1"].status()
     assert [p["estimate"] for p in fitted["parameters"]] == [p.estimate for p in facts.parameters]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.detection.alarm import Cause, Reach
+from monitor_core.detection import Cause, Reach
 from monitor_core.trend.trend import trend_of
 from service.texts.alarm_texts import episode_words
 from service.texts.trend_texts import reach_words, trend_words

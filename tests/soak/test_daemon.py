@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from monitor_core.monitoring.axis_batch import FEWEST_LANES
+from monitor_core.monitoring import FEWEST_LANES
 from service.pipeline.kernel_cache import VARIABLE
 from service.pipeline.warming import HYPOTHESES, CacheFiller
 from tests.bench.costs import memory_mb

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiments
 from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, first_named, histories
 

@@ -8,11 +8,11 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from monitor_core.samples import SampleBlock
 from service.config import Config, load
 from service.config.resources import shipped
-from service.ingest.table_record import SampleBlock
-from service.pipeline.axis_change import Change
-from service.pipeline.axis_monitors import Monitors
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 
 pytestmark = pytest.mark.soak
@@ -29,7 +29,7 @@ def config() -> Config:
 
 
 def test_an_hour_without_a_fault_is_an_hour_without_an_alarm(config: Config, seed: int) -> None:
-    monitors = Monitors(config.axes)
+    monitors = AxisMonitors(config.axes)
     changes = list(run(SimulatedRobot(config, seed), monitors, HOUR_S))
     assert changes == []
     for monitor in monitors.by_id.values():
@@ -44,18 +44,18 @@ def test_an_hour_without_a_fault_is_an_hour_without_an_alarm(config: Config, see
 def test_a_fault_is_named(factor: float, config: Config, seed: int) -> None:
     axis_id = config.axes[seed % len(config.axes)].id
     robot = SimulatedRobot(config, seed, [Fault(axis_id, {"fm": factor}, FAULT_AFTER_S)])
-    changes = list(run(robot, Monitors(config.axes), FAULTY_S))
+    changes = list(run(robot, AxisMonitors(config.axes), FAULTY_S))
     found = {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in changes}
     assert found == {(axis_id, "fm", "up" if factor > 1 else "down")}
     assert min(c.alarm.raised_us for c in changes) > FAULT_AFTER_S * 1e6
 
 
-def run(robot: SimulatedRobot, monitors: Monitors, length_s: int) -> Iterator[Change]:
+def run(robot: SimulatedRobot, monitors: AxisMonitors, length_s: int) -> Iterator[AxisAlarm]:
     """All that changes while the monitors take the robot's samples."""
     moments = robot.moments()
     for _ in range(length_s // PART_S):
         part = list(islice(moments, PART_S * 200))
-        yield from monitors.run({axis_id: block(part, axis_id) for axis_id in monitors.by_id})
+        yield from monitors.update({axis_id: block(part, axis_id) for axis_id in monitors.by_id})
 
 
 def block(moments: list[Moment], axis_id: str) -> SampleBlock:

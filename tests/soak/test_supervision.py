@@ -10,8 +10,8 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, faulty
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.figures import steady_p
 from tests.core.supervised import FLOOR, MODEL, SUPERVISED, TORQUE_NOISE, H
@@ -42,10 +42,9 @@ class Axis:
             y, self.x = simulate_linear(three_mass("speed"), values, acting, H, self.x)
             t = self.samples + np.arange(len(u))
             noisy = y[:, 0] + self.rng.standard_normal(len(u))
-            episodes = self.monitor.run((t * round(H * 1e6)).astype(np.int64), u, noisy)
-            self.alarms += [
-                (e.raised_us, e.parameter) for e in episodes if e.crossings == 1 and not e.ended_us
-            ]
+            block = SampleBlock((t * round(H * 1e6)).astype(np.int64), u, noisy)
+            changes = self.monitor.update(block)
+            self.alarms += [(alarm.raised_us, alarm.parameter) for kind, alarm in changes if kind == "raised"]
             self.samples += len(u)
             self.check()
 

@@ -1,9 +1,9 @@
-"""What the kernel notes for the name of a change, as evidence with its covariance."""
+"""Evidence for the cause of a change, and readings for the long-term trend, from what the kernel has noted."""
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Evidence
+from monitor_core.detection.cusum.events import Evidence
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant

@@ -1,30 +1,42 @@
-"""The bank of hypotheses of one axis as a detector: samples in, what it says and the alarms made of it out."""
+"""Multi-model detector of one axis: a bank of hypotheses, and the alarms that are made of what it finds.
+
+A change raises one alarm.  The alarm is named when the evidence is in, may be renamed once when the size is known well,
+and ends when its cause is over.  A further change of a cause with an open alarm belongs to that alarm.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm
-from monitor_core.detection.alarm_arrays import episodes_from_array, episodes_to_array
+from monitor_core.detection.alarm import Alarm, Cause, direction_of
+from monitor_core.detection.detector import (
+    MIN_PROBABILITY,
+    AlarmEvent,
+    CauseNamed,
+    DetectedAgain,
+    DetectorName,
+    Ended,
+    Leading,
+    Onset,
+    Raised,
+)
 from monitor_core.detection.multimodel.candidates import change
-from monitor_core.detection.multimodel.events import Event
-from monitor_core.detection.multimodel.hypothesis import Hypothesis
+from monitor_core.detection.multimodel.events import Changed, Event, Named
+from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
-from monitor_core.detection.multimodel.multimodel_tracker import HypothesisBook
+from monitor_core.detection.multimodel.naming import Share
 from monitor_core.detection.multimodel.quantities import Quantity, causes_of, quantity_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.kernel.hypotheses import BankTrace
+from monitor_core.kernel.state import NEVER
 from monitor_core.settings import Settings
 
-SCHEMA = 1
+SCHEMA = 2
 """Of a saved state; another one is not read."""
 
 
@@ -104,28 +116,29 @@ def _default(axis: _Axis) -> tuple[Hypothesis, ...]:
 
 
 class MultiModelDetector:
-    """The bank of one axis and the book of its alarms.
+    """The bank of hypotheses of one axis.
 
-    The bank is made when it is needed first: its hypotheses are told apart by the compiled kernel.
+    The bank is created when it is needed first, as the compiled kernel decides which hypotheses can be told apart.
 
     Args:
         model: of the axis.
         settings: of the axis.
-        limits: when it alarms.
+        limits: thresholds.
 
     Raises:
         ValueError: the axis cannot have a bank; limits of unknown causes.
     """
+
+    name: DetectorName = "multimodel"
 
     def __init__(self, model: AxisModel, settings: Settings, limits: Limits) -> None:
         if reason := unfit(model, settings):
             raise ValueError(reason)
         self._model, self._settings, self._limits = model, settings, limits
         self.causes = causes_of(model)
-        """Whatever it may name"""
+        """Every cause that it may name"""
         if unknown := {one.cause for one in limits.own} - set(self.causes):
             raise ValueError(f"limits of {', '.join(sorted(unknown))}, which the axis does not have")
-        self.book = HypothesisBook(self.quantity)
 
     @cached_property
     def bank(self) -> HypothesisBank:
@@ -134,71 +147,130 @@ class MultiModelDetector:
 
     @property
     def made(self) -> bool:
-        """Whether there is a bank by now, and so a state."""
+        """Whether the bank exists by now, and so a state."""
         return "bank" in self.__dict__
 
     def quantity(self, cause: str) -> Quantity:
         """Nominal value and unit of a cause."""
         return quantity_of(self._model, self._settings, cause)
 
-    def run(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        gate: NDArray[np.bool_] | None = None,
-        shift: Floats | None = None,
-    ) -> list[Event]:
-        """Samples (N,) as for ``HypothesisBank.run``; what it says of them."""
-        return self.bank.run(t_us, u, y, gate, shift)
+    def leading(self) -> Leading:
+        """The cause that is nearest its threshold, and g / h; none before the first sample."""
+        return Leading(*self.bank.leading()) if self.made else Leading("", 0.0)
 
-    def run_traced(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        gate: NDArray[np.bool_] | None = None,
-        shift: Floats | None = None,
-    ) -> tuple[list[Event], BankTrace]:
-        """As ``run``, with what happened at every sample, as ``HypothesisBank.run_traced``."""
-        return self.bank.run_traced(t_us, u, y, gate, shift)
+    def interpret(self, event: Event, open_alarms: Sequence[Alarm]) -> list[AlarmEvent]:
+        """What an event of the bank means for the open alarms."""
+        return list(interpret(event, open_alarms, self.quantity))
 
-    def apply(self, event: Event) -> list[Alarm]:
-        """Take an event into the book; returns the episodes that it raised, changed or ended."""
-        return self.book.apply(event)
-
-    def leading(self) -> tuple[str, float]:
-        """The cause that is nearest its threshold, and g over h; none before the first sample."""
-        return self.bank.leading() if self.made else ("", 0.0)
-
-    def adopt(self, open_alarms: Iterable[Alarm]) -> None:
-        """Have these open alarms and no others; what is named in them stands from now on."""
-        episodes = list(open_alarms)
-        if _told(episodes) == _told(self.book.open):
-            self.book = HypothesisBook(self.quantity, episodes)
+    def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
+        """Take over open alarms: their causes are active faults from now on."""
+        opened = list(alarms)
+        if _seen_by_bank(opened) == _seen_by_bank(previous):
             return
-        self.book = HypothesisBook(self.quantity, episodes)
-        named = {e.parameter: self.quantity(e.parameter).size(e.size) for e in episodes if e.stage == "named"}
-        fresh = [e.raised_us for e in episodes if e.stage == "changed"]
+        named = {a.parameter: self.quantity(a.parameter).size(a.size) for a in opened if a.stage == "named"}
+        unnamed = [a.raised_us for a in opened if a.stage == "changed"]
         known = self.bank.causes
-        self.bank.adopt({c: size for c, size in named.items() if c in known}, fresh[0] if fresh else None)
-
-    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The whole state, to be saved: arrays by name."""
-        return self.bank.to_arrays() | {"episodes": episodes_to_array(self.book.open)}
-
-    def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go on from a saved state.
-
-        Raises:
-            KeyError: an array is missing.
-            ValueError: it does not belong to this axis, or is damaged.
-        """
-        episodes = episodes_from_array(arrays["episodes"], self.causes)
-        self.bank.from_arrays(arrays)
-        self.book = HypothesisBook(self.quantity, episodes)
+        active = {cause: size for cause, size in named.items() if cause in known}
+        self.bank.adopt(active, unnamed[0] if unnamed else None)
 
 
-def _told(episodes: Iterable[Alarm]) -> list[tuple[object, ...]]:
-    """What the bank has to know of them."""
-    return sorted((e.raised_us, e.parameter, e.stage) for e in episodes)
+def _seen_by_bank(alarms: Iterable[Alarm]) -> list[tuple[object, ...]]:
+    """What of the alarms has to agree with the active faults of the bank."""
+    return sorted((a.raised_us, a.parameter, a.stage) for a in alarms)
+
+
+def interpret(
+    event: Event, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
+) -> Iterator[AlarmEvent]:
+    """As ``MultiModelDetector.interpret``: it needs nothing but the open alarms and the units of the causes."""
+    if isinstance(event, Changed):
+        yield from _change(event, open_alarms, quantity)
+    elif isinstance(event, Named):
+        yield from _name(event, open_alarms, quantity)
+    else:  # with the cause ends what was about to be named, as nothing else has changed
+        for a in open_alarms:
+            if a.raised_us == event.since_us or a.parameter == event.cause:
+                yield Ended(a.key, event.time_us)
+
+
+def _change(
+    event: Changed, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
+) -> Iterator[AlarmEvent]:
+    share = event.shares[0]
+    same = _named_alarm(open_alarms, share.cause)
+    if same is not None:
+        yield DetectedAgain(same.key, event.time_us)
+    elif share.cause != HEALTHY:
+        yield Raised(_raised(event.time_us, event, quantity))
+
+
+def _name(
+    event: Named, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
+) -> Iterator[AlarmEvent]:
+    share = event.shares[0]
+    if share.cause == HEALTHY:  # an open alarm is about to end
+        return
+    unnamed = next((a for a in open_alarms if a.raised_us == event.since_us), None)
+    same = _named_alarm(open_alarms, share.cause)
+    if same is not None and (unnamed is None or same.key != unnamed.key):
+        if unnamed is not None:
+            yield Ended(unnamed.key, event.time_us)
+        yield _named(same, event, quantity, Onset.of_alarm(same))
+    elif unnamed is not None:
+        yield _named(unnamed, event, quantity, _onset(event))
+    else:
+        alarm = _raised(event.since_us, event, quantity)
+        alarm = replace(alarm, stage="named", updated_us=event.time_us, causes=_reported(event.shares))
+        yield Raised(replace(alarm, direction=direction_of(alarm.size)))
+
+
+def _raised(since_us: int, event: Changed | Named, quantity: Callable[[str], Quantity]) -> Alarm:
+    share, onset = event.shares[0], _onset(event)
+    size, size_sd = quantity(share.cause).change(share.size, share.size_sd)
+    return Alarm(
+        parameter=share.cause,
+        direction=direction_of(share.size),
+        onset_us=onset.time_us,
+        raised_us=since_us,
+        updated_us=since_us,
+        ended_us=None,
+        size=size,
+        size_sd=size_sd,
+        crossings=1,
+        onset_low_us=onset.low_us,
+        onset_high_us=onset.high_us,
+    )
+
+
+def _named(alarm: Alarm, event: Named, quantity: Callable[[str], Quantity], onset: Onset) -> CauseNamed:
+    share = event.shares[0]
+    size, size_sd = quantity(share.cause).change(share.size, share.size_sd)
+    return CauseNamed(
+        alarm=alarm.key,
+        time_us=event.time_us,
+        parameter=share.cause,
+        size=size,
+        size_sd=size_sd,
+        causes=_reported(event.shares),
+        doubt=alarm.doubt,
+        onset=onset,
+        kind=alarm.kind,
+    )
+
+
+def _reported(shares: Iterable[Share]) -> tuple[Cause, ...]:
+    return tuple(
+        Cause(s.cause, s.probability, s.alike) for s in shares if s.probability >= MIN_PROBABILITY and s.cause
+    )
+
+
+def _named_alarm(open_alarms: Sequence[Alarm], cause: str) -> Alarm | None:
+    return next((a for a in open_alarms if a.parameter == cause and a.stage == "named"), None)
+
+
+def _onset(event: Changed | Named) -> Onset:
+    """The onset of a change; its lower end is not known where it is before the first sample."""
+    onset = event.onset
+    low = onset.earliest_us if onset.earliest_us > NEVER // 2 else None
+    best = onset.time_us if low is None else max(onset.time_us, low)
+    return Onset(best, low, max(onset.latest_us, best))

@@ -43,8 +43,7 @@ function makeCard(axis) {
     el("ul", { className: "trends", "data-axis": axis.id, "aria-label": `Long-term trend of ${axis.id}`, hidden: true }),
   );
   function show(now) {
-    const alarmed = now.parameters.some((p) => p.status === "alarm") || now.detectors.some((d) => d.alarms && d.open.length > 0);
-    className(node, alarmed ? "card alarmed" : "card");
+    className(node, now.open_alarms.length > 0 ? "card alarmed" : "card");
     const seconds = now.last_sample_age_s;
     text(age, seconds === null ? "no sample yet" : `last sample ${span(seconds)} ago`);
     className(age, seconds === null || seconds > LATE_S ? "age late" : "age quiet");
@@ -71,11 +70,11 @@ function describe(axis) {
   return parts.join(" · ");
 }
 
-/** That the bank of hypotheses alarms; of the detector that looks on, which alarms it would have raised. */
+/** The detector that alarms, and the leading cause of the one in shadow mode once it has passed its threshold. */
 function detectorOf(detector) {
-  const name = detector.name === "bank" ? "bank of hypotheses" : "CUSUM tests";
-  if (detector.alarms) return detector.name === "bank" ? `alarms by the ${name}` : "";
-  return detector.open.length > 0 ? `the ${name} would say ${detector.open.join(", ")}` : "";
+  const name = detector.name === "multimodel" ? "multi-model detector" : "CUSUM tests";
+  if (detector.alarms) return detector.name === "multimodel" ? `alarms by the ${name}` : "";
+  return detector.leading !== null && detector.evidence > 1 ? `${name} (shadow mode): ${detector.leading}` : "";
 }
 
 function makeRow(parameter) {

@@ -15,7 +15,7 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TO
 from monitor_core.kernel.compile import entry
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings, Threshold
 
 TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0

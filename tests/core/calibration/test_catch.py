@@ -11,7 +11,8 @@ from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.calibration.plants import Plants, innovations
 from monitor_core.excitation.reference_experiment import INTERVAL_S
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from tests.core.calibration.healthy_axes import plant, record
 
@@ -25,7 +26,9 @@ FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0
 def healthy(seed: int) -> Samples:
     """With thresholds as low as these now and then one holds a false alarm: not this one."""
     records = (record(OF, seed + k, 6000) for k in range(20))
-    return next(one for one in records if not AxisMonitor(MODEL, SETTINGS).run(one.t_us, one.u, one.y))
+    return next(
+        one for one in records if not AxisMonitor(MODEL, SETTINGS).update(SampleBlock(one.t_us, one.u, one.y))
+    )
 
 
 def test_faults_are_found_and_named(healthy: Samples) -> None:
@@ -51,8 +54,8 @@ def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Sample
     assert load is not None
     u = healthy.u.copy()
     u[at:] = torque(MODEL, SETTINGS, healthy, load, np.zeros(3))[at:]
-    episodes = AxisMonitor(MODEL, SETTINGS).run(healthy.t_us, u, healthy.y)
-    (first,) = [e.raised_us for e in episodes if e.raised_us > healthy.t_us[at]][:1]
+    changes = AxisMonitor(MODEL, SETTINGS).update(SampleBlock(healthy.t_us, u, healthy.y))
+    (first,) = [c.alarm.raised_us for c in changes if c.alarm.raised_us > healthy.t_us[at]][:1]
     assert (first - int(healthy.t_us[at])) * 1e-6 + INTERVAL_S == pytest.approx(found.delay_s[-1], abs=1e-9)
 
 

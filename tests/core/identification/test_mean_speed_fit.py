@@ -15,7 +15,8 @@ from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 H = 0.005
@@ -67,7 +68,7 @@ def test_it_is_the_predictor_of_the_monitor(delay_s: float, seed: int) -> None:
     np.testing.assert_allclose(gain.S * 0.05**2, lam0, rtol=1e-9)
     settings = Settings(H, K=tuple(K), lam0=lam0, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0)
     t_us = np.rint(record.t * 1e6).astype(np.int64)
-    _, trace = AxisMonitor(model, settings).run_traced(t_us, record.u, record.y)
+    _, trace = AxisMonitor(model, settings).update_traced(SampleBlock(t_us, record.u, record.y))
     np.testing.assert_allclose(eps[1:], trace.eps[1:], atol=1e-8 * np.abs(record.y).max())
 
 

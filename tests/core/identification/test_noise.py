@@ -13,7 +13,8 @@ from monitor_core.identification.term_derivatives import Structure
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 H = 0.005
@@ -99,7 +100,7 @@ def test_innovations_with_a_disturbance_are_white(output: Output, seed: int) -> 
     y = moved[::parts, 0] + NOISE[output] * rng.standard_normal(N)
     K, lam0 = filter_gain(model, H, white, NOISE[output], slow)
     pinned = Settings(H, K=tuple(K), lam0=lam0, P0=(1e-60,))
-    _, trace = AxisMonitor(model, pinned).run_traced(np.arange(N) * 5000, u, y)
+    _, trace = AxisMonitor(model, pinned).update_traced(SampleBlock(np.arange(N) * 5000, u, y))
     eps = trace.eps[2000:] / np.sqrt(lam0)
     assert np.std(d) == pytest.approx(slow, rel=0.3)
     assert np.mean(eps**2) == pytest.approx(1, abs=5 * np.sqrt(2 / N))

@@ -15,7 +15,8 @@ from monitor_core.identification.record import Record
 from monitor_core.identification.record_intervals import MOST_LEVELS, series
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from tests.core.cases import BY_NAME, CASES, Case
 from tests.core.chains import chain, values
 from tests.core.identification.problems import (
@@ -56,7 +57,7 @@ def test_errors_and_gradients_are_those_of_the_monitor(name: str, seed: int) -> 
     rec = case_record(seed, case, 400, jitter=0.3)
     pinned = case.settings(settle_s=0.0, P0=tuple(1e-60 * case.model.scale**2))
     t_us = np.rint(rec.t * 1e6).astype(np.int64)
-    _, trace = AxisMonitor(case.model, pinned).run_traced(t_us, rec.u, rec.y)
+    _, trace = AxisMonitor(case.model, pinned).update_traced(SampleBlock(t_us, rec.u, rec.y))
     predictor = Predictor(as_monitor(case), [rec], None)
     (found,) = predictor.errors(predictor.start())
     scale = float(np.nanstd(trace.eps))

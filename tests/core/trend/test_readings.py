@@ -16,8 +16,7 @@ from monitor_core.excitation.reference_experiment import (
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.trend.axis_trends import AxisHistory
+from monitor_core.monitoring import AxisBatch, TrendMonitor
 from monitor_core.trend.entries import Reading
 from tests.core.honesty import settings_for
 
@@ -71,10 +70,10 @@ def test_an_hours_mean_scatters_as_it_says(seed: int) -> None:
     z: list[Floats] = []
     for of_axis in readings(seed, 1):
         settled = of_axis[-HOURS * PER_HOUR :]
-        history = AxisHistory(model.monitored, PER_HOUR * settled[0].span_s)
+        history = TrendMonitor(model, {}, PER_HOUR * settled[0].span_s)
         for reading in settled:
             history.take(reading)
-        entries = [slow.entries for slow in history.slow]
+        entries = [slow.entries for slow in history.histories]
         assert [len(e) for e in entries] == [HOURS] * 3
         means = np.array([[e.mean for e in one] for one in entries])
         z.append(

@@ -46,7 +46,7 @@ def found(robot: Path) -> Calibration:
 
 
 def test_the_promise(found: Calibration) -> None:
-    assert [one.detector for one in found.detectors] == ["bank", "cusum"]
+    assert [one.detector for one in found.detectors] == ["multimodel", "cusum"]
     for one in found.detectors:
         most, low, high = one.between_s
         assert low < most < high
@@ -102,9 +102,9 @@ def test_the_bank_is_calibrated_with_the_same_records_and_then_alarms(
     axis = load(tmp_path / "robot.toml", {}).axes[0]
     model = axis_model(axis.config)
     chosen = detectors_of(axis, model, axis_settings(axis, model))
-    assert chosen.alarms == found.alarms == "bank"
-    assert chosen.beside is not None
-    bank = chosen.beside.bank
+    assert chosen.alarm_source == found.alarms == "multimodel"
+    assert chosen.multimodel is not None
+    bank = chosen.multimodel.bank
     assert [(of.cause, of.alike) for of in bank.hypotheses] == [(one.cause, one.alike) for one in own]
     np.testing.assert_allclose(bank.allowance, [one.allowance for one in own])
 
@@ -133,16 +133,16 @@ def test_json(found: Calibration) -> None:
     assert len(content["faults"]) == 3 * 2 * 2
     assert content["false_alarms"]["interval_s"][0] < content["false_alarms"]["one_in_s"]
     assert content["provenance"]["version"] == "1.2.3"
-    assert len(content["bank"]["hypotheses"]) == len(
+    assert len(content["multimodel"]["hypotheses"]) == len(
         found.result.bank.limits.own if found.result.bank else ()
     )
-    assert len(content["bank"]["faults"]) == 12
-    assert content["alarms"] == "bank"
-    for detector in (content, content["bank"]):
+    assert len(content["multimodel"]["faults"]) == 12
+    assert content["alarms"] == "multimodel"
+    for detector in (content, content["multimodel"]):
         low, high = detector["false_alarms"]["interval_s"]
         assert low < detector["false_alarms"]["one_in_s"] < high
-    assert content["bank"]["smallest_found"]["kT"]["increase"] in (0.02, 0.2)
-    assert sum(content["bank"]["named"]["kT"].values()) == 4 * 8
+    assert content["multimodel"]["smallest_found"]["kT"]["increase"] in (0.02, 0.2)
+    assert sum(content["multimodel"]["named"]["kT"].values()) == 4 * 8
 
 
 def test_page(found: Calibration) -> None:

@@ -14,9 +14,9 @@ import pyarrow.parquet
 import pytest
 import scipy.io
 
+from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.ingest.records import read_record
-from service.ingest.table_record import SampleBlock
 from tests.service.ingest.plant import axis1, axis2, make_config
 
 Columns = Mapping[str, Any]

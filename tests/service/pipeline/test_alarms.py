@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection.alarm import Alarm
-from service.pipeline.alarm_journaling import RETRY_S, Alarms, Quantity
-from service.pipeline.axis_change import Change
+from monitor_core.detection import Alarm
+from service.pipeline.alarms import RETRY_S, Alarms, AxisAlarm, Quantity
 from service.store import database
 from service.store.journal import Journal
 
@@ -46,11 +45,11 @@ def journal(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Journal]:
 
 def test_an_alarm_is_shown_from_its_record_to_its_end(journal: Journal) -> None:
     alarms = Alarms(journal, QUANTITIES)
-    alarms.record([Change(AXIS, episode())])
+    alarms.record([AxisAlarm(AXIS, episode())])
     assert alarms.open(AXIS) == (episode(),)
-    alarms.record([Change(AXIS, episode(crossings=2))])
+    alarms.record([AxisAlarm(AXIS, episode(crossings=2))])
     assert alarms.open(AXIS) == (episode(crossings=2),)
-    alarms.record([Change(AXIS, episode(crossings=2, ended_us=50))])
+    alarms.record([AxisAlarm(AXIS, episode(crossings=2, ended_us=50))])
     assert alarms.open(AXIS) == ()
     (found,), total = journal.query()
     assert (total, found.nominal, found.unit, found.ended_us, found.crossings) == (
@@ -69,13 +68,13 @@ def test_what_the_disk_refuses_is_not_shown_said_and_written_later_in_order(
     alarms = Alarms(journal, QUANTITIES, clock)
     other = sqlite3.connect(path, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
-    alarms.record([Change(AXIS, episode())])
+    alarms.record([AxisAlarm(AXIS, episode())])
     assert alarms.open(AXIS) == ()
     assert "alarm of cell.axis1 fm up: cannot be recorded yet, is tried again" in str(alarms.problem)
     assert "locked" in str(alarms.problem)
     # It ends and another one begins before the disk is there again.
-    alarms.record([Change(AXIS, episode(ended_us=50))])
-    alarms.record([Change(AXIS, episode(raised_us=70)), Change(AXIS, episode("kT", raised_us=80))])
+    alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
+    alarms.record([AxisAlarm(AXIS, episode(raised_us=70)), AxisAlarm(AXIS, episode("kT", raised_us=80))])
     other.execute("ROLLBACK")
     other.close()
     alarms.record([])
@@ -90,16 +89,16 @@ def test_what_the_disk_refuses_is_not_shown_said_and_written_later_in_order(
 
 def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journal: Journal) -> None:
     alarms = Alarms(journal, QUANTITIES)
-    alarms.record([Change(AXIS, episode())])
+    alarms.record([AxisAlarm(AXIS, episode())])
     other = sqlite3.connect(path, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
-    alarms.record([Change(AXIS, episode(ended_us=50))])
+    alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
     assert alarms.open(AXIS) == (episode(),)
     other.close()
 
 
 def test_alarms_of_the_last_run_are_open(journal: Journal) -> None:
     alarms = Alarms(journal, QUANTITIES)
-    alarms.adopt([Change(AXIS, episode())])
+    alarms.adopt([AxisAlarm(AXIS, episode())])
     assert alarms.open(AXIS) == (episode(),)
     assert alarms.open("cell.axis2") == ()

@@ -9,17 +9,15 @@ from typing import NamedTuple
 
 import pytest
 
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from service.can.frames import Frame
 from service.config import Config
 from service.config.schema_watching import DetectorConfig
 from service.ingest.encode import FrameEncoder
-from service.pipeline.alarm_journaling import Alarms, quantities
-from service.pipeline.axis_change import Change
-from service.pipeline.checkpointing import Saver, bank_id
-from service.pipeline.frame_pipeline import Core
-from service.pipeline.restore_report import losses_in_words
-from service.pipeline.restoring import restore
+from service.pipeline.alarms import Alarms, AxisAlarm, quantities
+from service.pipeline.checkpointing import Checkpointer, multimodel_id
+from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.restoring import loss_messages, restore
 from service.simulation.robot import Fault, SimulatedRobot
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
@@ -35,7 +33,7 @@ SWAPPED = "demo.axis3"
 def watched(folder: Path, axes: int = 3, **detector: object) -> Config:
     """The demo, whose axes alarm by the bank of hypotheses."""
     config = demo(folder, axes)
-    own = DetectorConfig.model_validate({"kind": "bank", "budget_s": 86400.0, **detector})
+    own = DetectorConfig.model_validate({"alarm_source": "multimodel", "budget_s": 86400.0, **detector})
     changed = tuple(axis.model_copy(update={"detector": own}) for axis in config.robot[0].axis)
     robot = config.robot[0].model_copy(update={"axis": changed})
     return config.model_copy(update={"robot": (robot,)})
@@ -62,14 +60,14 @@ def frames(config: Config, seed: int) -> Iterator[list[Frame]]:
 class Run(NamedTuple):
     """A daemon without clock, threads and buses: its core, its journal, its checkpoints."""
 
-    core: Core
+    core: FramePipeline
     alarms: Alarms
-    saver: Saver
+    saver: Checkpointer
     messages: tuple[str, ...]
 
-    def take(self, block: list[Frame]) -> list[Change]:
+    def take(self, block: list[Frame]) -> list[AxisAlarm]:
         self.core.take("can0", block)
-        changes = self.core.run()
+        changes = self.core.update()
         self.alarms.record(changes)
         return changes
 
@@ -78,13 +76,13 @@ class Run(NamedTuple):
 
 
 def start(config: Config, journal: Journal, checkpoints: Checkpoints) -> Run:
-    core = Core(config)
+    core = FramePipeline(config)
     restored = restore(core.monitors.by_id, checkpoints, journal, START_US)
     alarms = Alarms(journal, quantities(core.monitors.by_id))
     alarms.adopt(restored.open)
     alarms.record(restored.unrecorded)
-    saver = Saver(checkpoints, core.monitors.by_id, 60.0, None, lambda: START_US)
-    return Run(core, alarms, saver, (*restored.messages, *losses_in_words(restored.losses)))
+    saver = Checkpointer(checkpoints, core.monitors.by_id, 60.0, None, lambda: START_US)
+    return Run(core, alarms, saver, (*restored.messages, *loss_messages(restored.losses)))
 
 
 def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
@@ -92,10 +90,10 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
 ) -> None:
     config = watched(tmp_path)
     whole = list(frames(config, seed))
-    straight = Core(config)
+    straight = FramePipeline(config)
     for block in whole:
         straight.take("can0", block)
-        straight.run()
+        straight.update()
     run, half = start(config, journal, checkpoints), round((BROKEN_S + 1) / BLOCK_S)
     for block in whole[:half]:
         run.take(block)
@@ -116,7 +114,7 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
         (e,) = again.open(axis_id)
         assert e.parameter in names
         assert e.stage == "named"
-        assert repr(straight.monitors.by_id[axis_id].book.open) == repr((e,))  # sizes may be NaN
+        assert repr(straight.monitors.by_id[axis_id].open_alarms) == repr((e,))  # sizes may be NaN
         assert BROKEN_S - 1 < (e.onset_us - START_US) * 1e-6 < BROKEN_S + 1
         assert journal.query(axis=axis_id)[1] == 1
         (alarm,) = journal.query(axis=axis_id)[0]
@@ -127,8 +125,7 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
     words = episode_words(again.open(SWAPPED)[0], 0.0, "1")
     assert re.match("the measured (torque|motion) has changed its sign", words)
     status = again.core.monitors.by_id["demo.axis1"].status()
-    assert [d.name for d in status.detectors if d.alarms] == ["bank"]
-    assert {d.name for d in status.detectors if d.open} == {"cusum", "bank"}
+    assert [(d.name, d.alarms) for d in status.detectors] == [("cusum", False), ("multimodel", True)]
 
 
 def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
@@ -140,17 +137,21 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
         run.take(block)
     run.saver.save()
     monitor = run.core.monitors.by_id["demo.axis1"]
-    assert monitor.beside is not None
-    broken = monitor.beside.to_arrays() | {"memory_x": monitor.beside.to_arrays()["memory_x"][:2]}
-    checkpoints.save(bank_id("demo.axis1"), monitor.beside_key, broken, START_US)
-    checkpoints.save(bank_id("demo.axis2"), "another version", monitor.beside.to_arrays(), START_US)
+    assert monitor.multimodel is not None
+    broken = monitor.multimodel.bank.to_arrays() | {
+        "memory_x": monitor.multimodel.bank.to_arrays()["memory_x"][:2]
+    }
+    checkpoints.save(multimodel_id("demo.axis1"), monitor.multimodel_key, broken, START_US)
+    checkpoints.save(
+        multimodel_id("demo.axis2"), "another version", monitor.multimodel.bank.to_arrays(), START_US
+    )
     again = start(config, journal, checkpoints)
     broken_state, other_version = again.messages
     assert broken_state.startswith("demo.axis1: part of its checkpoint is not used")
     assert "does not fit this version" in broken_state
     assert other_version.startswith("demo.axis2: part of its checkpoint is not used")
     for message in again.messages:
-        assert message.endswith("what restarts: the evidence of the bank of hypotheses")
+        assert message.endswith("(restarted: the evidence of the multi-model detector)")
     for axis_id, found in again.core.monitors.by_id.items():
         assert found.status().samples == run.core.monitors.by_id[axis_id].status().samples > 0
 
@@ -160,7 +161,7 @@ def test_open_alarms_of_the_other_detector_are_taken_over(
 ) -> None:
     """The configuration is changed while an alarm is open: the same alarm stays open, and is not raised again."""
     whole = list(frames(watched(tmp_path), seed))
-    first = start(watched(tmp_path, kind="cusum"), journal, checkpoints)
+    first = start(watched(tmp_path, alarm_source="cusum"), journal, checkpoints)
     for block in whole[: round((ENDS_S - 3) / BLOCK_S)]:
         first.take(block)
     first.saver.save()
@@ -171,5 +172,5 @@ def test_open_alarms_of_the_other_detector_are_taken_over(
     for block in whole[round((ENDS_S - 3) / BLOCK_S) :]:
         second.take(block)
     assert [(e.raised_us, e.parameter) for e in second.open("demo.axis2")] == [(before.raised_us, "fm")]
-    third = start(watched(tmp_path, kind="cusum"), journal, checkpoints)
+    third = start(watched(tmp_path, alarm_source="cusum"), journal, checkpoints)
     assert [e.raised_us for e in third.open("demo.axis2")] == [before.raised_us]

@@ -7,22 +7,22 @@ from pathlib import Path
 
 import pytest
 
-from service.pipeline.axis_change import Change
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.robot import Fault, FaultError, SimulatedRobot
 from tests.service.pipeline.robots import blocks, demo
 
 FAULT_S = 20.0
 
 
-def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Fault]) -> list[Change]:
+def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Fault]) -> list[AxisAlarm]:
     """The first change of every alarm."""
     config = demo(folder, axes)
-    core = Core(config)
-    found: dict[tuple[str, str, str], Change] = {}
+    core = FramePipeline(config)
+    found: dict[tuple[str, str, str], AxisAlarm] = {}
     for block in blocks(config, seconds, seed, faults):
         core.take("can0", block)
-        for change in core.run():
+        for change in core.update():
             found.setdefault((change.axis_id, change.alarm.parameter, change.alarm.direction), change)
     core.flush()
     assert all(sum(core.ingests["can0"].axis_dropped(axis.id).values()) == 0 for axis in config.axes)

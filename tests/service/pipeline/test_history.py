@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from monitor_core.excitation.reference_experiment import reference_model
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.axis_status import AxisStatus
+from monitor_core.monitoring import AxisMonitor, AxisStatus
 from monitor_core.settings import Settings
-from service.pipeline.block_timing import BOUNDS_S, ProcessingTime
-from service.pipeline.recent_history import HistoryKeeper
+from service.pipeline.publishing import RecentHistory
+from service.pipeline.worker import BOUNDS_S, ProcessingTime
 
 FACTS = AxisMonitor(reference_model(), Settings(interval_s=0.005)).status()
 
@@ -18,26 +17,26 @@ def at(t_us: int | None) -> AxisStatus:
     return replace(FACTS, time_us=t_us)
 
 
-def times(keeper: HistoryKeeper) -> list[int]:
+def times(keeper: RecentHistory) -> list[int]:
     return [point.time_us for point in keeper.history.points]
 
 
 def test_a_point_each_interval_of_the_samples_time() -> None:
-    keeper = HistoryKeeper(1.0, 3600.0)
+    keeper = RecentHistory(1.0, 3600.0)
     for t_us in (None, 0, 400_000, 999_999, 1_000_000, 1_100_000, 5_000_000):
         keeper.add(at(t_us))
     assert times(keeper) == [0, 1_000_000, 5_000_000]
 
 
 def test_a_clock_set_back_leaves_no_hole() -> None:
-    keeper = HistoryKeeper(1.0, 3600.0)
+    keeper = RecentHistory(1.0, 3600.0)
     for t_us in (10_000_000, 2_000_000, 2_500_000, 3_000_000):
         keeper.add(at(t_us))
     assert times(keeper) == [10_000_000, 2_000_000, 3_000_000]
 
 
 def test_the_length_is_there_and_not_much_more() -> None:
-    keeper = HistoryKeeper(0.5, 100.0)
+    keeper = RecentHistory(0.5, 100.0)
     for k in range(1000):
         keeper.add(at(k * 500_000))
         assert len(times(keeper)) >= min(k + 1, 200)

@@ -1,36 +1,38 @@
-"""What a start without the last run's state says: once for each axis."""
+"""Report of saved states that could not be used: one message for each axis."""
 
 from __future__ import annotations
 
-from service.pipeline.restore_report import BANK, ESTIMATES, HISTORY, Loss, losses_in_words
+from service.pipeline.restoring import Loss, loss_messages
 
 A, B = "cell.axis1", "cell.axis2"
 OTHER, DAMAGED = "it was saved with another model", "it is damaged"
 
 
-def test_nothing_lost_is_nothing_said() -> None:
-    assert list(losses_in_words([])) == []
+def test_nothing_lost_is_no_message() -> None:
+    assert list(loss_messages([])) == []
 
 
 def test_one_message_names_all_that_is_lost() -> None:
-    losses = [Loss(A, HISTORY, OTHER, of) for of in ("kT", "1/Ja", "fm", "")]
-    (message,) = losses_in_words([Loss(A, ESTIMATES, OTHER), *losses, Loss(A, BANK, OTHER)])
+    losses = [Loss(A, "history", OTHER, parameter) for parameter in ("kT", "1/Ja", "fm", "")]
+    (message,) = loss_messages([Loss(A, "estimates", OTHER), *losses, Loss(A, "multimodel", OTHER)])
     assert message == (
-        "cell.axis1: its checkpoint is not used and quarantined: it was saved with another model; what restarts: the"
-        " estimates, the evidence of the bank of hypotheses and the slow history of kT, 1/Ja and fm"
+        "cell.axis1: its checkpoint is not used and was quarantined: it was saved with another model (restarted: the"
+        " estimates, the evidence of the multi-model detector and the long-term history of kT, 1/Ja and fm)"
     )
 
 
-def test_axes_and_reasons_are_not_mixed_up() -> None:
-    losses = [Loss(A, ESTIMATES, DAMAGED), Loss(B, BANK, OTHER), Loss(A, HISTORY, OTHER, "fm")]
-    assert list(losses_in_words(losses)) == [
-        "cell.axis1: its checkpoint is not used and quarantined: it is damaged; what restarts: the estimates."
-        " Also: it was saved with another model; what restarts: the slow history of fm",
-        "cell.axis2: part of its checkpoint is not used and quarantined: it was saved with another model;"
-        " what restarts: the evidence of the bank of hypotheses",
+def test_axes_and_reasons_are_kept_apart() -> None:
+    losses = [
+        Loss(A, "estimates", DAMAGED),
+        Loss(B, "multimodel", OTHER),
+        Loss(A, "history", OTHER, "fm"),
+        Loss("cell.axis3", "history", DAMAGED),
     ]
-
-
-def test_what_was_being_gathered_alone() -> None:
-    (message,) = losses_in_words([Loss(A, HISTORY, DAMAGED)])
-    assert message.endswith("it is damaged; what restarts: the slow history")
+    assert list(loss_messages(losses)) == [
+        "cell.axis1: its checkpoint is not used and was quarantined: it is damaged (restarted: the estimates); it was"
+        " saved with another model (restarted: the long-term history of fm)",
+        "cell.axis2: part of its checkpoint is not used and was quarantined: it was saved with another model"
+        " (restarted: the evidence of the multi-model detector)",
+        "cell.axis3: part of its checkpoint is not used and was quarantined: it is damaged (restarted: the long-term"
+        " history)",
+    ]

@@ -17,8 +17,8 @@ from service.commands.main import app
 from service.config import Config, load
 from service.ingest.encode import FrameEncoder
 from service.ingest.log_record import LogRecord
-from service.pipeline.axis_monitors import Monitors
-from service.pipeline.frame_pipeline import Core
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.robot import Fault, SimulatedRobot
 from tests.service.pipeline.robots import DEMO, START_US
 
@@ -104,17 +104,19 @@ def frames_of(
     raise AssertionError("a robot without an end")
 
 
-def live(config: Config, frames: Sequence[Frame], every: int = 237) -> tuple[Core, set[tuple[str, str, str]]]:
+def live(
+    config: Config, frames: Sequence[Frame], every: int = 237
+) -> tuple[FramePipeline, set[tuple[str, str, str]]]:
     """The daemon's core over blocks of frames, and the alarms that it raised."""
-    core, raised = Core(config), set[tuple[str, str, str]]()
+    core, raised = FramePipeline(config), set[tuple[str, str, str]]()
     for k in range(0, len(frames), every):
         core.take("can0", frames[k : k + every])
-        raised |= {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in core.run()}
+        raised |= {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in core.update()}
     core.flush()
     return core, raised
 
 
-def counters(monitors: Monitors) -> Mapping[str, int]:
+def counters(monitors: AxisMonitors) -> Mapping[str, int]:
     return monitors.by_id["demo.axis1"].status().counters
 
 
@@ -166,9 +168,9 @@ def test_a_log_replays_what_was_live_to_the_last_bit(file: Path, broken: list[Fr
     with FrameRecorder(log) as recorder:
         recorder.write("can0", broken)
     core, _ = live(config, broken)
-    again = Monitors(config.axes)
+    again = AxisMonitors(config.axes)
     for step in LogRecord(log, config).steps():
-        again.run(step.samples)
+        again.update(step.samples)
     for axis_id, monitor in core.monitors.by_id.items():
         for one, other in zip(
             monitor.batch.column(monitor.lane),
@@ -186,7 +188,7 @@ def test_a_log_replays_what_was_live_to_the_last_bit(file: Path, broken: list[Fr
 def test_a_table_says_the_same(file: Path, broken: list[Frame], tmp_path: Path) -> None:
     """The samples of the log with their signals as columns, which are held where a cell is empty."""
     config = load(file, {})
-    core, rows = Core(config), ["t,torque,angle,torque2,angle2,warm,mode"]
+    core, rows = FramePipeline(config), ["t,torque,angle,torque2,angle2,warm,mode"]
     step = core.ingests["can0"].feed(broken)
     before: list[float] = []
     for one, two in zip(step["demo.axis1"], step["demo.axis2"], strict=True):

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Alarm, Crossing, Name, Recovered
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from service.pipeline.axis_change import Change
-from service.pipeline.axis_monitors import Monitors
-from service.pipeline.checkpointing import Saver
-from service.pipeline.frame_pipeline import Core
-from service.pipeline.restore_report import ESTIMATES
+from monitor_core.detection import Alarm, Crossing, Name, Recovered
+from monitor_core.monitoring import AxisMonitor
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.restoring import Restored, restore
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
@@ -27,15 +26,15 @@ OPEN = Alarm("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
 
 @pytest.fixture
 def monitors(tmp_path: Path) -> dict[str, AxisMonitor]:
-    return dict(Monitors(demo(tmp_path, 2).axes).by_id)
+    return dict(AxisMonitors(demo(tmp_path, 2).axes).by_id)
 
 
 def fresh(tmp_path: Path) -> dict[str, AxisMonitor]:
-    return dict(Monitors(demo(tmp_path, 2).axes).by_id)
+    return dict(AxisMonitors(demo(tmp_path, 2).axes).by_id)
 
 
 def save(monitors: dict[str, AxisMonitor], checkpoints: Checkpoints) -> None:
-    Saver(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
+    Checkpointer(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
 
 
 def again(
@@ -49,23 +48,23 @@ def test_estimates_go_on_bit_for_bit(
     tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int
 ) -> None:
     config = demo(tmp_path, 2)
-    whole, cut = Core(config), Core(config)
+    whole, cut = FramePipeline(config), FramePipeline(config)
     frames = list(blocks(config, 4.0, seed))
     half = len(frames) // 2
     for block in frames:
         whole.take("can0", block)
     for block in frames[:half]:
         cut.take("can0", block)
-    whole.run()
-    cut.run()
+    whole.update()
+    cut.update()
     save(dict(cut.monitors.by_id), checkpoints)
-    later = Core(config)
+    later = FramePipeline(config)
     restored = restore(later.monitors.by_id, checkpoints, journal, NOW_US)
     assert (restored.checkpoint_us, restored.messages, restored.open) == (NOW_US, (), ())
     later.ingests = cut.ingests  # the sample clocks go on, as if nothing had happened
     for block in frames[half:]:
         later.take("can0", block)
-    later.run()
+    later.update()
     for axis_id, monitor in whole.monitors.by_id.items():
         for found, expected in zip(_state(later.monitors.by_id[axis_id]), _state(monitor), strict=True):
             np.testing.assert_array_equal(found, expected)
@@ -88,11 +87,11 @@ def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
     save(monitors, checkpoints)
     journal.record(AXIS, "N m s/rad", 0.06, OPEN)
     found, restored = again(tmp_path, checkpoints, journal)
-    assert restored.open == (Change(AXIS, OPEN),)
-    assert found[AXIS].book.open == (OPEN,)
-    assert found["demo.axis2"].book.open == ()
+    assert restored.open == (AxisAlarm(AXIS, OPEN),)
+    assert found[AXIS].open_alarms == (OPEN,)
+    assert found["demo.axis2"].open_alarms == ()
     assert list(found[AXIS].batch.state.calm[:, 0]) == [10**6, 10**6, 0]
-    (ended,) = found[AXIS].apply(Recovered("fm", 99))
+    ((_, ended),) = found[AXIS].apply([Recovered("fm", 99)])
     assert (ended.raised_us, ended.ended_us) == (OPEN.raised_us, 99)
 
 
@@ -104,7 +103,7 @@ def test_an_alarm_that_ended_after_the_checkpoint_stays_ended(
     journal.record(AXIS, "N m s/rad", 0.06, replace(OPEN, ended_us=40))
     found, restored = again(tmp_path, checkpoints, journal)
     assert (restored.open, restored.unrecorded) == ((), ())
-    assert found[AXIS].book.open == ()
+    assert found[AXIS].open_alarms == ()
 
 
 def test_the_journal_is_newer_than_the_checkpoint(
@@ -115,8 +114,8 @@ def test_the_journal_is_newer_than_the_checkpoint(
     newer = replace(OPEN, updated_us=60, crossings=9)
     journal.record(AXIS, "N m s/rad", 0.06, newer)
     found, _ = again(tmp_path, checkpoints, journal)
-    assert found[AXIS].book.open == (newer,)
-    (updated,) = found[AXIS].apply(Crossing("fm", "up", 70, 65, 0.02, 0.001))
+    assert found[AXIS].open_alarms == (newer,)
+    ((_, updated),) = found[AXIS].apply([Crossing("fm", "up", 70, 65, 0.02, 0.001)])
     assert updated.crossings == 10
 
 
@@ -130,10 +129,10 @@ def test_an_alarm_that_got_another_name_after_the_checkpoint_is_the_same(
     journal.record(AXIS, "1", 1.0, named)
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.unrecorded == ()
-    assert found[AXIS].book.open == (named,)
+    assert found[AXIS].open_alarms == (named,)
     journal.record(AXIS, "1", 1.0, replace(named, ended_us=50))
     found, restored = again(tmp_path, checkpoints, journal)
-    assert (restored.open, restored.unrecorded, found[AXIS].book.open) == ((), (), ())
+    assert (restored.open, restored.unrecorded, found[AXIS].open_alarms) == ((), (), ())
 
 
 def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(
@@ -142,8 +141,8 @@ def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(
     monitors[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
     found, restored = again(tmp_path, checkpoints, journal)
-    assert restored.unrecorded == (Change(AXIS, OPEN),)
-    assert found[AXIS].book.open == (OPEN,)
+    assert restored.unrecorded == (AxisAlarm(AXIS, OPEN),)
+    assert found[AXIS].open_alarms == (OPEN,)
 
 
 def test_a_checkpoint_of_another_model_is_quarantined_and_said(
@@ -156,11 +155,11 @@ def test_a_checkpoint_of_another_model_is_quarantined_and_said(
     nominal = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.061}})
     other = axis.model_copy(update={"model": nominal})
     robot = config.robot[0].model_copy(update={"axis": (other, config.robot[0].axis[1])})
-    changed = Monitors(config.model_copy(update={"robot": (robot,)}).axes).by_id
+    changed = AxisMonitors(config.model_copy(update={"robot": (robot,)}).axes).by_id
     restored = restore(changed, checkpoints, journal, NOW_US)
     assert restored.messages == ()
     (loss,) = restored.losses
-    assert (loss.axis_id, loss.what) == (AXIS, ESTIMATES)
+    assert (loss.axis_id, loss.part) == (AXIS, "estimates")
     assert changed[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
     assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [AXIS]
     assert restored.checkpoint_us == NOW_US  # that of the other axis
@@ -187,5 +186,5 @@ def test_alarms_of_what_is_no_longer_monitored(
         "demo.axis1: the alarm of fc was ended: that is no longer monitored",
         "demo.axis7 is no longer configured, but has open alarms in the journal",
     )
-    assert found[AXIS].book.open == ()
+    assert found[AXIS].open_alarms == ()
     assert journal.query(active=True)[1] == 1

@@ -8,17 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Alarm, Reach
+from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.entries import Reading
 from service.config import Config
-from service.pipeline.alarm_journaling import Alarms, quantities
-from service.pipeline.axis_change import Change
-from service.pipeline.axis_monitors import Monitors
-from service.pipeline.checkpointing import Saver
-from service.pipeline.restore_report import HISTORY
-from service.pipeline.restoring import restore
-from service.pipeline.trend_restoring import restore_trends
-from service.pipeline.trend_tracking import Trends
+from service.pipeline.alarms import Alarms, AxisAlarm, quantities
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.restoring import restore, restore_trends
+from service.pipeline.trends import Trends
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 from tests.service.pipeline.robots import START_US, demo
@@ -60,11 +57,11 @@ def readings(hours: int, per_hour: float, seed: int, others: bool = True) -> lis
     return found
 
 
-def feed(trends: Trends, some: Sequence[Reading], most: int | None = None) -> list[Change]:
+def feed(trends: Trends, some: Sequence[Reading], most: int | None = None) -> list[AxisAlarm]:
     changes = []
     for reading in some:
-        trends.take(AXIS, reading)
-        changes += trends.look(most)
+        trends.take(AXIS, [reading])
+        changes += trends.update(most)
     return changes
 
 
@@ -74,7 +71,7 @@ def fm(trends: Trends) -> tuple[str, ...]:
 
 def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path, seed: int) -> None:
     """By half in 500 h: it is foretold fourteen days, 336 h, before."""
-    trends = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
+    trends = AxisMonitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
     changes = feed(trends, readings(360, 0.001, seed, others=False))
     assert len({c.alarm.raised_us for c in changes}) == 1
     first, last = changes[0].alarm, changes[-1].alarm
@@ -92,7 +89,7 @@ def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path
 
 
 def test_what_is_steady_raises_none_and_shows_a_far_limit(tmp_path: Path, seed: int) -> None:
-    trends = Monitors(limited(tmp_path, {"fm": (0.03, 0.09)}).axes).trends
+    trends = AxisMonitors(limited(tmp_path, {"fm": (0.03, 0.09)}).axes).trends
     assert feed(trends, readings(130, 0.0, seed, others=False)) == []
     assert len(fm(trends)) == 2
     assert "beyond" not in fm(trends)
@@ -100,22 +97,22 @@ def test_what_is_steady_raises_none_and_shows_a_far_limit(tmp_path: Path, seed: 
 
 def test_a_limit_of_ja_is_one_of_its_reciprocal(tmp_path: Path) -> None:
     config = limited(tmp_path, {"Ja": (150.0,)})
-    trends = Monitors(config.axes).trends
+    trends = AxisMonitors(config.axes).trends
     feed(trends, readings(125, 0.0, 1))
     (reach,) = trends.of(AXIS)[1].reaches
     assert (reach.name, reach.unit, reach.limit, reach.above) == ("Ja", "kg m^2", 150.0, True)
 
 
 def test_not_observed_is_not_counted(tmp_path: Path) -> None:
-    trends = Monitors(limited(tmp_path, {}).axes).trends
+    trends = AxisMonitors(limited(tmp_path, {}).axes).trends
     for reading in readings(30, 0.0, 2):
-        trends.take(AXIS, reading._replace(known=(True, False, True)))
-    trends.look()
+        trends.take(AXIS, [reading._replace(known=(True, False, True))])
+    trends.update()
     assert [len(p.entries) for p in trends.of(AXIS)] == [30, 0, 30]
 
 
-def save(trends: Trends, monitors: Monitors, checkpoints: Checkpoints) -> None:
-    Saver(checkpoints, monitors.by_id, 60.0, None, lambda: NOW_US, trends=trends).save()
+def save(trends: Trends, monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
+    Checkpointer(checkpoints, monitors.by_id, 60.0, None, lambda: NOW_US, trends=trends).save()
 
 
 def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
@@ -123,19 +120,19 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
 ) -> None:
     config = limited(tmp_path, {"fm": (0.09,)})
     course = readings(140, 0.0005, seed)
-    whole = Monitors(config.axes).trends
+    whole = AxisMonitors(config.axes).trends
     feed(whole, course, 0)
-    whole.look()
-    cut = Monitors(config.axes)
+    whole.update()
+    cut = AxisMonitors(config.axes)
     feed(cut.trends, course[:1000], 0)
     save(cut.trends, cut, checkpoints)
     feed(cut.trends, course[1000:1100], 0)
     save(cut.trends, cut, checkpoints)  # only what has changed
     feed(cut.trends, course[1100:1200], 0)  # lost with the process
-    later = Monitors(config.axes).trends
+    later = AxisMonitors(config.axes).trends
     assert restore_trends(later, checkpoints, NOW_US) == []
     feed(later, course[1100:], 0)
-    later.look()
+    later.update()
     for a, b in zip(later.of(AXIS), whole.of(AXIS), strict=True):
         assert a.entries == b.entries
         assert a.trend is not None
@@ -144,16 +141,16 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
 
 
 def test_damage_is_told_counted_and_quarantined(tmp_path: Path, checkpoints: Checkpoints) -> None:
-    monitors = Monitors(limited(tmp_path, {}).axes)
+    monitors = AxisMonitors(limited(tmp_path, {}).axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
     save(monitors.trends, monitors, checkpoints)
     (part,) = [p for _, p in monitors.trends.to_load() if p.name == f"{AXIS} fm (history)"]
     checkpoints.save(part.name, part.key, {"entries": np.ones((3, 6))}, NOW_US)
-    later = Monitors(limited(tmp_path, {}).axes).trends
+    later = AxisMonitors(limited(tmp_path, {}).axes).trends
     (loss,) = restore_trends(later, checkpoints, NOW_US)
-    assert (loss.axis_id, loss.what, loss.of) == (AXIS, HISTORY, "fm")
+    assert (loss.axis_id, loss.part, loss.parameter) == (AXIS, "history", "fm")
     assert later.lost == {AXIS: 1, "demo.axis2": 0}
-    later.look()
+    later.update()
     assert [len(p.entries) for p in later.of(AXIS)] == [30, 30, 0]
     assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [part.name]
 
@@ -162,7 +159,7 @@ def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(
     tmp_path: Path, checkpoints: Checkpoints
 ) -> None:
     config = limited(tmp_path, {})
-    monitors = Monitors(config.axes)
+    monitors = AxisMonitors(config.axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
     save(monitors.trends, monitors, checkpoints)
     axis = config.robot[0].axis[0]
@@ -171,13 +168,13 @@ def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(
     model = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.07}})
     other = _with(config, model=model)
     lost = restore_trends(other, checkpoints, NOW_US)
-    assert [loss.of for loss in lost] == ["kT", "1/Ja", "fm", ""]  # and what was being gathered
+    assert [loss.parameter for loss in lost] == ["kT", "1/Ja", "fm", ""]  # and what was being gathered
 
 
 def _with(config: Config, **changed: object) -> Trends:
     robot = config.robot[0]
     axes = (robot.axis[0].model_copy(update=changed), *robot.axis[1:])
-    return Monitors(
+    return AxisMonitors(
         config.model_copy(update={"robot": (robot.model_copy(update={"axis": axes}),)}).axes
     ).trends
 
@@ -193,18 +190,18 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
 ) -> None:
     """Neither in the journal, nor by the monitor that finds it there after a restart."""
     journal = Journal(tmp_path / "alarms.sqlite")
-    monitors = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes)
+    monitors = AxisMonitors(limited(tmp_path, {"fm": (0.09,)}).axes)
     alarms = Alarms(journal, quantities(monitors.by_id))
     change = Alarm("fm", "up", 10, 40, 50, None, 0.03, 0.001, 2)
-    alarms.record([Change(AXIS, FORECAST), Change(AXIS, change)])
+    alarms.record([AxisAlarm(AXIS, FORECAST), AxisAlarm(AXIS, change)])
     found, total = journal.query(AXIS)
     assert total == 2
     assert [a.kind for a in found] == ["", "forecast"]
     assert found[1].reaches == FORECAST.reaches
     restored = restore(monitors.by_id, checkpoints, journal, NOW_US)
-    assert monitors.by_id[AXIS].book.open == (change,)
+    assert monitors.by_id[AXIS].open_alarms == (change,)
     assert monitors.trends.adopt(restored.open, NOW_US) == []
-    without = Monitors(demo(tmp_path, 2).axes).trends
+    without = AxisMonitors(demo(tmp_path, 2).axes).trends
     (ended,) = without.adopt(restored.open, NOW_US)
     assert (ended.alarm.kind, ended.alarm.ended_us) == ("forecast", NOW_US)
     journal.close()
@@ -213,8 +210,8 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
 def test_an_alarm_about_a_limit_goes_on_after_a_restart_and_ends_when_it_is_far(
     tmp_path: Path, seed: int
 ) -> None:
-    trends = Monitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
-    assert trends.adopt([Change(AXIS, FORECAST)], NOW_US) == []
+    trends = AxisMonitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
+    assert trends.adopt([AxisAlarm(AXIS, FORECAST)], NOW_US) == []
     changes = feed(trends, readings(125, 0.0, seed, others=False))
     assert changes[0].alarm.raised_us == FORECAST.raised_us
     assert changes[-1].alarm.ended_us is not None

@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from monitor_core.monitoring.axis_status import Status
+from monitor_core.monitoring import Status
 from service.can.frames import Frame
 from service.can.recorder import FrameRecorder
 from service.config import Config
 from service.pipeline import worker as worker_module
-from service.pipeline.alarm_journaling import Alarms, quantities
-from service.pipeline.checkpointing import Saver
-from service.pipeline.frame_pipeline import Core
-from service.pipeline.intake import BusIntake, Recording
+from service.pipeline.alarms import Alarms, quantities
+from service.pipeline.bus_intake import BusIntake, Recording
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.worker import COMPILING, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
@@ -36,7 +36,7 @@ class Bench:
     def __init__(
         self, folder: Path, config: Config, reader: Waiting, recorder: FrameRecorder | None = None
     ) -> None:
-        self.core = Core(config)
+        self.core = FramePipeline(config)
         self.journal = Journal(folder / "alarms.sqlite")
         self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
         self.compiled: Future[None] = Future()
@@ -49,7 +49,9 @@ class Bench:
             [BusIntake("can0", reader, self.core.ingests["can0"], self.recording)],
             self.recording,
             Alarms(self.journal, quantities(monitors)),
-            Saver(self.checkpoints, monitors, config.service.checkpoint_interval_s, None, lambda: NOW_US),
+            Checkpointer(
+                self.checkpoints, monitors, config.service.checkpoint_interval_s, None, lambda: NOW_US
+            ),
             self.compiled,
             lambda: NOW_US,
             ["said at the start"],

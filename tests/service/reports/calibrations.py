@@ -49,7 +49,7 @@ def by_hand() -> Calibration:
     )  # fmt: skip
     return Calibration(
         axis, result, (Source("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
-        Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate healthy.csv"), "bank",
+        Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate healthy.csv"), "multimodel",
     )  # fmt: skip
 
 

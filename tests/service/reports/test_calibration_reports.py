@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from monitor_core.detection.detector_protocol import DetectorName
+from monitor_core.detection import DetectorName
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
@@ -31,13 +31,13 @@ from service.reports.calibration_words import (
 )
 from tests.service.reports.calibrations import OWN, WITHIN_S, by_hand
 
-BOTH: list[DetectorName] = ["bank", "cusum"]
+BOTH: list[DetectorName] = ["multimodel", "cusum"]
 SENTENCES = {
-    "bank": "one false alarm in 3 hours, with 90 % certainty between one in 1.5 hours and one in 20 hours",
+    "multimodel": "one false alarm in 3 hours, with 90 % certainty between one in 1.5 hours and one in 20 hours",
     "cusum": "one false alarm in 2 hours, with 90 % certainty between one in an hour and one in 10 hours",
 }
 SMALLEST = {
-    "bank": {"kT": (0.1, -0.1), "1/Ja": (0.2, -0.5)},
+    "multimodel": {"kT": (0.1, -0.1), "1/Ja": (0.2, -0.5)},
     "cusum": {"kT": (0.2, -0.2), "1/Ja": (0.5, None)},
 }
 
@@ -74,22 +74,22 @@ def test_each_detector_with_its_promise_and_what_it_finds(kind: DetectorName) ->
 
 
 def test_smallest_changes_side_by_side() -> None:
-    of = alarming("bank")
-    assert smallest_titles(of) == ("", "bank: up", "bank: down", "CUSUM: up", "CUSUM: down")
+    of = alarming("multimodel")
+    assert smallest_titles(of) == ("", "models: up", "models: down", "CUSUM: up", "CUSUM: down")
     rows = list(smallest_rows(of))
     assert rows[0] == ("kT", "+10 %", "-10 %", "+20 %", "-20 %")
     assert rows[1] == ("1/Ja", "+20 %", "-50 %", "+50 %", "none")
     assert rows[2] == ("fm", *4 * ("none",))
     other = alarming("cusum")
-    assert smallest_titles(other) == ("", "CUSUM: up", "CUSUM: down", "bank: up", "bank: down")
+    assert smallest_titles(other) == ("", "CUSUM: up", "CUSUM: down", "models: up", "models: down")
     assert next(iter(smallest_rows(other))) == ("kT", "+20 %", "-20 %", "+10 %", "-10 %")
 
 
 def test_faults_by_each_detector_with_the_delay_of_the_other() -> None:
-    of = alarming("bank")
+    of = alarming("multimodel")
     bank, tests = of.detectors
     assert fault_titles(of, bank)[-2:] == ("CUSUM: median", "named")
-    assert fault_titles(of, tests)[-2:] == ("bank: median", "named first")
+    assert fault_titles(of, tests)[-2:] == ("models: median", "named first")
     by_bank, by_tests = list(fault_rows(of, bank)), list(fault_rows(of, tests))
     assert by_bank[0] == ("kT +10 %", "exact", "100 %", "0.5 s", "0.75 s", "15 s", "kT 93 %, others 6.7 %")
     assert by_tests[0] == ("kT +10 %", "exact", "13 %", "15 s", "27 s", "0.5 s", "kT 67 %, 1/Ja 33 %")
@@ -97,12 +97,12 @@ def test_faults_by_each_detector_with_the_delay_of_the_other() -> None:
     assert by_tests[7] == ("1/Ja -50 %", "simulated", "0 %", "later", "later", "0.7 s", "")
     assert by_bank[7] == ("1/Ja -50 %", "simulated", "100 %", "0.7 s", "0.7 s", "later", "fm 50 %, 1/Ja 50 %")
     alone = replace(of, result=replace(of.result, bank=None), alarms="cusum")
-    assert "bank: median" not in fault_titles(alone, alone.result.tests)
+    assert "models: median" not in fault_titles(alone, alone.result.tests)
     assert next(iter(fault_rows(alone, alone.result.tests))) == (*by_tests[0][:5], by_tests[0][6])
 
 
 def test_names_of_each_detector() -> None:
-    bank, tests = alarming("bank").detectors
+    bank, tests = alarming("multimodel").detectors
     assert confusion_titles(bank) == ("fault in", "kT", "1/Ja", "delay", "fm", "noise", "none yet")
     assert list(confusion_rows(bank))[1] == ("1/Ja", "0 %", "83 %", "0 %", "17 %", "0 %", "0 %")
     assert confusion_titles(tests) == ("fault in", "kT", "1/Ja", "none yet")
@@ -137,7 +137,7 @@ def test_thresholds_that_look_alike_are_said_once() -> None:
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        ("bank", ["bank of hypotheses, which alarms", "CUSUM tests, which look on"]),
+        ("multimodel", ["bank of hypotheses, which alarms", "CUSUM tests, which look on"]),
         ("cusum", ["CUSUM tests, which alarm", "bank of hypotheses, which looks on"]),
     ],
 )
@@ -166,7 +166,7 @@ def test_tiles_are_of_the_detector_that_alarms(kind: DetectorName) -> None:
         tiles[f"smallest change of {name}, up and down, found within {WITHIN_S:g} s"]
         for name in ("kT", "1/Ja", "fm")
     ]
-    assert of_each == (["10 %", "50 %", "-"] if kind == "bank" else ["20 %", "-", "-"])
+    assert of_each == (["10 %", "50 %", "-"] if kind == "multimodel" else ["20 %", "-", "-"])
 
 
 def test_how_faults_were_made_is_said_of_each_and_explained_once() -> None:
@@ -182,10 +182,10 @@ def test_the_files_for_programs_have_both() -> None:
     of = by_hand()
     as_read: dict[str, Any] = json.loads(as_json(of))
     rest: dict[str, Any] = tomllib.loads(as_toml(of))
-    assert as_read["alarms"] == "bank"
+    assert as_read["alarms"] == "multimodel"
     for one_in, interval, found in (
         (7200, [3600, 36000], [as_read["false_alarms"], rest["false_alarms"]]),
-        (10800, [5400, 72000], [as_read["bank"]["false_alarms"], rest["bank_false_alarms"]]),
+        (10800, [5400, 72000], [as_read["multimodel"]["false_alarms"], rest["bank_false_alarms"]]),
     ):
         for told in found:
             assert told["one_in_s"] == pytest.approx(one_in)
@@ -194,7 +194,7 @@ def test_the_files_for_programs_have_both() -> None:
         "kT": {"kT": 137, "1/Ja": 10, "none": 3},
         "1/Ja": {"kT": 0, "1/Ja": 60, "none": 30},
     }
-    assert as_read["bank"]["named"]["1/Ja"] == {
+    assert as_read["multimodel"]["named"]["1/Ja"] == {
         "kT": 0,
         "1/Ja": 75,
         "delay": 0,
@@ -203,9 +203,9 @@ def test_the_files_for_programs_have_both() -> None:
         "none": 0,
     }
     assert as_read["parameters"][1]["smallest_found"] == {"increase": 0.5, "decrease": None}
-    assert as_read["bank"]["smallest_found"]["1/Ja"] == {"increase": 0.2, "decrease": -0.5}
+    assert as_read["multimodel"]["smallest_found"]["1/Ja"] == {"increase": 0.2, "decrease": -0.5}
     assert as_read["faults"][7]["delay_median_s"] is None
-    assert as_read["bank"]["faults"][7]["delay_median_s"] == 0.7
+    assert as_read["multimodel"]["faults"][7]["delay_median_s"] == 0.7
     assert [one["h"] for one in rest["hypothesis"]] == [11.0, 12.0, 13.0]
     assert "size" not in rest["hypothesis"][2]
 
@@ -214,7 +214,7 @@ def test_an_axis_without_a_bank() -> None:
     of = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
     for words in (as_html(of), printed(of)):
         assert "No bank of hypotheses" in words
-        assert "bank: up" not in words
+        assert "models: up" not in words
         assert "Thresholds of the bank" not in words
-    assert json.loads(as_json(of))["bank"] is None
+    assert json.loads(as_json(of))["multimodel"] is None
     assert "hypothesis" not in tomllib.loads(as_toml(of))

@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor_core.detection.alarm import Crossing
-from monitor_core.detection.multimodel.events import Changed
+from monitor_core.detection import Crossing
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
-from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitoring.axis_batch import standard_deviation
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.fleet import Block, Fleet
+from monitor_core.monitoring import AxisMonitor, Fleet, standard_deviation
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from service.reports import course as rows
 from service.reports.bank_course import BankCourse
@@ -53,17 +50,16 @@ class Ran:
         self.crossings: list[Crossing] = []
         traces: list[Trace] = []
         for a, b in pairwise([0, *sorted(cuts), SAMPLES]):
-            part = Block(*(None if v is None else v[a:b] for v in self.block))  # type: ignore[arg-type]
-            found: dict[int, Trace] = {}
-            events = fleet.run({0: part}, found.__setitem__)
-            crossed = [event for _, event in events if isinstance(event, Crossing)]
-            self.course.take(part.t_us, found[0], crossed)
-            self.crossings += crossed
-            traces.append(found[0])
+            part = SampleBlock(*(None if v is None else v[a:b] for v in self.block))  # type: ignore[arg-type]
+            trace = fleet.update({0: part}, traced=True)[0].trace
+            assert trace is not None
+            self.course.take(part.t_us, trace.estimator, trace.crossings)
+            self.crossings += trace.crossings
+            traces.append(trace.estimator)
         self.trace = Trace(*(np.concatenate(fields) for fields in zip(*traces, strict=True)))
 
     @staticmethod
-    def make_block(seed: int) -> Block:
+    def make_block(seed: int) -> SampleBlock:
         case = BY_NAME["paper"]
         before = record(seed, case, FAULT, jitter=0.3, gaps=2)
         after = record(seed + 1, case, SAMPLES - FAULT, true={**case.values, "kT": 1.5})
@@ -75,7 +71,7 @@ class Ran:
         shift[300:500, 2] = 0.004
         gate = np.ones(SAMPLES, np.bool_)
         gate[800:900] = False
-        return Block(t, u, y, shift, gate)
+        return SampleBlock(t, u, y, shift, gate)
 
     @property
     def took(self) -> NDArray[np.bool_]:
@@ -169,20 +165,20 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
     case = BY_NAME["paper"]
     block = Ran.make_block(seed)
     beside = MultiModelDetector(case.model, case.settings(outlier=6.0), Limits(1e6))
-    fleet = Fleet([case.model], [case.settings(outlier=6.0)], {0: beside})
+    fleet = Fleet([case.model], [case.settings(outlier=6.0)], {0: beside}, {0: "multimodel"})
     course = Course(fleet.monitors[0], 64)
     g: list[NDArray[np.float64]] = []
     took: list[NDArray[np.bool_]] = []
     changed = 0
     for a, b in pairwise([0, 7, 700, 1800, SAMPLES]):
-        part = Block(*(None if v is None else v[a:b] for v in block))  # type: ignore[arg-type]
-        seen: dict[int, Trace] = {}
-        bank: dict[int, BankTrace] = {}
-        events = fleet.run({0: part}, seen.__setitem__, bank.__setitem__)
-        changed += sum(isinstance(event, Changed) for _, event in events)
-        course.take(part.t_us, seen[0], [], bank[0])
-        g.append(bank[0].g)
-        took.append(seen[0].does != SKIP)
+        part = SampleBlock(*(None if v is None else v[a:b] for v in block))  # type: ignore[arg-type]
+        changes, _, trace = fleet.update({0: part}, traced=True)[0]
+        changed += len(changes)
+        assert trace is not None
+        assert trace.multimodel is not None
+        course.take(part.t_us, trace.estimator, [], trace.multimodel)
+        g.append(trace.multimodel.g)
+        took.append(trace.estimator.does != SKIP)
     assert changed
     found, share = course.beside, np.concatenate(g)[np.concatenate(took)] / beside.bank.h
     assert isinstance(found, BankCourse)

@@ -12,7 +12,8 @@ import pytest
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.store.array_files import Arrays, UnreadableError, pack, unpack
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
@@ -57,13 +58,13 @@ def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: i
     rng = np.random.default_rng(seed)
     t, u, y = np.arange(400) * 5000, rng.normal(size=400), rng.normal(size=400)
     whole, first, second = monitor(), monitor(), monitor()
-    whole.run(t, u, y)
-    first.run(t[:200], u[:200], y[:200])
+    whole.update(SampleBlock(t, u, y))
+    first.update(SampleBlock(t[:200], u[:200], y[:200]))
     checkpoints.save("demo.axis1", first.key, first.to_arrays(), at_us=1)
     found = checkpoints.load("demo.axis1", second.key, now_us=2)
     assert isinstance(found, Checkpoint)
     second.from_arrays(found.arrays)
-    second.run(t[200:], u[200:], y[200:])
+    second.update(SampleBlock(t[200:], u[200:], y[200:]))
     assert second.status() == whole.status()
 
 

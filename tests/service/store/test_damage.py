@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from service.store.database import StoreError
 from service.store.journal import Journal
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection.alarm import Alarm, Cause, Direction, Name
+from monitor_core.detection import Alarm, Cause, Direction, Name
 from service.store.database import StoreError, StoreInUseError
 from service.store.journal import MIGRATIONS, Entry, Journal
 
@@ -244,7 +244,7 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
 _WRITER = """
 import sys
 from pathlib import Path
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from service.store.journal import Journal
 journal = Journal(Path(sys.argv[1]))
 k = journal.query()[1]

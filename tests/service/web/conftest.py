@@ -10,19 +10,19 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from monitor_core.detection.alarm import Alarm, Cause, Name, Reach
-from monitor_core.monitoring.axis_status import (
+from monitor_core.detection import Alarm, Cause, Name, Reach
+from monitor_core.monitoring import (
     AxisStatus,
     DetectorStatus,
     Observation,
     ParameterStatus,
+    ParameterTrend,
     Status,
 )
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, History, HistoryPoint, Snapshot
-from service.pipeline.trend_tracking import ParameterTrend
 from service.store.journal import Journal
 from service.web.app import create_app
 
@@ -139,8 +139,8 @@ COUNTERS = {
 }
 
 DETECTORS = (
-    DetectorStatus("cusum", True, "fm", 0.725, ("fm",)),
-    DetectorStatus("bank", False, "torque sign", 1.5, ("torque sign",)),
+    DetectorStatus("cusum", True, "fm", 0.725),
+    DetectorStatus("multimodel", False, "torque sign", 1.5),
 )
 
 NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N m s/rad"), "kT": (1.0, "1")}
@@ -184,7 +184,7 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     parameters = tuple(
         replace(p, estimate=p.nominal, g_up=0.0, g_down=0.0, status=Status.WAITING) for p in PARAMETERS
     )
-    silent = tuple(replace(d, leading="", evidence=0.0, open=()) for d in DETECTORS)
+    silent = tuple(replace(d, leading="", evidence=0.0) for d in DETECTORS)
     facts = AxisStatus(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
     axis = replace(monitored_axis(name), bus="can1", status=facts, open_alarms=(), history=History())
     unknown = tuple(ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.detection.alarm import Alarm, Reach
+from monitor_core.detection import Alarm, Reach
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal
@@ -106,7 +107,9 @@ def test_a_real_monitor_is_told_as_it_is(stage: Stage, client: TestClient, seed:
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
     monitor = AxisMonitor(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
     rng = np.random.default_rng(seed)
-    monitor.run(np.arange(500) * 5000 + stage.now_us, rng.normal(size=500), rng.normal(size=500))
+    monitor.update(
+        SampleBlock(np.arange(500) * 5000 + stage.now_us, rng.normal(size=500), rng.normal(size=500))
+    )
     axis = replace(stage.snapshot.axes[0], status=monitor.status())
     stage.snapshot = replace(stage.snapshot, axes=(axis,))
     body = get(client, "/api/v1/axes/demo.axis1")

@@ -10,8 +10,8 @@ import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from monitor_core.detection.alarm import Alarm
-from monitor_core.monitoring.axis_status import Status
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import Status
 from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal
 from service.web.server import serve

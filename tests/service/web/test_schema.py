@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from service.store.journal import Journal
 
 PATHS = {

@@ -10,13 +10,13 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import Alarm, Crossing, Name, Recovered
+from monitor_core.detection import Alarm, Crossing, Name, Recovered
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiments, reference_model
 from monitor_core.kernel.block import Trace
-from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.axis_status import Status
+from monitor_core.monitoring import AxisBatch, AxisMonitor, Status
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.alarm_versions import alarm_versions
 from tests.core.figures import settings_of
 
 MODEL = reference_model()
@@ -31,7 +31,7 @@ def silent(monitor: AxisMonitor, samples: int) -> tuple[list[Alarm], Trace]:
     start = 0 if last is None else last + H_US
     t_us = start + H_US * np.arange(samples + (last is None), dtype=np.int64)
     nothing = np.zeros(len(t_us))
-    return monitor.run_traced(t_us, nothing, nothing)
+    return alarm_versions(monitor, SampleBlock(t_us, nothing, nothing))
 
 
 def displaced(settings: Settings, *relative: float) -> AxisMonitor:
@@ -109,13 +109,13 @@ def test_onset_is_the_last_time_at_which_g_was_zero() -> None:
 def test_episode_ends_after_three_memory_lengths_of_calm_and_a_new_one_may_follow() -> None:
     monitor = displaced(CERTAIN, -0.3, 0.0, 0.0)
     silent(monitor, 8)
-    assert [(e.parameter, e.direction, e.stage) for e in monitor.book.open] == [("kT", "down", "changed")]
+    assert [(e.parameter, e.direction, e.stage) for e in monitor.open_alarms] == [("kT", "down", "changed")]
     monitor.start_from(MODEL.theta0)
     quiet, _ = silent(monitor, 29)
     assert [e for e in quiet if e.ended_us] == []
     ended, _ = silent(monitor, 1)
     assert [(e.parameter, e.ended_us) for e in ended if e.ended_us] == [("kT", 38 * H_US)]
-    assert monitor.book.open == ()
+    assert monitor.open_alarms == ()
     monitor.start_from(MODEL.theta0 * [1.3, 1.0, 1.0])
     again, _ = silent(monitor, 7)
     assert [(e.parameter, e.direction, e.crossings) for e in again] == [("kT", "up", 1)]
@@ -135,16 +135,16 @@ def test_a_moment_above_nu_starts_the_calm_anew() -> None:
 def test_an_alarm_turns_with_its_parameter_and_keeps_what_it_was_called() -> None:
     monitor = AxisMonitor(MODEL, CERTAIN)
     up = Crossing("fm", "up", 10, 5, 0.1, 0.01)
-    (raised,) = monitor.apply(up)
+    ((_, raised),) = monitor.apply([up])
     assert raised == Alarm("fm", "up", 5, 10, 10, None, 0.1, 0.01, 1)
-    (turned,) = monitor.apply(replace(up, direction="down", time_us=20, onset_us=15, size=-0.1))
+    ((_, turned),) = monitor.apply([replace(up, direction="down", time_us=20, onset_us=15, size=-0.1)])
     assert (turned.direction, turned.size, turned.crossings, turned.raised_us) == ("down", -0.1, 2, 10)
     assert turned.past == (Name(20, "changed", "fm", "up"),)
     assert turned.first == raised.first == ("fm", "up")
-    assert monitor.apply(Recovered("kT", 35)) == []
-    assert [e.ended_us for e in monitor.apply(Recovered("fm", 40))] == [40]
-    assert monitor.book.open == ()
-    assert monitor.apply(Recovered("fm", 50)) == []
+    assert monitor.apply([Recovered("kT", 35)]) == []
+    assert [(c.kind, c.alarm.ended_us) for c in monitor.apply([Recovered("fm", 40)])] == [("ended", 40)]
+    assert monitor.open_alarms == ()
+    assert monitor.apply([Recovered("fm", 50)]) == []
 
 
 def test_onset_lies_near_the_fault(seed: int) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm
+from monitor_core.detection import Alarm
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import (
     BAND_HZ,
@@ -19,7 +19,9 @@ from monitor_core.excitation.reference_experiment import (
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
+from tests.core.alarm_versions import alarm_versions
 from tests.core.figures import settings_of
 from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, SEEDS, first_named, histories
 
@@ -110,7 +112,7 @@ def test_a_second_fault_is_seen_while_the_first_alarm_stands(
 ) -> None:
     t_us, u, y = two_faults(seed, first, second)
     said, monitors = histories(seed, t_us.tolist(), u, y)
-    found = [{e.parameter for e in m.book.open if e.stage == "named"} for m in monitors]
+    found = [{e.parameter for e in m.open_alarms if e.stage == "named"} for m in monitors]
     alarms = [len({(e.raised_us, e.first) for e in episodes}) for episodes in said]
     print(f"open at the end {found}, alarms {alarms}")
     assert sum(f == open_at_the_end for f in found) >= 6
@@ -140,11 +142,11 @@ def test_a_sensor_is_one_alarm_and_no_parameter(
 def test_names_and_onsets_do_not_depend_on_how_samples_are_cut(seed: int) -> None:
     t_us, u, y = experiments([seed], {"kT": 1.2}, samples=SAMPLES)
     whole, cut = (AxisMonitor(MODEL, settings_of("speed", seed)) for _ in range(2))
-    expected = whole.run(t_us, u[:, 0], y[:, 0])
+    expected, _ = alarm_versions(whole, SampleBlock(t_us, u[:, 0], y[:, 0]))
     rng = np.random.default_rng(seed)
     found: list[Alarm] = []
     for part in np.split(np.arange(SAMPLES), np.sort(rng.integers(0, SAMPLES, 9))):
-        found += cut.run(t_us[part], u[part, 0], y[part, 0])
+        found += alarm_versions(cut, SampleBlock(t_us[part], u[part, 0], y[part, 0]))[0]
         again = AxisMonitor(MODEL, settings_of("speed", seed))
         again.from_arrays(cut.to_arrays())
         cut = again

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Alarm, Cause, Name
+from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.detection.multimodel.candidates import OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN
 from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
@@ -16,8 +16,8 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     bank_of,
     guaranteed,
+    interpret,
 )
-from monitor_core.detection.multimodel.multimodel_tracker import HypothesisBook
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.detection.multimodel.quantities import causes_of, quantity_of
 from monitor_core.drive.structure import DELAY
@@ -28,8 +28,8 @@ from monitor_core.excitation.reference_experiment import (
     experiment,
     reference_model,
 )
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.fleet import Block, Fleet
+from monitor_core.monitoring import AlarmTracker, AxisMonitor, Fleet
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME
 from tests.core.figures import settings_of
@@ -55,13 +55,20 @@ def named(t: int, since: int, *shares: Share) -> Named:
     return Named(t, since, ONSET, shares, certain=True)
 
 
-def told(book: HypothesisBook) -> list[tuple[int, str, str, str]]:
+class Book(AlarmTracker):
+    """Open alarms, fed with events of the bank."""
+
+    def take(self, event: Event) -> list[Alarm]:
+        return self.apply(interpret(event, self.open, quantity))
+
+
+def told(book: Book) -> list[tuple[int, str, str, str]]:
     return [(e.raised_us, e.stage, e.parameter, e.direction) for e in book.open]
 
 
-def feed(*events: Event) -> tuple[HypothesisBook, list[list[Alarm]]]:
-    book = HypothesisBook(quantity)
-    return book, [book.apply(event) for event in events]
+def feed(*events: Event) -> tuple[Book, list[list[Alarm]]]:
+    book = Book()
+    return book, [book.take(event) for event in events]
 
 
 # --- the book ----------------------------------------------------------------------------------------
@@ -97,12 +104,12 @@ def test_what_does_not_last_ends_and_a_cause_that_stands_takes_what_is_more_of_i
     assert [(e.raised_us, e.ended_us) for e in said[3]] == [(40, 45), (10, None)]
     assert book.open[0].size == pytest.approx(np.expm1(0.4))
     assert book.open[0].onset_us == 4
-    (again,) = book.apply(changed(60, "kT", 0.1))
+    (again,) = book.take(changed(60, "kT", 0.1))
     assert (again.raised_us, again.crossings) == (10, 2)
-    assert book.apply(Over(70, 60, HEALTHY)) == []
+    assert book.take(Over(70, 60, HEALTHY)) == []
     assert told(book) == [(10, "named", "kT", "up")]
-    book.apply(changed(80, "fm"))
-    (over,) = book.apply(Over(90, 80, HEALTHY))
+    book.take(changed(80, "fm"))
+    (over,) = book.take(Over(90, 80, HEALTHY))
     assert (over.parameter, over.ended_us) == ("fm", 90)
 
 
@@ -111,7 +118,7 @@ def test_another_cause_than_the_one_that_stands_at_first_sight_is_an_alarm_of_it
         changed(10, "kT"), named(12, 10, share("kT")), changed(40, "kT"), named(45, 40, share("fm"))
     )
     assert told(book) == [(10, "named", "kT", "up"), (40, "named", "fm", "up")]
-    book.apply(named(50, 40, share("1/Ja")))
+    book.take(named(50, 40, share("1/Ja")))
     assert told(book) == [(10, "named", "kT", "up"), (40, "named", "1/Ja", "up")]
     assert book.is_open("1/Ja")
     assert not book.is_open("fm")
@@ -150,7 +157,7 @@ def detector(seed: int, limits: Limits = DAY) -> MultiModelDetector:
     return MultiModelDetector(MODEL, settings_of("speed", seed), limits)
 
 
-def monitor(seed: int, alarms: str = "bank") -> AxisMonitor:
+def monitor(seed: int, alarms: str = "multimodel") -> AxisMonitor:
     settings = settings_of("speed", seed)
     return AxisMonitor(MODEL, settings, MultiModelDetector(MODEL, settings, DAY), alarms)  # type: ignore[arg-type]
 
@@ -167,44 +174,40 @@ def test_a_parameter_and_a_sensor_are_named_with_onset_and_size(seed: int) -> No
     right = []
     for k in range(seed, seed + 5):
         watched = monitor(k)
-        watched.run(*experiment(k, {"kT": 0.7}, samples=2600))
-        right.append([(e.parameter, e.direction, e.stage) for e in watched.book.open])
+        watched.update(SampleBlock(*experiment(k, {"kT": 0.7}, samples=2600)))
+        right.append([(e.parameter, e.direction, e.stage) for e in watched.open_alarms])
         if right[-1] == [("kT", "down", "named")]:
-            (e,) = watched.book.open
+            (e,) = watched.open_alarms
             assert e.size == pytest.approx(-0.3, abs=0.1)
             assert e.causes[0].alike == ("torque scale", "output scale")
     assert right.count([("kT", "down", "named")]) >= 3
     names = []
     for k in range(seed, seed + 5):
         watched = monitor(k)
-        watched.run(*swapped(experiment(k, samples=2600)))
-        names.append([e.parameter for e in watched.book.open])
+        watched.update(SampleBlock(*swapped(experiment(k, samples=2600))))
+        names.append([e.parameter for e in watched.open_alarms])
     print(names)
     assert names.count([TORQUE_SIGN]) >= 3
 
 
-def test_the_detector_that_looks_on_alarms_nobody(seed: int) -> None:
-    rec = experiment(seed, {"1/Ja": 1.5}, samples=2600)
-    quiet, loud = monitor(seed, "cusum"), monitor(seed)
-    said, by_bank = quiet.run(*rec), loud.run(*rec)
-    assert quiet.alarms == "cusum"
-    assert said
-    assert by_bank
-    assert said[0].raised_us != by_bank[0].raised_us
-    for one in (quiet, loud):
-        status = {d.name: d for d in one.status().detectors}
-        assert [d.name for d in status.values() if d.alarms] == [one.alarms]
-        assert status["cusum"].open == tuple(dict.fromkeys(e.parameter for e in quiet.book.open))
-        assert status["bank"].open == tuple(dict.fromkeys(e.parameter for e in loud.book.open))
-        assert status["bank"].open
-        assert quiet.book_of("bank").open == loud.book.open
-    assert quiet.causes == MODEL.monitored
-    assert set(loud.causes) > set(MODEL.monitored)
+def test_each_detector_alarms_where_it_is_the_source_and_shows_its_evidence_elsewhere(seed: int) -> None:
+    rec = SampleBlock(*experiment(seed, {"1/Ja": 1.5}, samples=2600))
+    by_cusum, by_multimodel = monitor(seed, "cusum"), monitor(seed)
+    (first, *_), (second, *_) = by_cusum.update(rec), by_multimodel.update(rec)
+    assert first.alarm.raised_us != second.alarm.raised_us
+    for watched in (by_cusum, by_multimodel):
+        status = watched.status().detectors
+        assert [d.name for d in status] == ["cusum", "multimodel"]
+        assert [d.name for d in status if d.alarms] == [watched.alarm_source]
+        assert all(d.leading and d.evidence >= 0 for d in status)
+    assert by_cusum.status().detectors[0].evidence == by_multimodel.status().detectors[0].evidence
+    assert by_cusum.causes == MODEL.monitored
+    assert set(by_multimodel.causes) > set(MODEL.monitored)
 
 
 def state(watched: AxisMonitor) -> list[bytes]:
-    assert watched.beside is not None
-    arrays = watched.to_arrays() | {f"beside {k}": v for k, v in watched.beside.to_arrays().items()}
+    assert watched.multimodel is not None
+    arrays = watched.to_arrays() | {f"beside {k}": v for k, v in watched.multimodel.bank.to_arrays().items()}
     return [array.tobytes() for array in arrays.values()]
 
 
@@ -213,32 +216,32 @@ def test_a_saved_detector_goes_on(at: int, seed: int) -> None:
     """Also where something has changed and is not named, or is named and its size is looked for."""
     rec = experiment(seed, {"1/Ja": 1.3}, samples=2000)
     whole, first = monitor(seed), monitor(seed)
-    whole.run(*rec)
-    first.run(*part(rec, 0, at))
+    whole.update(SampleBlock(*rec))
+    first.update(SampleBlock(*part(rec, 0, at)))
     second = monitor(seed)
-    assert second.beside_key == first.beside_key
-    assert first.beside is not None
-    assert second.beside is not None
+    assert second.multimodel_key == first.multimodel_key
+    assert first.multimodel is not None
+    assert second.multimodel is not None
     second.from_arrays(first.to_arrays())
-    second.beside.from_arrays(first.beside.to_arrays())
-    second.adopt(first.book.open)  # the journal says the same
-    second.run(*part(rec, at))
+    second.multimodel.bank.from_arrays(first.multimodel.bank.to_arrays())
+    second.adopt(first.open_alarms)  # the journal says the same
+    second.update(SampleBlock(*part(rec, at)))
     assert state(second) == state(whole)
 
 
 def test_a_fleet_does_what_its_axes_do(seed: int) -> None:
     settings = settings_of("speed", seed)
     rec = experiment(seed, {"kT": 1.3}, samples=1600)
-    fleet = Fleet([MODEL] * 2, [settings] * 2, {1: MultiModelDetector(MODEL, settings, DAY)}, {1: "bank"})
-    events = fleet.run({a: Block(rec.t_us, rec.u, rec.y) for a in (0, 1)})
-    for a, event in events:
-        fleet.monitors[a].apply(event)
+    fleet = Fleet(
+        [MODEL] * 2, [settings] * 2, {1: MultiModelDetector(MODEL, settings, DAY)}, {1: "multimodel"}
+    )
+    fleet.update({a: SampleBlock(rec.t_us, rec.u, rec.y) for a in (0, 1)})
     alone = monitor(seed)
-    alone.run(*rec)
+    alone.update(SampleBlock(*rec))
     assert state(fleet.monitors[1]) == state(alone)
-    assert fleet.monitors[0].beside is None
+    assert fleet.monitors[0].multimodel is None
     with pytest.raises(ValueError, match="there is none"):
-        Fleet([MODEL], [settings], alarms={0: "bank"})
+        Fleet([MODEL], [settings], alarm_sources={0: "multimodel"})
 
 
 # --- after a restart: the journal is right about what is open ------------------------------------------
@@ -256,11 +259,11 @@ def test_an_alarm_that_the_bank_has_forgotten_stands_and_ends(seed: int) -> None
     fresh = monitor(seed)
     old = Alarm("kT", "up", 1, 2, 3, None, 0.3, 0.01, 1, "named", (Cause("kT", 1.0),), "", None, None, "", ())
     fresh.adopt([old])
-    before = fresh.run(*part(rec, 0, 1500))
-    assert [e.parameter for e in before if e.raised_us != 2] == []
-    assert [e.raised_us for e in fresh.book.open] == [2]
-    fresh.run(*part(rec, 1500))
-    assert 2 not in [e.raised_us for e in fresh.book.open]
+    before = fresh.update(SampleBlock(*part(rec, 0, 1500)))
+    assert [c.alarm.parameter for c in before if c.alarm.raised_us != 2] == []
+    assert [e.raised_us for e in fresh.open_alarms] == [2]
+    fresh.update(SampleBlock(*part(rec, 1500)))
+    assert 2 not in [e.raised_us for e in fresh.open_alarms]
 
 
 def test_an_alarm_without_a_name_gets_one_or_ends(seed: int) -> None:
@@ -269,8 +272,8 @@ def test_an_alarm_without_a_name_gets_one_or_ends(seed: int) -> None:
     old = Alarm("fm", "up", 1, 2, 2, None, 0.01, 0.01, 1)
     fresh = monitor(seed)
     fresh.adopt([old])
-    said = fresh.run(*rec)
-    assert [(e.raised_us, e.ended_us is not None) for e in said if e.raised_us == 2] == [(2, True)]
+    said = fresh.update(SampleBlock(*rec))
+    assert [(c.kind, c.alarm.raised_us) for c in said if c.alarm.raised_us == 2] == [("ended", 2)]
 
 
 def test_a_sensor_fault_that_was_open_stands(seed: int) -> None:
@@ -278,8 +281,8 @@ def test_a_sensor_fault_that_was_open_stands(seed: int) -> None:
     sign = replace(Alarm(TORQUE_SIGN, "up", 1, 2, 2, None, np.nan, np.nan, 1), stage="named")
     fresh = monitor(seed)
     fresh.adopt([sign])
-    fresh.run(rec.t_us, -rec.u, rec.y)
-    assert [e.raised_us for e in fresh.book.open] == [2]
+    fresh.update(SampleBlock(rec.t_us, -rec.u, rec.y))
+    assert [e.raised_us for e in fresh.open_alarms] == [2]
 
 
 # --- limits ------------------------------------------------------------------------------------------

@@ -16,8 +16,8 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from monitor_core.monitoring.fleet import Block, Fleet
+from monitor_core.monitoring import AxisMonitor, Fleet
+from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import OUTPUT_NOISE, TORQUE_NOISE, plant
 
 SECONDS, PIECE = 60, 50
@@ -132,12 +132,12 @@ def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
     def beside() -> MultiModelDetector:
         return MultiModelDetector(OF.model, OF.settings, Limits(720_000.0))
 
-    assert not AxisMonitor(OF.model, OF.settings, beside(), "bank").run(T, u, y, shift=shift)
-    events = []
-    for seen in (None, lambda *_: None):
-        fleet = Fleet([OF.model], [OF.settings], {0: beside()}, {0: "bank"})
-        events += fleet.run({0: Block(T, u, y, shift)}, None, seen)
-    assert not [event for _, event in events if isinstance(event, Changed)]
+    assert not AxisMonitor(OF.model, OF.settings, beside(), "multimodel").update(
+        SampleBlock(T, u, y, shift=shift)
+    )
+    for traced in (False, True):
+        fleet = Fleet([OF.model], [OF.settings], {0: beside()}, {0: "multimodel"})
+        assert not fleet.update({0: SampleBlock(T, u, y, shift)}, traced)[0].changes
 
 
 def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:

@@ -17,7 +17,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import Record
 from monitor_core.kernel.predictors import FARTHEST
-from monitor_core.monitoring.axis_batch import AxisBatch
+from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, as_columns, record
 

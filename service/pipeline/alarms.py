@@ -1,4 +1,4 @@
-"""Alarms on their way to the journal: only what is on the disk is shown."""
+"""Alarms on their way to the journal: an alarm is shown once it is on the disk."""
 
 from collections.abc import Callable, Iterable, Mapping
 from time import monotonic
@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import structlog
 
-from monitor_core.detection.alarm import Alarm
-from monitor_core.monitoring.axis_monitor import AxisMonitor
-from service.pipeline.axis_change import Change
+from monitor_core.detection import Alarm, AlarmKey
+from monitor_core.monitoring import AxisMonitor
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal
 from service.texts.alarm_texts import episode_words
@@ -18,36 +17,43 @@ RETRY_S = 1.0
 log = structlog.get_logger(__name__)
 
 
+class AxisAlarm(NamedTuple):
+    """An alarm of an axis that was raised, changed or ended, as it is now."""
+
+    axis_id: str
+    alarm: Alarm
+
+
 class Quantity(NamedTuple):
-    """Unit and nominal value of a parameter, for the journal."""
+    """Unit and nominal value of a cause, for the journal."""
 
     unit: str
     nominal: float
 
 
 def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Quantity]:
-    """Units and nominal values of whatever an alarm may name: monitored parameters, and causes of the bank."""
+    """Units and nominal values of all causes that an alarm may name."""
     found = {
         (axis_id, p.name): Quantity(p.unit, float(nominal))
         for axis_id, monitor in monitors.items()
         for p, nominal in zip(monitor.model.parameters, monitor.model.theta0, strict=True)
     }
     for axis_id, monitor in monitors.items():
-        if monitor.beside is not None:
-            for cause in monitor.beside.causes:
-                nominal, unit, _ = monitor.beside.quantity(cause)
+        if monitor.multimodel is not None:
+            for cause in monitor.multimodel.causes:
+                nominal, unit, _ = monitor.multimodel.quantity(cause)
                 found.setdefault((axis_id, cause), Quantity(unit, nominal))
     return found
 
 
-_Key = tuple[str, str, str, int]  # axis; parameter, direction and time of the first crossing
+_Key = tuple[str, AlarmKey]  # with the axis
 
 
 class Alarms:
     """Writes changes to the journal and knows which alarms are open there.
 
-    What cannot be written waits and is tried again, for ever; it is kept in the order of its events, and only
-    the last change of each alarm is kept, so what waits is bounded by the number of alarms.
+    A change that cannot be written waits and is tried again without limit.  Changes wait in the order of their events;
+    of each alarm only the last change waits, so their number is bounded by the number of alarms.
 
     Args:
         journal: where alarms are kept.
@@ -62,13 +68,13 @@ class Alarms:
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._journal, self._quantities, self._clock = journal, quantities, clock
-        self._open: dict[_Key, Change] = {}
-        self._waiting: dict[_Key, Change] = {}
+        self._open: dict[_Key, AxisAlarm] = {}
+        self._waiting: dict[_Key, AxisAlarm] = {}
         self._next_try = -RETRY_S
         self.problem: str | None = None
         """Why alarms wait, for the operator; None while none wait."""
 
-    def adopt(self, open_alarms: Iterable[Change]) -> None:
+    def adopt(self, open_alarms: Iterable[AxisAlarm]) -> None:
         """Alarms that are open in the journal from an earlier run."""
         self._open |= {_key(*change): change for change in open_alarms}
 
@@ -76,8 +82,8 @@ class Alarms:
         """The alarms of an axis that are open in the journal, as they are there."""
         return tuple(change.alarm for key, change in self._open.items() if key[0] == axis_id)
 
-    def record(self, changes: Iterable[Change]) -> None:
-        """Take changes, and write all that wait unless a try has failed just now."""
+    def record(self, changes: Iterable[AxisAlarm]) -> None:
+        """Take changes, and write all that wait, unless the last try has failed a moment ago."""
         for change in changes:
             self._waiting[_key(*change)] = change
         if self._waiting and self._clock() >= self._next_try:
@@ -98,24 +104,24 @@ class Alarms:
         for change in changes:
             self._show(change)
 
-    def _show(self, change: Change) -> None:
-        """From now on the alarm is shown as it is in the journal."""
-        key, episode = _key(*change), change.alarm
+    def _show(self, change: AxisAlarm) -> None:
+        """Show the alarm as it is in the journal, and log the change."""
+        key, alarm = _key(*change), change.alarm
         before = self._open.pop(key, None)
-        if episode.ended_us is None:
+        if alarm.ended_us is None:
             self._open[key] = change
-        if episode.ended_us is not None:
+        if alarm.ended_us is not None:
             log.info("alarm ended", **self._facts(change))
         elif before is None:
             log.warning("alarm raised", **self._facts(change))
-        elif _name(before.alarm) != _name(episode):
+        elif _name(before.alarm) != _name(alarm):
             log.warning("alarm named", **self._facts(change))
 
-    def _entry(self, change: Change) -> Entry:
+    def _entry(self, change: AxisAlarm) -> Entry:
         unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]
         return Entry(change.axis_id, unit, nominal, change.alarm)
 
-    def _facts(self, change: Change) -> dict[str, object]:
+    def _facts(self, change: AxisAlarm) -> dict[str, object]:
         e, quantity = change.alarm, self._quantities[change.axis_id, change.alarm.parameter]
         return {
             "axis": change.axis_id,
@@ -131,14 +137,14 @@ class Alarms:
         }
 
 
-def _key(axis_id: str, e: Alarm) -> _Key:
-    return axis_id, *e.first, e.raised_us
+def _key(axis_id: str, alarm: Alarm) -> _Key:
+    return axis_id, alarm.key
 
 
 def _name(e: Alarm) -> tuple[str, ...]:
     return e.stage, e.parameter, e.direction, e.doubt
 
 
-def _words(changes: Iterable[Change]) -> str:
+def _words(changes: Iterable[AxisAlarm]) -> str:
     names = (f"{c.axis_id} {c.alarm.parameter} {c.alarm.direction}" for c in changes)
     return f"alarm of {', '.join(dict.fromkeys(names))}"

@@ -1,4 +1,4 @@
-"""Where frames come in: the reader of each bus, and the file that they are recorded in."""
+"""Input of frames: the reader of each bus, and the file into which frames are recorded."""
 
 from typing import Protocol
 

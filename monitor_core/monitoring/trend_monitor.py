@@ -1,0 +1,118 @@
+"""Long-term trends of one axis: readings in; trends, forecasts and alarms about limits out."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from monitor_core.detection.alarm import Alarm, Direction, Reach
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.monitoring.forecast_alarms import Limit, forecast_alarm, reach
+from monitor_core.trend.entries import Entry, Reading
+from monitor_core.trend.forecast import forecast
+from monitor_core.trend.slow_history import HOUR_S, SlowHistory
+from monitor_core.trend.trend import Trend, trend_of
+
+MIN_GROWTH = 50
+"""A trend is computed again when its history has grown by this fraction of its length (one part in 50)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterTrend:
+    """The long-term trend of one parameter, as far as it is known."""
+
+    name: str
+    unit: str
+    nominal: float
+    hour_s: float
+    """Time in operation of an entry [s]"""
+    entries: tuple[Entry, ...] = ()
+    trend: Trend | None = None
+    """None: there is too little data yet"""
+    reaches: tuple[Reach, ...] = ()
+    """When its limits are reached"""
+
+
+class TrendMonitor:
+    """Histories and trends of the monitored parameters of one axis, and the alarms about their limits.
+
+    Args:
+        model: of the axis.
+        limits: of each parameter that has any.
+        hour_s: time in operation [s] of an entry of the histories.
+        lead_time_us: an alarm is raised when a limit may be reached within this time.
+    """
+
+    def __init__(
+        self,
+        model: AxisModel,
+        limits: Mapping[str, Sequence[Limit]],
+        hour_s: float = HOUR_S,
+        lead_time_us: int = 0,
+    ) -> None:
+        self._scale, self._limits, self._lead_time_us = model.scale, limits, lead_time_us
+        self.histories = tuple(SlowHistory(hour_s) for _ in model.monitored)
+        self.closed = [0] * len(model.monitored)
+        """Entries that have been completed since the start, of each parameter"""
+        self.trends = [
+            ParameterTrend(p.name, p.unit, float(nominal), hour_s)
+            for p, nominal in zip(model.parameters, model.theta0, strict=True)
+        ]
+        """Trends of the parameters, as they were computed last"""
+        self._computed = [0] * len(model.monitored)
+        self._open: dict[tuple[str, Direction], Alarm] = {}
+
+    def take(self, reading: Reading) -> bool:
+        """Take a reading; a parameter that is unknown at that time gets none.  Whether an entry was completed."""
+        before = sum(self.closed)
+        for i, history in enumerate(self.histories):
+            if reading.known[i]:
+                self.closed[i] += history.take(
+                    reading.time_us,
+                    reading.value[i],
+                    reading.variance[i],
+                    reading.span_s,
+                    reading.correlation,
+                )
+        return sum(self.closed) != before
+
+    def due(self) -> list[int]:
+        """The parameters whose trends are to be computed again."""
+        return [i for i in range(len(self.closed)) if self._has_grown(i)]
+
+    def recompute_all(self) -> None:
+        """All trends are to be computed again, as after a restart."""
+        self._computed = [-1] * len(self.closed)
+
+    def update(self, i: int) -> list[Alarm]:
+        """Compute the trend of parameter i; returns the alarms about its limits that were raised, updated or ended."""
+        self._computed[i] = self.closed[i]
+        shown, entries = self.trends[i], self.histories[i].entries
+        trend = trend_of(entries, float(self._scale[i]), shown.hour_s)
+        changed, reaches = [], []
+        for limit in self._limits.get(shown.name, ()) if trend is not None else ():
+            assert trend is not None
+            f = forecast(trend, limit.value, limit.upper)
+            reaches.append(reach(limit, f))
+            now = self._open.pop((shown.name, limit.direction), None)
+            alarm = forecast_alarm(shown.name, shown.nominal, limit, trend, f, self._lead_time_us, now)
+            if alarm is not None:
+                changed.append(alarm)
+                if alarm.ended_us is None:
+                    self._open[shown.name, limit.direction] = alarm
+        self.trends[i] = replace(shown, entries=entries, trend=trend, reaches=tuple(reaches))
+        return changed
+
+    def adopt(self, open_alarms: Iterable[Alarm], now_us: int) -> list[Alarm]:
+        """Take over open alarms about limits; returns those that end, as their limit no longer exists."""
+        ended = []
+        for alarm in open_alarms:
+            if any(limit.direction == alarm.direction for limit in self._limits.get(alarm.parameter, ())):
+                self._open[alarm.parameter, alarm.direction] = alarm
+            else:
+                ended.append(replace(alarm, ended_us=max(now_us, alarm.updated_us)))
+        return ended
+
+    def _has_grown(self, i: int) -> bool:
+        if self._computed[i] < 0:
+            return bool(self.histories[i].entries)
+        new = self.closed[i] - self._computed[i]
+        return new > 0 and new * MIN_GROWTH >= len(self.histories[i].entries)
