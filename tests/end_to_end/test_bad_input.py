@@ -111,9 +111,10 @@ def test_a_checkpoint_of_other_nominal_values_is_quarantined_and_said(tmp_path: 
     with daemon(config) as d:
         (message,) = said(d)
         assert (
-            "demo.axis1: its checkpoint is not used and quarantined: it was saved with another mod" in message
+            "demo.axis1: its checkpoint is not used and was quarantined: it was saved with another mod"
+            in message
         )
-        assert "the estimates, the evidence of the bank of hypotheses and the slow history" in message
+        assert "the estimates, the evidence of the multi-model detector and the long-term history" in message
         assert message in [event.get("message") for event in d.events()]
         axis = d.get("api/v1/axes/demo.axis1")
         assert (axis["samples"], axis["parameters"][2]["estimate"]) == (0, 0.07)

@@ -17,10 +17,10 @@ BROKEN = """
 from service.commands.main import main
 from service.pipeline.frame_pipeline import FramePipeline
 
-def run(_):
+def update(_):
     raise ZeroDivisionError("division by a fault")
 
-FramePipeline.run = run
+FramePipeline.update = update
 main()
 """
 
@@ -72,4 +72,4 @@ def test_a_fault_of_the_program_ends_the_process_with_1_and_a_clear_log(tmp_path
     assert failure["event"] == "the worker has failed; the daemon stops"
     (exception,) = failure["exception"]
     assert (exception["exc_type"], exception["exc_value"]) == ("ZeroDivisionError", "division by a fault")
-    assert exception["frames"][-1]["name"] == "run"
+    assert exception["frames"][-1]["name"] == "update"

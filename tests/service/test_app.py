@@ -26,7 +26,7 @@ def test_a_worker_that_fails_stops_the_daemon_and_says_so(
 
     config = demo(tmp_path, 1)
     web = config.web.model_copy(update={"port": 0})
-    monkeypatch.setattr(FramePipeline, "run", broken)
+    monkeypatch.setattr(FramePipeline, "update", broken)
     with structlog.testing.capture_logs() as logs, pytest.raises(DaemonFailedError) as failure:
         run_daemon(config.model_copy(update={"web": web}))
     assert isinstance(failure.value.__cause__, ZeroDivisionError)
