@@ -1,7 +1,7 @@
 """A block of samples of a bank of axes through the recursion: the one entry into the kernel."""
 
 import math
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +161,6 @@ def _record(
 @entry
 def run(
     lanes: Any,
-    one: Literal[True] | None,
     tables: Tables,
     C: Floats,
     F: Floats,
@@ -178,7 +177,7 @@ def run(
 
     ``kept_t`` (KEPT, axes) and ``kept_d`` (KEPT kept_numbers, axes) are state, too, but hardly ever touched.
 
-    ``lanes``: an array of a multiple of eight, or (0,), then ``one`` is True.
+    ``lanes``: an array of a multiple of eight, or (0,); the branch for the other shape is not compiled.
 
     Lanes beyond the last axis repeat it, without samples; what they do is not kept.
     """
@@ -236,23 +235,23 @@ def run(
                 for_interval(lanes, con.interval, con.lam, con.K, h, ago, lam, K)
                 if drift:
                     walk(lanes, con.drift, st.seed_left, lam, share)
-                evaluate(lanes, one, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V)
+                evaluate(lanes, term_slot, factor_start, factor_par, factor_exp, V0, coef, theta, V)
                 if delayed(lanes, kind, delay, st.torque_before, st.u, h, h_first, u_first):
-                    drive(lanes, one, in_row, in_slot, in_col, in_par, V, u_first, st.du, G)
-                    split(lanes, one, A_row, weight, V, h_first, steps, terms, norm)
-                    propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
+                    drive(lanes, in_row, in_slot, in_col, in_par, V, u_first, st.du, G)
+                    split(lanes, A_row, weight, V, h_first, steps, terms, norm)
+                    propagate(lanes, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
                               part_start, place, at_part, part_slot, V_, G_, h_first, steps, terms, X_, work, more)
                 if T.late >= 0:
                     switch(lanes, in_row, in_slot, in_col, kind, T.late, T.p, V, delay, u_first, st.u, h_first,
                             h, X)
-                drive(lanes, one, in_row, in_slot, in_col, in_par, V, st.u, st.du, G)
+                drive(lanes, in_row, in_slot, in_col, in_par, V, st.u, st.du, G)
                 if T.mean >= 0 and own_interval(lanes, con.interval, h_first, h, h_before, over, lost):
-                    split(lanes, one, A_row, weight, V, h_before, steps, terms, norm)
-                    propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
+                    split(lanes, A_row, weight, V, h_before, steps, terms, norm)
+                    propagate(lanes, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
                               part_start, place, at_part, part_slot, V_, G_, h_before, steps, terms, X_, work, more)
                     begin_again(lanes, T.mean, T.n, lost, X)
-                split(lanes, one, A_row, weight, V, h, steps, terms, norm)
-                propagate(lanes, one, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
+                split(lanes, A_row, weight, V, h, steps, terms, norm)
+                propagate(lanes, T.n, T.p, T.blocks, A_start, at_A, more_start, at_more, more_slot,
                               part_start, place, at_part, part_slot, V_, G_, h, steps, terms, X_, work, more)
                 predict(lanes, out_slot, out_src, out_par, V, X, yhat, psi)
                 if T.mean >= 0:

@@ -1,6 +1,6 @@
 """A, B, C and their derivatives at the current theta: sums of Laurent terms."""
 
-from typing import Any, Literal
+from typing import Any
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
@@ -10,7 +10,6 @@ from monitor_core.kernel.vector import EIGHT, load8, store
 @kernel
 def evaluate(
     lanes: Any,
-    one: Literal[True] | None,
     slot: Ints,
     factor_start: Ints,
     factor_par: Ints,
@@ -22,13 +21,13 @@ def evaluate(
 ) -> None:
     """V = V0 + sum of coef * prod theta_i^e_i, for every slot that has a monitored parameter.
 
-    ``slot`` is in order.  ``V`` (slots + 1, W) must hold V0 in all other slots.  ``one`` as in ``run``.
+    ``slot`` is in order.  ``V`` (slots + 1, W) must hold V0 in all other slots.
     """
     W = len(lanes)
     for j in range(slot.size):
         s = slot[j]
         begins = j == 0 or slot[j - 1] != s
-        if one is not None:
+        if isinstance(lanes, tuple):
             term = coef[j, 0]
             for f in range(factor_start[j], factor_start[j + 1]):
                 i = factor_par[f]

@@ -96,10 +96,10 @@ def _over(
     GX, du = table(n, H), np.zeros((0, T.m, H))
     steps, terms, norm = ints(H), ints(H), floats(H)
     _torque(lanes, T.kind, P.own, torque, u)
-    drive(lanes, None, T.in_row, T.in_slot, T.in_col, T.in_par, P.V0, u, du, GX)
-    split(lanes, None, T.A_row, P.weight, P.V0, h, steps, terms, norm)
+    drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, P.V0, u, du, GX)
+    split(lanes, T.A_row, P.weight, P.V0, h, steps, terms, norm)
     propagate(
-        lanes, None, n, 0, T.blocks, T.A_start, times(T.A_at, EIGHT), T.more_start, times(T.more_col, EIGHT),
+        lanes, n, 0, T.blocks, T.A_start, times(T.A_at, EIGHT), T.more_start, times(T.more_col, EIGHT),
         T.more_slot, T.part_start, times(T.part_place, EIGHT), times(T.part_col, EIGHT), times(T.part_slot, H),
         P.V0.reshape(P.V0.size), GX.reshape(GX.size), h, steps, terms, X.reshape(X.size), work, more,
     )  # fmt: skip

@@ -11,7 +11,7 @@ the balanced series has the very same digits; it only sharpens r.  Intervals wit
 """
 
 import math
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -30,12 +30,10 @@ MOST_STEPS = 1000
 
 
 @kernel
-def _norms(
-    lanes: Any, one: Literal[True] | None, A_row: Ints, weight: Floats, V: Floats, norm: Floats
-) -> None:
+def _norms(lanes: Any, A_row: Ints, weight: Floats, V: Floats, norm: Floats) -> None:
     """||D^-1 A D|| (W,), the largest sum of a row's magnitudes."""
     W = len(lanes)
-    if one is not None:
+    if isinstance(lanes, tuple):
         most = total = 0.0
         for e in range(A_row.size):
             if e > 0 and A_row[e] != A_row[e - 1]:
@@ -55,7 +53,6 @@ def _norms(
 @kernel
 def split(
     lanes: Any,
-    one: Literal[True] | None,
     A_row: Ints,
     weight: Floats,
     V: Floats,
@@ -64,11 +61,11 @@ def split(
     terms: Ints,
     norm: Floats,
 ) -> None:
-    """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.  ``one`` as in ``run``.
+    """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.
 
     ``norm`` (W,) is scratch.  ``terms`` holds those of the last interval: mostly they are the same.
     """
-    _norms(lanes, one, A_row, weight, V, norm)
+    _norms(lanes, A_row, weight, V, norm)
     for a in range(len(lanes)):
         r = norm[a] * h[a]
         steps[a] = math.ceil(r) if r < MOST_STEPS else MOST_STEPS
@@ -84,7 +81,6 @@ def split(
 @kernel
 def drive(
     lanes: Any,
-    one: Literal[True] | None,
     row: Ints,
     slot: Ints,
     col: Ints,
@@ -94,14 +90,14 @@ def drive(
     du: Floats,
     G: Floats,
 ) -> None:
-    """G ((p + 1) n, W): B u for x, B_i u + B u_i for z_i.  ``one`` as in ``run``."""
+    """G ((p + 1) n, W): B u for x, B_i u + B u_i for z_i."""
     m, W = u.shape
     for r in range(G.shape[0]):
         for a in range(W):
             G[r, a] = 0.0
     for q in range(row.size):
         r, s, c, i = row[q], slot[q], col[q], par[q]
-        if one is not None:
+        if isinstance(lanes, tuple):
             G[r, 0] += V[s, 0] * (u[c, 0] if i < 0 else du[i, c, 0])
         else:
             for a in range(0, len(lanes), EIGHT):
@@ -112,7 +108,6 @@ def drive(
 @kernel
 def propagate(
     lanes: Any,
-    one: Literal[True] | None,
     n: int,
     p: int,
     blocks: int,
@@ -134,12 +129,9 @@ def propagate(
     work: Floats,
     more: Floats,
 ) -> None:
-    """Move X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.  V, G, X are flat here.
-
-    ``one`` as in ``run``: the compiler leaves out the other branch only where it sees None.
-    """
+    """Move X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.  V, G, X are flat here."""
     # fmt: off
-    if one is not None:
+    if isinstance(lanes, tuple):
         advance_one(n, p, blocks, A_start, at_A, more_start, at_more, more_slot,
                     V, G, h[0], steps[0], terms[0], X, work, more)
     else:

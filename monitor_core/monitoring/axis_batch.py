@@ -161,10 +161,8 @@ class AxisBatch:
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
         noted = self._noted(len(samples.t))
         reset = not self.settings[0].run_on
-        lanes = _lanes(len(self.models))
         run(
-            lanes,
-            True if isinstance(lanes, tuple) else None,
+            _lanes(len(self.models)),
             self._tables,
             self._constants,
             *self._parts,
