@@ -18,8 +18,9 @@ Identification:
 
 * ``Record, check_record``: measurements, and what is wrong with them.
 * ``Problem, Disturbance``: what is to be estimated, and the noise.
-* ``identify, fit``: from the records alone; from given values.
-* ``Estimate``: values, covariance, predictor, fit.
+* ``identify, IdentificationOptions, IdentificationResult, IdentificationError``: the whole way from records to
+  nominal values, with fits, frequency responses and doubts.
+* ``fit, Estimate``: only the fit from given values; estimates, covariance, predictor, fit.
 
 Monitoring:
 
@@ -66,12 +67,14 @@ if TYPE_CHECKING:
     from monitor_core.excitation.design import plan
     from monitor_core.excitation.multisine import multisine
     from monitor_core.excitation.reference_experiment import experiment, reference_model
+    from monitor_core.identification.errors import IdentificationError
     from monitor_core.identification.estimate import Estimate
     from monitor_core.identification.greybox import fit
+    from monitor_core.identification.identification_result import IdentificationResult
+    from monitor_core.identification.identify import IdentificationOptions, identify
     from monitor_core.identification.problem import Disturbance, Problem
     from monitor_core.identification.record import Record
     from monitor_core.identification.record_checks import suspicions as check_record
-    from monitor_core.identification.starting import fit_from_scratch as identify
     from monitor_core.modeling.simulated_axis import SimulatedAxis
     from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass, two_mass
     from monitor_core.monitoring import (
@@ -114,6 +117,9 @@ __all__ = [
     "Follow",
     "Gate",
     "HealthyRecord",
+    "IdentificationError",
+    "IdentificationOptions",
+    "IdentificationResult",
     "Limits",
     "MonitoringOptions",
     "MultiModelDetector",
@@ -170,7 +176,10 @@ _HOME = {
     "check_record": "identification.record_checks:suspicions",
     "Problem": "identification.problem",
     "Disturbance": "identification.problem",
-    "identify": "identification.starting:fit_from_scratch",
+    "identify": "identification.identify",
+    "IdentificationOptions": "identification.identify",
+    "IdentificationResult": "identification.identification_result",
+    "IdentificationError": "identification.errors",
     "fit": "identification.greybox",
     "Estimate": "identification.estimate",
     "Settings": "settings",

@@ -45,12 +45,19 @@ LEAK = re.compile(r"(?<![\w.~$})-])/(?:" + _HOMES_OF_USERS + ")/|" + "|".join(ma
 # --- one direction: each package imports only from those above it in its list ---------------------------
 
 LAYERS = (
-    *("monitor_core.arrays", "monitor_core.samples", "monitor_core.kernel", "monitor_core.drive"),
-    *("monitor_core.modeling", "monitor_core.excitation", "monitor_core.settings", "monitor_core.trend"),
+    *(
+        "monitor_core.arrays",
+        "monitor_core.suggestions",
+        "monitor_core.samples",
+        "monitor_core.kernel",
+        "monitor_core.drive",
+    ),
+    *("monitor_core.modeling", "monitor_core.excitation"),
+    *("monitor_core.settings", "monitor_core.trend"),
     *("monitor_core.detection", "monitor_core.monitoring", "monitor_core.identification"),
     *("monitor_core.calibration", "monitor_core"),
     *("service", "service.texts", "service.can", "service.config", "service.ingest"),
-    *("service.identification", "service.store", "service.pipeline"),
+    *("service.store", "service.pipeline"),
     *("service.web", "service.reports", "service.simulation", "service.commands"),
 )
 

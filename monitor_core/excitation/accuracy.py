@@ -31,6 +31,14 @@ Pair = tuple[str, str, float]
 """Two parameters and the correlation of their estimates."""
 
 
+class Finding(NamedTuple):
+    """What a record does not tell: the parameters concerned, whether it shows nothing of them at all, a sentence."""
+
+    names: tuple[str, ...]
+    hidden: bool
+    sentence: str
+
+
 class Direction(NamedTuple):
     """A joint change: how far the output moves, over what the parts would move it one by one; its larger parts.
 
@@ -149,6 +157,10 @@ class Accuracy:
 
     def words(self, limit: float = LIMIT) -> tuple[str, ...]:
         """What cannot be told from this record, in plain sentences."""
+        return tuple(finding.sentence for finding in self.findings(limit))
+
+    def findings(self, limit: float = LIMIT) -> tuple[Finding, ...]:
+        """What cannot be told from this record."""
         deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
         groups = _groups(deviations, self.directions(limit))
         pairs = self.pairs(limit)
@@ -160,26 +172,29 @@ class Accuracy:
         )
 
 
-def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[str]:
+def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[Finding]:
     absent = [d.names[0] for d in directions if d.size == 0 and len(d.parts) == 1]
     if absent:
-        yield f"{listed(absent)} {'do' if len(absent) > 1 else 'does'} not show in this record at all."
+        verb = "do" if len(absent) > 1 else "does"
+        yield Finding(tuple(absent), True, f"{listed(absent)} {verb} not show in this record at all.")
     poor = {name: percent(sd) for name, sd in deviations.items() if POOR < sd < np.inf}
     if len(poor) == 1:
         ((name, sd),) = poor.items()
-        yield f"{name} cannot be told from this record (standard deviation {sd})."
+        yield Finding((name,), False, f"{name} cannot be told from this record (standard deviation {sd}).")
     elif poor:
         names = listed([f"{name} ({sd})" for name, sd in poor.items()])
-        yield f"{names} cannot be told from this record (standard deviations in brackets)."
+        sentence = f"{names} cannot be told from this record (standard deviations in brackets)."
+        yield Finding(tuple(poor), False, sentence)
 
 
-def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[Pair]) -> Iterator[str]:
+def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[Pair]) -> Iterator[Finding]:
     for one, other, r in pairs:
         if max(deviations[one], deviations[other]) > FAIR:
-            yield (
+            sentence = (
                 f"{one} and {other} cannot both be told from this record: their estimates correlate by {r:.2f}"
                 f" (standard deviations {percent(deviations[one])} and {percent(deviations[other])})."
             )
+            yield Finding((one, other), False, sentence)
 
 
 def _groups(deviations: Mapping[str, float], directions: Sequence[Direction]) -> list[Direction]:
@@ -199,7 +214,7 @@ def _inside(pair: Pair, group: Direction) -> bool:
     return {pair[0], pair[1]} <= set(group.names)
 
 
-def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[str]:
+def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[Finding]:
     for direction in groups:
         names = direction.names
         change = " ".join(f"{'+' if v > 0 else '-'}{name}" for name, v in direction.parts)
@@ -212,10 +227,11 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[s
             if len(inside) == 1:
                 one, other, r = inside[0]
                 effect += f", and the estimates of {one} and {other} correlate by {r:.2f}"
-        yield (
+        sentence = (
             f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be told from this record:"
             f" the joint change {change} {effect}."
         )
+        yield Finding(names, direction.size == 0, sentence)
 
 
 def _sparse(rows: Floats) -> Floats:

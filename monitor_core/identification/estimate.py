@@ -44,7 +44,8 @@ class Estimate:
         moving: where it has not converged, what would still move by more than a tenth of its standard deviation, by the
             most first.
         outliers: outputs of each record that count as not measured since their errors are gross; empty: none.
-        words: what the user should know, in sentences.
+        words: doubts about the estimates, in sentences.
+        started_from: where the fit started, in a sentence; empty: at the values of the problem.
     """
 
     drive: Drive
@@ -70,6 +71,7 @@ class Estimate:
     moving: tuple[str, ...] = ()
     outliers: tuple[int, ...] = ()
     words: tuple[str, ...] = field(default=())
+    started_from: str = ""
 
     @property
     def sd(self) -> Floats:

@@ -27,7 +27,9 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
     if not found.converged:
         yield f"The search has not converged after {found.iterations} evaluations."
     yield from _singular(found.accuracy)
-    yield from (word for word in found.accuracy.words() if LEVEL not in word and "at all" not in word)
+    for finding in found.accuracy.findings():
+        if not finding.hidden and not any(name.startswith(LEVEL) for name in finding.names):
+            yield finding.sentence
     yield from _at_bounds(layout, xi)
     yield from _driving(found)
     if not 0 <= found.delay_s <= found.interval_s:

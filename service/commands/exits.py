@@ -35,12 +35,12 @@ def explained() -> Iterator[None]:
 def _code(error: Exception) -> int | None:
     # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
     from monitor_core.calibration.doubts import CalibrationError
+    from monitor_core.identification.errors import IdentificationError
     from monitor_core.modeling.flat import ModelError
     from service.can.dbc import DbcError
     from service.can.user_errors import BusError, IngestError
     from service.commands.daemon import DaemonFailedError
     from service.config.axis_settings import AxisError
-    from service.identification.errors import IdentificationError
     from service.simulation.robot import FaultError
     from service.store.database import StoreError
     from service.web.server import CannotListenError

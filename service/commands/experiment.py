@@ -16,9 +16,9 @@ from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.planned_drive import Controller, Plant
 from monitor_core.excitation.prediction import Estimation
 from monitor_core.settings import Settings
+from monitor_core.suggestions import did_you_mean
 from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.config.axis_settings import axis_model, axis_settings
-from service.texts.suggestions import did_you_mean
 
 _LONGEST = 2_000_000
 

@@ -40,10 +40,10 @@ from service.commands.progress import steps_bar
 from service.commands.which_drive import axis_named
 
 if TYPE_CHECKING:
+    from monitor_core.identification.identify import Start
     from monitor_core.identification.problem import Predictor
     from service.config import NamedAxis
-    from service.identification.identification_result import Provenance
-    from service.identification.initial_values import Start
+    from service.reports.identification_report import Provenance
 
 
 class Command(OptionalValueCommand):
@@ -88,11 +88,10 @@ def identify(
     read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)
     with explained():
-        from service.identification.running import run
-        from service.identification.task import Wishes, task_of
+        from service.commands.identification_task import Request, prepare
 
         kind = _kind(predictor)
-        wishes = Wishes(
+        request = Request(
             _names(free),
             _names(fix),
             kind,
@@ -104,12 +103,12 @@ def identify(
             tuple(varying or ()),
             _masses(masses),
         )
-        task = task_of(read, chosen, records, validate or [], wishes)
+        task = prepare(read, chosen, records, validate or [], request)
         with steps_bar(chosen.id) as progress:
-            found = run(task, _provenance(chosen), progress)
-    files.write(found)
-    if why_not := found.trustworthy():
-        print(f"axiswatch: no nominal values: {why_not}", file=sys.stderr)
+            result = task.run(_provenance(chosen), progress)
+    files.write(result)
+    if result.rejection:
+        print(f"axiswatch: no nominal values: {result.rejection}", file=sys.stderr)
         raise typer.Exit(MISTAKE)
 
 
@@ -134,14 +133,14 @@ def _masses(text: str | None) -> int | None:
     Raises:
         typer.BadParameter: it is neither auto nor a number of masses.
     """
-    from service.identification.masses import MOST, USUAL
+    from monitor_core.identification.identify import MOST_MASSES, USUAL_MASSES
 
     if text is None:
         return None
     if text == "auto":
-        return USUAL
-    if not (text.isdecimal() and 1 <= int(text) <= MOST):
-        raise typer.BadParameter(f"{text}: write auto, or 1 to {MOST}", param_hint="--masses")
+        return USUAL_MASSES
+    if not (text.isdecimal() and 1 <= int(text) <= MOST_MASSES):
+        raise typer.BadParameter(f"{text}: write auto, or 1 to {MOST_MASSES}", param_hint="--masses")
     return int(text)
 
 
@@ -151,8 +150,8 @@ def _names(given: list[str] | None) -> tuple[str, ...]:
 
 
 def _provenance(axis: NamedAxis) -> Provenance:
-    from service.identification.identification_result import Provenance
-    from service.identification.provenance import drawing_of
+    from service.commands.identification_task import drawing_of
+    from service.reports.identification_report import Provenance
 
     command = shlex.join(["axiswatch", *sys.argv[1:]])
     date = datetime.now(UTC).isoformat(timespec="seconds")

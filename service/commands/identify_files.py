@@ -12,7 +12,7 @@ import typer
 from service.commands.writing import STDOUT, write
 
 if TYPE_CHECKING:
-    from service.identification.identification_result import Found
+    from service.reports.identification_report import IdentificationReport
 
 
 class Files(NamedTuple):
@@ -49,13 +49,13 @@ class Files(NamedTuple):
         if len({path.resolve() for path in paths}) < len(paths):
             raise typer.BadParameter(f"{what}, report and JSON need files of their own")
 
-    def write(self, found: Found) -> None:
+    def write(self, report: IdentificationReport) -> None:
         """All of them, the nominal values only if they can be trusted; and the tables to the terminal.
 
         Raises:
             typer.Exit: a file cannot be written.
         """
-        texts = list(self._texts(found))  # all before the first is written
+        texts = list(self._texts(report))  # all before the first is written
         for path, text in texts:
             write(path, text)
         if self.json != STDOUT:
@@ -63,19 +63,19 @@ class Files(NamedTuple):
 
             from service.reports.identification_text import print_text
 
-            print_text(found, Console(highlight=False))
+            print_text(report, Console(highlight=False))
         written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
         print(f"written: {written}", file=sys.stderr)
 
-    def _texts(self, found: Found) -> Iterator[tuple[Path, str]]:
-        if not found.trustworthy():
+    def _texts(self, report: IdentificationReport) -> Iterator[tuple[Path, str]]:
+        if not report.rejection:
             from service.reports.identification_toml import as_toml
 
-            yield self.nominal, as_toml(found)
+            yield self.nominal, as_toml(report)
         from service.reports.identification_html import as_html
 
-        yield self.report, as_html(found)
+        yield self.report, as_html(report)
         if self.json is not None:
             from service.reports.identification_json import as_json
 
-            yield self.json, as_json(found)
+            yield self.json, as_json(report)

@@ -7,9 +7,9 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from monitor_core.suggestions import did_you_mean
 from service.commands.exits import EXIT_CODES
 from service.pipeline.kernel_cache import choose
-from service.texts.suggestions import did_you_mean
 
 COMMANDS = (
     "demo",

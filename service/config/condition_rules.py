@@ -10,13 +10,13 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Conditions, Follow, Operating
 from monitor_core.drive.structure import split_name
 from monitor_core.modeling.flat import ModelError
+from monitor_core.suggestions import did_you_mean
 from service.config.base_table import Absent, present
 from service.config.conditions import Varying, term_of, varying_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, RobotConfig
 from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 from service.config.validation_messages import Finding
-from service.texts.suggestions import did_you_mean
 
 
 def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:

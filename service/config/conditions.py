@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from monitor_core.drive.operating_conditions import FUNCTIONS, Conditions, Follow, Gate, Term
+from monitor_core.suggestions import did_you_mean
 from service.config.base_table import present
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
 from service.config.schema_signals import GateConfig
 from service.config.sources import Source
-from service.texts.suggestions import did_you_mean
 
 
 class Varying(NamedTuple):

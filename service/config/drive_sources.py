@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin
 from monitor_core.modeling.statespace import StateSpace
+from monitor_core.suggestions import did_you_mean
 from service.config.resources import shipped
-from service.texts.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from service.config.schema import AxisConfig

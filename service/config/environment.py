@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
+from monitor_core.suggestions import did_you_mean
 from service.config.positions import Keys
 from service.config.schema import Config
 from service.config.validation_messages import Finding, table_in
-from service.texts.suggestions import did_you_mean
 
 PREFIX = "AXISWATCH_"
 SECTIONS = ("service", "web")

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.suggestions import did_you_mean
 from service.config.base_table import ABSENT, Absent
 from service.config.model_rules import usable_drive
 from service.config.schema import AxisConfig
 from service.config.skew import bounds_of, scales_of, watched_values
 from service.config.trend_limits import monitored_as
 from service.config.validation_messages import Finding
-from service.texts.suggestions import did_you_mean
 
 
 def limited(axis: AxisConfig) -> Iterator[Finding]:

@@ -8,12 +8,12 @@ from typing import TypeVar
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
 from monitor_core.modeling.flat import ModelError
+from monitor_core.suggestions import did_you_mean
 from service.config.base_table import ABSENT, Absent
 from service.config.drives import place_of
 from service.config.schema import AxisConfig
 from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 from service.config.validation_messages import Finding
-from service.texts.suggestions import did_you_mean
 
 T = TypeVar("T")
 

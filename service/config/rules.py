@@ -7,6 +7,7 @@ rule asks for a value that is itself wrong, ``Absent`` ends it: that value has b
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
+from monitor_core.suggestions import did_you_mean
 from service.can.bus import interface_names
 from service.config.base_table import Absent, Table, present
 from service.config.condition_rules import CONDITION_RULES, places_of_signals, signals_of_axes
@@ -23,7 +24,6 @@ from service.config.schema_signals import FurtherConfig, SignalConfig
 from service.config.skew_rules import SKEW_RULES
 from service.config.thresholds_rules import THRESHOLDS_RULES
 from service.config.validation_messages import Finding
-from service.texts.suggestions import did_you_mean
 
 T = TypeVar("T")
 Rule = Callable[[T], Iterator[Finding]]

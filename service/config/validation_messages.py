@@ -6,11 +6,11 @@ from typing import Any, NamedTuple, get_args
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from monitor_core.suggestions import did_you_mean
 from service.config import renamed_keys
 from service.config.base_table import Table
 from service.config.positions import Keys
 from service.config.schema import Config
-from service.texts.suggestions import did_you_mean
 
 
 class Finding(NamedTuple):

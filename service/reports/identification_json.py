@@ -1,4 +1,4 @@
-"""What an identification found, as JSON: numbers that are not finite are null."""
+"""The result of an identification as JSON: numbers that are not finite are null."""
 
 from __future__ import annotations
 
@@ -8,57 +8,50 @@ from typing import Any
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import FrequencyResponse
+from monitor_core.identification.identification_result import ParameterRow
 from monitor_core.identification.residuals import Correlation
+from monitor_core.identification.schedule import Slope
 from monitor_core.identification.starting import Growth
-from service.identification.identification_result import Found, Row, Slope
-from service.identification.traces import Trace
-from service.ingest.identification_records import Loaded
+from monitor_core.identification.traces import Trace
+from service.ingest.identification_records import Source
+from service.reports.identification_report import IdentificationReport
 from service.reports.identification_words import residual_words
 
 Json = dict[str, Any]
 
 
-def as_json(found: Found) -> str:
+def as_json(report: IdentificationReport) -> str:
     """The whole document."""
-    e, p = found.estimate, found.provenance
+    e, p = report.result.estimate, report.provenance
     content = {
-        "axis": found.task.axis.id,
-        "drive": found.task.drive.name,
-        "output": found.estimate.problem.drive.output,
-        "trustworthy": not found.trustworthy(),
-        "why_not": found.trustworthy() or None,
-        "parameters": [_parameter(row) for row in found.rows()],
-        "schedule": [_slope(one) for one in found.slopes()],
-        "masses": _growth(found.growth) if found.growth else None,
+        "axis": report.axis_id,
+        "drive": report.result.start.drive.name,
+        "output": report.result.estimate.problem.drive.output,
+        "trustworthy": not report.rejection,
+        "why_not": report.rejection or None,
+        "parameters": [_parameter(row) for row in report.result.rows()],
+        "schedule": [_slope(one) for one in report.result.slopes()],
+        "masses": _growth(report.result.growth) if report.result.growth else None,
         "names": list(e.names),
         "covariance": _numbers(e.covariance),
         "correlation": _numbers(e.correlation),
-        "predictor": _predictor(found),
+        "predictor": _predictor(report),
         "noise": dict(e.noise),
-        "records": [
-            *(
-                _record("estimation", *pair)
-                for pair in zip(found.task.estimation, found.estimation, strict=True)
-            ),
-            *(
-                _record("validation", *pair)
-                for pair in zip(found.task.validation, found.validation, strict=True)
-            ),
-        ],
+        "records": [_record(*trace) for trace in report.traces()],
         "residuals": {
             "whiteness": _correlation(e.whiteness),
             "independence": _correlation(e.independence),
-            "words": [test.words for test in residual_words(found)],
+            "words": [test.words for test in residual_words(report)],
         },
-        "warnings": list(found.warnings),
-        "started_from": found.origin or None,
-        "bode": _bode(found),
+        "warnings": list(report.warnings),
+        "started_from": report.result.estimate.started_from or None,
+        "bode": _bode(report),
         "provenance": {"axiswatch": p.version, "date": p.date, "command": p.command, "drawing": p.drawing},
     }
     return json.dumps(_finite(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def _parameter(row: Row) -> Json:
+def _parameter(row: ParameterRow) -> Json:
     return {
         "name": row.name,
         "unit": row.unit,
@@ -89,7 +82,7 @@ def _growth(growth: Growth) -> Json:
 
 
 def _slope(one: Slope) -> Json:
-    f = one.follows
+    f = one.scheduled
     return {
         "parameter": f.parameter,
         "signal": f.term,
@@ -100,14 +93,14 @@ def _slope(one: Slope) -> Json:
     }
 
 
-def _predictor(found: Found) -> Json:
-    e = found.estimate
+def _predictor(report: IdentificationReport) -> Json:
+    e = report.result.estimate
     return {
         "kind": e.problem.predictor,
         "interval_s": e.interval_s,
         "torque_delay_s": e.delay_s,
         "innovation_variance": e.lam0,
-        "colour": found.colour,
+        "colour": report.result.colour,
         "states": [{"name": s.name, "unit": s.unit} for s in e.drive.states],
         "gain": _numbers(e.K),
         "friction_speed_scale": e.problem.speed_scale,
@@ -117,8 +110,7 @@ def _predictor(found: Found) -> Json:
     }
 
 
-def _record(purpose: str, loaded: Loaded, trace: Trace) -> Json:
-    s = loaded.source
+def _record(purpose: str, s: Source, trace: Trace) -> Json:
     return {
         "purpose": purpose,
         "file": str(s.path),
@@ -136,8 +128,8 @@ def _correlation(c: Correlation) -> Json:
     return {"lags": _numbers(c.lags), "values": _numbers(c.values), "limit": c.limit, "p_value": c.p_value}
 
 
-def _bode(found: Found) -> Json:
-    b = found.bode
+def _bode(report: IdentificationReport) -> Json:
+    b = report.result.bode
     named = {"drive": b.drive, "before": b.before, "black_box": b.black_box, "measured": b.measured}
     return {**{key: _response(one) if one else None for key, one in named.items()}, "words": list(b.words)}
 

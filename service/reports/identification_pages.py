@@ -6,10 +6,12 @@ import math
 
 import numpy as np
 
+from monitor_core.identification.identification_result import ParameterRow
+from monitor_core.identification.schedule import Slope
 from monitor_core.identification.starting import Growth
-from service.identification.identification_result import Found, Row, Slope
 from service.ingest.identification_records import Source
-from service.reports.identification_words import MASSES_TITLES, deviation, fits, masses_rows, number, relative
+from service.reports.identification_report import IdentificationReport
+from service.reports.identification_words import MASSES_TITLES, deviation, masses_rows, number, relative
 from service.reports.page import heads, legend, listed, number_cell, table
 from service.reports.text_format import escaped, percent, plain
 
@@ -26,11 +28,11 @@ _RIGHT = {
 """Titles that stand over numbers."""
 
 
-def parameter_table(found: Found) -> str:
+def parameter_table(report: IdentificationReport) -> str:
     """All parameters, with bars of their standard deviations."""
-    known = any(row.before is not None for row in found.rows() if not row.held)
+    known = any(row.before is not None for row in report.result.rows() if not row.held)
     titles = ("", "value", "unit", "sd", "sd", "", *(("before", "change") if known else ()), "meaning")
-    rows = "".join(_parameter(row, known) for row in found.rows())
+    rows = "".join(_parameter(row, known) for row in report.result.rows())
     said = (
         f"sd: standard deviation; bars: it as part of the value, on a logarithmic scale from"
         f" {percent(_LEAST)} to {percent(_MOST)}."
@@ -38,45 +40,46 @@ def parameter_table(found: Found) -> str:
     return table(heads(titles, _RIGHT), rows) + legend(said)
 
 
-def slope_table(found: Found) -> str:
+def slope_table(report: IdentificationReport) -> str:
     """How parameters follow signals; empty where none does."""
     rows = "".join(
-        _slope(one, found.estimate.drive.parameter(one.follows.parameter).unit) for one in found.slopes()
+        _slope(one, report.result.estimate.drive.parameter(one.scheduled.parameter).unit)
+        for one in report.result.slopes()
     )
     if not rows:
         return ""
     titles = ("", "follows", "between", "is then between", "unit", "slope", "sd", "")
     said = (
         "The values of parameters above hold where signals have their references:"
-        f" {escaped(_references(found))}. The daemon follows the signals, of parameters that it monitors."
+        f" {escaped(_references(report))}. The daemon follows the signals, of parameters that it monitors."
     )
     return table(heads(titles, _RIGHT), rows) + legend(said)
 
 
-def _references(found: Found) -> str:
-    references = {one.follows.term: one.follows.reference for one in found.slopes()}
+def _references(report: IdentificationReport) -> str:
+    references = {one.scheduled.term: one.scheduled.reference for one in report.result.slopes()}
     return ", ".join(f"{term} = {reference:g}" for term, reference in references.items())
 
 
 def _slope(s: Slope, unit: str) -> str:
-    f = s.follows
+    f = s.scheduled
     ends = number_cell(f"{f.low:.4g} and {f.high:.4g}") + number_cell(
         f"{number(s.at(f.low))} and {number(s.at(f.high))}"
     )
-    doubt = "" if s.told else "cannot be told from none"
+    doubt = "" if s.is_significant else "cannot be told from none"
     return (
         f"<tr><th>{escaped(f.parameter)}</th><td>{escaped(f.term)}</td>{ends}<td class='unit'>{escaped(unit)}</td>"
         f"{number_cell(number(s.slope, s.sd))}{number_cell(plain(s.sd, 2))}<td class='why'>{doubt}</td></tr>"
     )
 
 
-def _parameter(row: Row, known: bool) -> str:
+def _parameter(row: ParameterRow, known: bool) -> str:
     if row.held:
         middle = f'<td colspan="3" class="why">held: {escaped(row.held)}</td>'
     else:
         middle = (
             f"{number_cell(deviation(row))}{number_cell(relative(row))}"
-            f"<td>{'' if row.about_zero else _bar(row.relative_sd)}</td>"
+            f"<td>{'' if row.is_about_zero else _bar(row.relative_sd)}</td>"
         )
     before = ""
     if known:
@@ -97,12 +100,12 @@ def _bar(sd: float | None) -> str:
     return f'<span class="bar{poor}"><i style="width: {100 * min(max(part, 0.03), 1):.0f}%"></i></span>'
 
 
-def record_table(found: Found) -> str:
+def record_table(report: IdentificationReport) -> str:
     """What each record gave."""
     rows = "".join(
         f"<tr><th>{escaped(trace.name)}</th><td>{purpose}</td>{number_cell(f'{trace.fit:.2f} %')}"
         f"{number_cell(f'{trace.fit_simulation:.2f} %')}</tr>"
-        for purpose, _, trace in fits(found)
+        for purpose, _, trace in report.traces()
     )
     titles = ("record", "for", "fit one step ahead", "fit of the simulation")
     said = (
@@ -129,9 +132,9 @@ def masses_table(growth: Growth, follows: bool) -> str:
     return words + table(heads(titles, titles), rows) + legend(said)
 
 
-def correlation_table(found: Found) -> str:
+def correlation_table(report: IdentificationReport) -> str:
     """The whole matrix, coloured by size."""
-    names, R = found.estimate.names, found.estimate.correlation
+    names, R = report.result.estimate.names, report.result.estimate.correlation
     rows = "".join(
         f"<tr><th>{escaped(name)}</th>{''.join(_correlation(float(r)) for r in R[i, :i])}"
         "<td class='quiet'>1</td></tr>"
@@ -151,16 +154,20 @@ def _correlation(r: float) -> str:
     return f'<td class="{kind}"><i style="opacity: {0.75 * abs(r):.2f}"></i><b>{r:.2f}</b></td>'
 
 
-def provenance(found: Found) -> str:
+def provenance(report: IdentificationReport) -> str:
     """Records with their hashes, program, and how to do it again."""
-    p = found.provenance
-    sources = [one.source for one in (*found.task.estimation, *found.task.validation)]
+    p = report.provenance
+    sources = [source for _, source, _ in report.traces()]
     drawing = (
         f"<p>Drive drawn in {escaped(p.drawing[0])} <span class='hash'>{p.drawing[1]}</span></p>"
         if p.drawing
         else ""
     )
-    started = f"<p>{escaped(found.origin)}</p>" if found.origin else ""
+    started = (
+        f"<p>{escaped(report.result.estimate.started_from)}</p>"
+        if report.result.estimate.started_from
+        else ""
+    )
     program = f"<p>axiswatch {escaped(p.version)}, {escaped(p.date)}. To do it again:</p>"
     program += f"<pre>{escaped(p.command)}</pre>"
     return f"{listed(map(_source, sources))}{drawing}{started}{program}"

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.identification.bode import Bode
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.record import UNITS
 from monitor_core.identification.residuals import Correlation
-from service.identification.bode import Bode
-from service.identification.identification_result import Found
-from service.identification.traces import Trace
+from monitor_core.identification.traces import Trace
+from service.reports.identification_report import IdentificationReport
 from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure, thinned
 
 if TYPE_CHECKING:
@@ -70,9 +70,9 @@ def _lively(trace: Trace) -> slice:
     return slice(start, start + count)
 
 
-def residual_picture(found: Found) -> str:
+def residual_picture(report: IdentificationReport) -> str:
     """Autocorrelation of the prediction errors, and their correlation with the torque, with 99 % limits."""
-    e = found.estimate
+    e = report.result.estimate
     with figure(2.9) as drawn:
         left, right = drawn.subplots(1, 2)
         _stems(left, e.whiteness, "Errors with earlier errors")

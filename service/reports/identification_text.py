@@ -1,4 +1,4 @@
-"""What an identification found, for the terminal."""
+"""The result of an identification for the terminal."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from rich.table import Table
 from rich.text import Text
 
 from monitor_core.identification.starting import Growth
-from service.identification.identification_result import Found
+from service.reports.identification_report import IdentificationReport
 from service.reports.identification_words import (
     MASSES_TITLES,
     deviation,
-    fits,
     masses_rows,
     number,
     predictor_words,
@@ -24,30 +23,30 @@ from service.reports.identification_words import (
 from service.reports.text_format import percent
 
 
-def print_text(found: Found, console: Console) -> None:
+def print_text(report: IdentificationReport, console: Console) -> None:
     """Parameters, fits, tests, doubts."""
-    console.print(_parameters(found))
-    for words in slope_words(found):
+    console.print(_parameters(report))
+    for words in slope_words(report):
         console.print(escape(words), soft_wrap=True)
-    console.print(f"Predictor: {escape(predictor_words(found))}\n", soft_wrap=True)
-    console.print(_fits(found))
-    if found.growth is not None:
-        console.print(_masses(found.growth))
-        console.print(f"{escape(' '.join(found.growth.words))}\n", soft_wrap=True)
-    for test in residual_words(found):
+    console.print(f"Predictor: {escape(predictor_words(report))}\n", soft_wrap=True)
+    console.print(_fits(report))
+    if report.result.growth is not None:
+        console.print(_masses(report.result.growth))
+        console.print(f"{escape(' '.join(report.result.growth.words))}\n", soft_wrap=True)
+    for test in residual_words(report):
         if test.passed:  # else it is among the warnings
             console.print(escape(test.words), soft_wrap=True)
-    for words in (*found.warnings, *found.bode.words):
+    for words in (*report.warnings, *report.result.bode.words):
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
 
 
-def _parameters(found: Found) -> Table:
-    title = f"{found.task.axis.id}: {found.task.drive.name}"
+def _parameters(report: IdentificationReport) -> Table:
+    title = f"{report.axis_id}: {report.result.start.drive.name}"
     table = Table("parameter", title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    known = any(row.before is not None for row in found.rows() if not row.held)
+    known = any(row.before is not None for row in report.result.rows() if not row.held)
     for name in ("value", "unit", "sd", "sd", *(("before", "change") if known else ())):
         table.add_column(name, justify="left" if name == "unit" else "right", no_wrap=True)
-    for row in found.rows():
+    for row in report.result.rows():
         style = "dim" if row.held else None
         cells = (
             row.name,
@@ -73,11 +72,11 @@ def _masses(growth: Growth) -> Table:
     return table
 
 
-def _fits(found: Found) -> Table:
+def _fits(report: IdentificationReport) -> Table:
     title = "Fit, 100 (1 - |y - yhat| / |y - mean y|)"
     table = Table("record", "for", title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for name in ("one step ahead", "simulated"):
         table.add_column(name, justify="right")
-    for purpose, _, trace in fits(found):
+    for purpose, _, trace in report.traces():
         table.add_row(escape(trace.name), purpose, f"{trace.fit:.2f} %", f"{trace.fit_simulation:.2f} %")
     return table

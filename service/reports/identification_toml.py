@@ -1,58 +1,55 @@
-"""nominal.toml: what was found, for the daemon to read and for people; see service/config/nominal_file.py."""
+"""nominal.toml: the nominal values, for the daemon and for people; see service/config/nominal_file.py."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.identification.identification_result import ParameterRow
+from monitor_core.identification.schedule import Slope
+from monitor_core.identification.traces import Trace
 from service.config.nominal_file import FORMAT, structure_of
-from service.identification.identification_result import Found, Row, Slope
-from service.identification.traces import Trace
-from service.ingest.identification_records import Loaded
+from service.ingest.identification_records import Source
+from service.reports.identification_report import IdentificationReport
 from service.reports.text_format import percent
 
 _DIGITS, _FEW = 10, 5
 
 
-def as_toml(found: Found) -> str:
+def as_toml(report: IdentificationReport) -> str:
     """The whole file."""
-    blocks = [list(part(found)) for part in (_head, _drive, _predictor, _noise, _values)]
-    blocks += [list(_varying(slope)) for slope in found.slopes()]
-    blocks += [list(part(found)) for part in (_deviations, _correlation, _fits, _provenance)]
-    blocks += [list(_record("estimation", *pair)) for pair in _pairs(found.task.estimation, found.estimation)]
-    blocks += [list(_record("validation", *pair)) for pair in _pairs(found.task.validation, found.validation)]
+    blocks = [list(part(report)) for part in (_head, _drive, _predictor, _noise, _values)]
+    blocks += [list(_varying(slope)) for slope in report.result.slopes()]
+    blocks += [list(part(report)) for part in (_deviations, _correlation, _fits, _provenance)]
+    blocks += [list(_record(*trace)) for trace in report.traces()]
     return "\n".join("\n".join([*block, ""]) for block in blocks if block)
 
 
-def _pairs(loaded: Sequence[Loaded], traces: Sequence[Trace]) -> Iterable[tuple[Loaded, Trace]]:
-    return zip(loaded, traces, strict=True)
-
-
-def _head(found: Found) -> Iterator[str]:
-    p = found.provenance
-    yield f"# Nominal values of the axis {found.task.axis.id}, found by axiswatch {p.version} on {p.date[:10]}."
+def _head(report: IdentificationReport) -> Iterator[str]:
+    p = report.provenance
+    yield f"# Nominal values of the axis {report.axis_id}, found by axiswatch {p.version} on {p.date[:10]}."
     yield "# The configuration of the daemon points here:"
     yield "#   [robot.axis.model]"
     yield '#   nominal_file = "nominal.toml"'
     yield "# All values are in SI units. They belong together: nominal values are those of this predictor, with this"
     yield "# gain, at this interval. To change one, identify again."
-    yield from (f"# Note: {_one_line(word)}" for word in found.warnings)
+    yield from (f"# Note: {_one_line(word)}" for word in report.warnings)
     yield ""
     yield f"format = {FORMAT}"
-    yield f"axis = {_text(found.task.axis.id)}"
+    yield f"axis = {_text(report.axis_id)}"
     yield f"date = {_text(p.date)}"
 
 
-def _drive(found: Found) -> Iterator[str]:
-    drive, e = found.estimate.problem.drive, found.estimate
+def _drive(report: IdentificationReport) -> Iterator[str]:
+    drive, e = report.result.estimate.problem.drive, report.result.estimate
     yield "# What these are parameters of; the structure is a digest of A, B, C and the states."
     yield "[drive]"
     yield f"name = {_text(drive.name)}"
-    if found.provenance.drawing is not None:
-        name, digest = found.provenance.drawing
+    if report.provenance.drawing is not None:
+        name, digest = report.provenance.drawing
         yield f"file = {_text(name)}"
         yield f"sha256 = {_text(digest)}"
     yield f"structure = {_text(structure_of(drive))}"
@@ -62,24 +59,24 @@ def _drive(found: Found) -> Iterator[str]:
     yield f"friction_speed_scale = {_number(e.problem.speed_scale)}  # rad/s: Coulomb friction is fc tanh(speed / this)"
 
 
-def _predictor(found: Found) -> Iterator[str]:
-    e = found.estimate
+def _predictor(report: IdentificationReport) -> Iterator[str]:
+    e = report.result.estimate
     kind, unit = e.problem.predictor, "rad" if e.drive.output == "angle" else "rad/s"
     yield "# x+ = x + K eps, eps = y - yhat; then the drive moves on with the torque held over the interval."
     yield "[predictor]"
     yield f"kind = {_text(kind)}"
     yield f"interval_s = {_number(e.interval_s)}"
-    yield f"torque_delay_s = {_number(found.delay_s)}  # the torque acts so much later than its sample"
+    yield f"torque_delay_s = {_number(report.result.delay_s)}  # the torque acts so much later than its sample"
     yield f"innovation_variance = {_number(e.lam0)}  # lambda_0, ({unit})^2: of eps"
     words = "neighbouring errors go together: the daemon takes lambda_0 so many times larger"
-    yield f"colour = {_number(found.colour, _FEW)}  # {words}"
+    yield f"colour = {_number(report.result.colour, _FEW)}  # {words}"
     with_gain = kind == "innovations"
     yield f"states = {_texts(f'{s.name} [{s.unit}]' for s in e.drive.states)}"
     yield f"gain = {_numbers(e.K if with_gain else [])}  # filter gain K, state for state, per {unit}"
 
 
-def _noise(found: Found) -> Iterator[str]:
-    e = found.estimate
+def _noise(report: IdentificationReport) -> Iterator[str]:
+    e = report.result.estimate
     yield "# Standard deviations of the noise that K follows from, per sample."
     yield "[noise]"
     units = {
@@ -92,25 +89,25 @@ def _noise(found: Found) -> Iterator[str]:
     yield from (f"{name} = {_number(value)}  # {units[name]}" for name, value in noise.items())
 
 
-def _values(found: Found) -> Iterator[str]:
+def _values(report: IdentificationReport) -> Iterator[str]:
     yield "[values]"
-    rows = {split_name(row.name)[0]: row for row in found.rows() if row.name != DELAY}
-    for name, value in found.estimate.values.items():
-        yield f"{_key(name)} = {_number(value)}  # {_about(name, rows, found)}"
+    rows = {split_name(row.name)[0]: row for row in report.result.rows() if row.name != DELAY}
+    for name, value in report.result.estimate.values.items():
+        yield f"{_key(name)} = {_number(value)}  # {_about(name, rows, report)}"
 
 
-def _about(name: str, rows: Mapping[str, Row], found: Found) -> str:
-    row, p = rows.get(name), found.estimate.drive.parameter(name)
+def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationReport) -> str:
+    row, p = rows.get(name), report.result.estimate.drive.parameter(name)
     if row is None or row.held:
         sure = f"held: {row.held}" if row else "held"
     else:
-        told = row.relative_sd is not None and not row.about_zero
+        told = row.relative_sd is not None and not row.is_about_zero
         sure = f"+- {percent(row.relative_sd)}" if told else f"+- {row.sd:.2g}, about 0"
     return f"{p.unit}, {sure}; {p.meaning}"
 
 
 def _varying(s: Slope) -> Iterator[str]:
-    f = s.follows
+    f = s.scheduled
     yield f"# {_one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
     yield "[[schedule]]"
     yield f"parameter = {_text(f.parameter)}"
@@ -121,15 +118,15 @@ def _varying(s: Slope) -> Iterator[str]:
     yield f"range = {_numbers([f.low, f.high], _FEW)}  # of the signal in the records"
 
 
-def _deviations(found: Found) -> Iterator[str]:
-    e = found.estimate
+def _deviations(report: IdentificationReport) -> Iterator[str]:
+    e = report.result.estimate
     yield "# Standard deviations of what was estimated, in the same units."
     yield "[standard_deviations]"
     yield from (f"{_key(n)} = {_number(sd, _FEW)}" for n, sd in zip(e.names, e.sd.tolist(), strict=True))
 
 
-def _correlation(found: Found) -> Iterator[str]:
-    e = found.estimate
+def _correlation(report: IdentificationReport) -> Iterator[str]:
+    e = report.result.estimate
     yield "# Of the estimates: covariance = correlation times the two standard deviations."
     yield "[correlation]"
     yield f"names = {_texts(e.names)}"
@@ -138,24 +135,23 @@ def _correlation(found: Found) -> Iterator[str]:
     yield "]"
 
 
-def _fits(found: Found) -> Iterator[str]:
-    e = found.estimate
+def _fits(report: IdentificationReport) -> Iterator[str]:
+    e = report.result.estimate
     yield "# Do the prediction errors look like noise, and do they know nothing of the torque? Small p: no."
     yield "[residuals]"
     yield f"whiteness_p = {_number(e.whiteness.p_value, _FEW)}"
     yield f"independence_p = {_number(e.independence.p_value, _FEW)}"
 
 
-def _provenance(found: Found) -> Iterator[str]:
-    p = found.provenance
+def _provenance(report: IdentificationReport) -> Iterator[str]:
+    p = report.provenance
     yield "[provenance]"
     yield f"axiswatch = {_text(p.version)}"
     yield f"command = {_text(p.command)}"
-    yield f"evaluations = {found.estimate.iterations}"
+    yield f"evaluations = {report.result.estimate.iterations}"
 
 
-def _record(purpose: str, loaded: Loaded, trace: Trace) -> Iterator[str]:
-    s = loaded.source
+def _record(purpose: str, s: Source, trace: Trace) -> Iterator[str]:
     yield "[[record]]"
     yield f"purpose = {_text(purpose)}"
     yield f"file = {_text(str(s.path))}"

@@ -1,14 +1,14 @@
-"""What an identification found, in the words that all its reports use."""
+"""The result of an identification in the words that all its reports use."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from monitor_core.identification.identification_result import ParameterRow
 from monitor_core.identification.residuals import LEVEL
 from monitor_core.identification.starting import Growth
-from service.identification.identification_result import Found, Row
-from service.identification.traces import Trace
+from service.reports.identification_report import IdentificationReport
 from service.reports.text_format import percent, plain
 
 
@@ -19,12 +19,12 @@ def number(value: float | None, sd: float | None = None) -> str:
     return plain(value, 5 if sd is None or sd < abs(value) else 2)
 
 
-def relative(row: Row) -> str:
+def relative(row: ParameterRow) -> str:
     """The standard deviation as part of the value, where that makes sense."""
-    return "about 0" if row.about_zero else percent(row.relative_sd)
+    return "about 0" if row.is_about_zero else percent(row.relative_sd)
 
 
-def deviation(row: Row) -> str:
+def deviation(row: ParameterRow) -> str:
     """The standard deviation, or why there is none."""
     return plain(row.sd, 2) if row.sd is not None else f"held: {row.held}"
 
@@ -36,9 +36,9 @@ class Tested(NamedTuple):
     words: str
 
 
-def residual_words(found: Found) -> Iterator[Tested]:
+def residual_words(report: IdentificationReport) -> Iterator[Tested]:
     """The two tests of the prediction errors; output error need not be white."""
-    e = found.estimate
+    e = report.result.estimate
     white, p = e.whiteness.p_value >= 1 - LEVEL, e.whiteness.p_value
     if e.problem.predictor == "innovations":
         verdict = (
@@ -62,12 +62,12 @@ def residual_words(found: Found) -> Iterator[Tested]:
     yield Tested(independent, f"The prediction errors {verdict} (p = {p:.2g}).")
 
 
-def slope_words(found: Found) -> Iterator[str]:
+def slope_words(report: IdentificationReport) -> Iterator[str]:
     """One sentence on each signal that a parameter follows."""
-    for s in found.slopes():
-        f, unit = s.follows, found.estimate.drive.parameter(s.follows.parameter).unit
+    for s in report.result.slopes():
+        f, unit = s.scheduled, report.result.estimate.drive.parameter(s.scheduled.parameter).unit
         ends = " and ".join(f"{number(s.at(x))} where it is {x:.4g}" for x in (f.low, f.high))
-        doubt = "" if s.told else ", which cannot be told from none"
+        doubt = "" if s.is_significant else ", which cannot be told from none"
         slope = f"by {number(s.slope, s.sd)} {unit} for each 1 of it (sd {plain(s.sd, 2)}){doubt}"
         yield f"{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
 
@@ -105,19 +105,9 @@ def masses_rows(growth: Growth) -> Iterator[MassesRow]:
         )
 
 
-def fits(found: Found) -> Iterator[tuple[str, str, Trace]]:
-    """Purpose, line about the source, and trace of each record."""
-    for purpose, loaded, traces in (
-        ("estimation", found.task.estimation, found.estimation),
-        ("validation", found.task.validation, found.validation),
-    ):
-        for one, trace in zip(loaded, traces, strict=True):
-            yield purpose, one.source.words, trace
-
-
-def predictor_words(found: Found) -> str:
+def predictor_words(report: IdentificationReport) -> str:
     """One line about the predictor."""
-    e = found.estimate
+    e = report.result.estimate
     unit = "rad" if e.drive.output == "angle" else "rad/s"
     kind = "innovations form" if e.problem.predictor == "innovations" else "output error"
     delay = f", torque {1e3 * e.delay_s:.3g} ms late" if e.delay_s else ""

@@ -17,13 +17,11 @@ from monitor_core.drive.assembly import Assembly
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
+from service.commands.identification_task import Request, prepare
 from service.config import Config, load
-from service.identification.identification_result import Provenance as Identified
-from service.identification.running import run
-from service.identification.task import Wishes as Wanted
-from service.identification.task import task_of
 from service.ingest.calibration_records import read
 from service.reports.calibration_report import Calibration, Provenance
+from service.reports.identification_report import Provenance as Identified
 from service.reports.identification_toml import as_toml
 from tests.core.alarm_versions import alarm_versions
 
@@ -92,9 +90,9 @@ def identified(folder: Path, half: Half) -> Path:
     """A folder with nominal.toml found in that half, as ``axiswatch identify`` does."""
     (folder / "cart.mo").write_text(CART, encoding="utf-8")
     config = configured(folder, AXIS)
-    task = task_of(config, config.axes[0], [half.text], [], Wanted(start="values"))
-    found = run(task, Identified("", "", ""))
-    assert not found.trustworthy()
+    task = prepare(config, config.axes[0], [half.text], [], Request(start="values"))
+    found = task.run(Identified("", "", ""))
+    assert not found.rejection
     (folder / "nominal.toml").write_text(as_toml(found), encoding="utf-8")
     return folder
 
@@ -114,8 +112,8 @@ def configured(folder: Path, text: str) -> Config:
 
 def calibrated(config: Config, half: Half, budget_s: float = BUDGET_S) -> Calibration:
     """Thresholds from that half, as ``axiswatch calibrate`` finds them."""
-    wishes = CalibrationOptions(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=500_000)
-    return calibrate_axis(config, config.axes[0], [half.text], wishes, Provenance("", "", ""))
+    request = CalibrationOptions(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=500_000)
+    return calibrate_axis(config, config.axes[0], [half.text], request, Provenance("", "", ""))
 
 
 def samples(config: Config, found: Calibration, text: str) -> Samples:

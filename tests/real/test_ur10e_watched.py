@@ -12,6 +12,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.identification.estimate_scatter import colour_of
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.record import Record
 from monitor_core.kernel.block import Trace
@@ -21,7 +22,6 @@ from monitor_core.settings import Settings
 from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.base_table import Reading
-from service.identification.estimate_scatter import colour_of
 from tests.core.alarm_versions import alarm_versions
 from tests.real.test_ur10e import INTERVAL_S, SPEED_SCALE, estimate, read
 

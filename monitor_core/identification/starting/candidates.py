@@ -79,8 +79,7 @@ def best_fit(
         raise problems[0]
     reached(FITTING)
     best, winner = min(ends, key=lambda end: end[0].cost)
-    words = (*best.words, _word(winner, len(candidates), len(rivals)))
-    return replace(best, words=words)
+    return replace(best, started_from=_origin(winner, len(candidates), len(rivals)))
 
 
 def _fit_one(
@@ -92,7 +91,7 @@ def _fit_one(
     return fit(problem, records, _free(problem, one.values), progress=told)
 
 
-def _word(winner: Candidate, candidates: int, rivals: int) -> str:
+def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
     ratio = winner.cost / winner.expected
     return (
         f"Started from {winner.origin}, the best of {rivals} fits from {candidates} candidates; its frequency response"

@@ -273,10 +273,10 @@ def test_reciprocals_offsets_and_words(seed: int) -> None:
     best = fit(problem, [record])
     found = fit_from_scratch(replace(problem, nominal={**THREE.values, **THREE.wrong(seed)}), [record])
     assert found.cost <= AT_OPTIMUM * best.cost
-    assert "masses" in found.words[-1] or "resonances" in found.words[-1]
+    assert "masses" in found.started_from or "resonances" in found.started_from
     from_given = fit_from(problem, [record], {"1/Ja": 2 / THREE.values["Ja"], "kg": 0.5 * THREE.values["kg"]})
     assert from_given.cost <= AT_OPTIMUM * best.cost
-    assert from_given.words[-1].startswith("Started from a search around the values given")
+    assert from_given.started_from.startswith("Started from a search around the values given")
 
 
 def test_a_name_that_is_not_free(seed: int) -> None:

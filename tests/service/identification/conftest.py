@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from service.commands.identification_task import Request, prepare
 from service.config import Config, load
-from service.identification.identification_result import Found, Provenance
-from service.identification.running import run
-from service.identification.task import Wishes, task_of
+from service.reports.identification_report import IdentificationReport, Provenance
 from service.simulation.axis import ControlledAxis
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
@@ -99,8 +100,14 @@ PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch identif
 
 
 @pytest.fixture(scope="session")
-def found(folder: Path, robot: Config) -> Found:
-    wishes = Wishes(start="values", free=FREE)
+def found(folder: Path, robot: Config) -> IdentificationReport:
+    request = Request(start="values", free=FREE)
     records = [str(folder / "healthy.csv")]
-    task = task_of(robot, robot.axes[0], records, [str(folder / "second.csv")], wishes)
-    return run(task, PROVENANCE)
+    task = prepare(robot, robot.axes[0], records, [str(folder / "second.csv")], request)
+    return task.run(PROVENANCE)
+
+
+def with_estimate(report: IdentificationReport, **changes: Any) -> IdentificationReport:
+    """The report with another estimate."""
+    estimate = replace(report.result.estimate, **changes)
+    return replace(report, result=replace(report.result, estimate=estimate))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from service.config.drive_sources import model_of_library
-from service.identification.errors import IdentificationError
-from service.identification.parameter_selection import Choice, choose
 
 VALUES = {**REFERENCE_VALUES, "fc": 0.08, "tau0": 0.01}
 
 
-def chosen(*free: str, fix: tuple[str, ...] = (), values: dict[str, float] = VALUES) -> Choice:
+def chosen(*free: str, fix: tuple[str, ...] = (), values: dict[str, float] = VALUES) -> ParameterSelection:
     model = model_of_library("three-mass", None, "angle")
-    return choose(model.space, model.drive, values, free, fix)
+    return select_parameters(model.space, model.drive, values, free, fix)
 
 
 def test_all_but_torque_constant_and_gear_ratio() -> None:

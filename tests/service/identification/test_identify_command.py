@@ -128,7 +128,7 @@ def test_a_record_without_samples_or_with_other_columns(here: Path) -> None:
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
-        (1e3, "its samples are 5 s apart, but sample_interval_s = 0.005: times are to be in seconds, these look like"),
+        (1e3, "its samples are 5 s apart, but sample_interval_s = 0.005: times must be in seconds, these look like"),
         (1e6, "these look like microseconds"),
         (0.2, "its samples are 0.001 s apart, but sample_interval_s = 0.005: correct it, or the times"),
     ],
@@ -148,7 +148,7 @@ def test_a_sampling_that_is_a_little_off_is_said(here: Path) -> None:
         result = identify("times.csv", "--config", "robot.toml", "--free", "Jm", "--json", "--force")
         assert result.exit_code == 0, result.output
         warnings = json.loads(result.stdout)["warnings"]
-        assert len([word for word in warnings if "belongs to this record's interval" in word]) == doubts
+        assert len([word for word in warnings if "belongs to the interval of this record" in word]) == doubts
 
 
 def test_decimal_commas_are_named(here: Path) -> None:
@@ -167,7 +167,7 @@ def test_a_torque_with_the_wrong_sign_is_refused(here: Path) -> None:
 def test_a_fit_that_does_not_converge_makes_no_nominal_values(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.identification.running.MOST_ITERATIONS", 2)
+    monkeypatch.setattr("monitor_core.identification.identify.MOST_ITERATIONS", 2)
     said = refused("second.csv", "--free", NAMES)
     assert "no nominal values: the fit has not converged after 2 evaluations, and " in said
     # What moves, of what is free, and what to do.

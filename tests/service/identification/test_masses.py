@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.identification_result import masses_of
 from monitor_core.identification.starting import Growth
+from service.commands.identification_task import Request, prepare
 from service.commands.main import app
 from service.config import Config, load
-from service.identification.errors import IdentificationError
-from service.identification.identification_result import Found
-from service.identification.masses import grown, masses_of
-from service.identification.task import Wishes, task_of
-from tests.service.identification.conftest import FREE, TABLE_AXIS
+from service.reports.identification_report import IdentificationReport
+from tests.service.identification.conftest import FREE, PROVENANCE, TABLE_AXIS
 
 GRAVITY = (
     TABLE_AXIS
@@ -91,23 +91,25 @@ def growth_of(recommended: int, tried: int) -> Growth:
     ],
 )
 def test_another_number_than_the_drive_has_is_said(
-    found: Found, recommended: int, tried: int, words: str
+    found: IdentificationReport, recommended: int, tried: int, words: str
 ) -> None:
-    assert masses_of(found.estimate.problem) == 3
-    doubts = replace(found, growth=growth_of(recommended, tried)).warnings
+    assert masses_of(found.result.estimate.problem) == 3
+    doubts = replace(found, result=replace(found.result, growth=growth_of(recommended, tried))).warnings
     said = [word for word in doubts if "in a row, and the drive three-mass has 3" in word]
     assert len(said) == bool(words)
     assert all(words in word for word in said)
     assert set(found.warnings) == set(doubts) - set(said)
 
 
-def test_a_drive_that_is_not_free_has_no_number_of_masses(found: Found) -> None:
-    problem = replace(found.estimate.problem, free=("Jm", "fm"))
+def test_a_drive_that_is_not_free_has_no_number_of_masses(found: IdentificationReport) -> None:
+    problem = replace(found.result.estimate.problem, free=("Jm", "fm"))
     assert masses_of(problem) is None
 
 
 def test_nothing_is_compared_unless_it_is_wished(folder: Path, robot: Config) -> None:
-    assert grown(task_of(robot, robot.axes[0], [str(folder / "second.csv")], [], Wishes())) is None
+    assert (
+        prepare(robot, robot.axes[0], [str(folder / "second.csv")], [], Request()).options.max_masses is None
+    )
 
 
 def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Path) -> None:
@@ -115,9 +117,9 @@ def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Pa
     shutil.copy(folder / "second.csv", tmp_path)
     config = load(tmp_path / "a.toml", {})
     record = [str(tmp_path / "second.csv")]
-    task = task_of(config, config.axes[0], record, [], Wishes(masses=2, free=("J", "f", "gc")))
+    task = prepare(config, config.axes[0], record, [], Request(masses=2, free=("J", "f", "gc")))
     with pytest.raises(IdentificationError, match="without gravity, which acts on this drive"):
-        grown(task)
+        task.run(PROVENANCE)
 
 
 @pytest.mark.parametrize("wrong", ["0", "10", "-1", "all", "2.5"])

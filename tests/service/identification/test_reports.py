@@ -17,90 +17,89 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from service.commands.identification_task import Request, prepare
 from service.config.nominal_file import read_nominal, structure_of
-from service.identification.identification_result import Found
-from service.identification.running import run
-from service.identification.task import Wishes, task_of
 from service.reports.identification_html import as_html
 from service.reports.identification_json import as_json
+from service.reports.identification_report import IdentificationReport
 from service.reports.identification_text import print_text
 from service.reports.identification_toml import as_toml
 from service.reports.identification_words import residual_words
 from service.reports.plot_style import thinned
 from service.reports.text_format import percent, plain
-from tests.service.identification.conftest import PROVENANCE
+from tests.service.identification.conftest import PROVENANCE, with_estimate
 
 _WITHOUT_END = {"meta", "br", "img", "link"}
 
 
 @pytest.fixture(scope="session")
-def page(found: Found) -> str:
+def page(found: IdentificationReport) -> str:
     return as_html(found)
 
 
 # --- nominal.toml ------------------------------------------------------------------------------------
 
 
-def test_the_file_says_what_was_found(found: Found, tmp_path: Path) -> None:
+def test_the_file_says_what_was_found(found: IdentificationReport, tmp_path: Path) -> None:
     path = tmp_path / "nominal.toml"
     path.write_text(as_toml(found), encoding="utf-8")
-    read, e = read_nominal(path), found.estimate
+    read, e = read_nominal(path), found.result.estimate
     assert read.values == pytest.approx(dict(e.values), rel=1e-9)
     assert read.predictor.gain == pytest.approx(e.K.tolist(), rel=1e-9)
     assert read.predictor.innovation_variance == pytest.approx(e.lam0, rel=1e-9)
-    coloured = replace(found, colour=7.25)
+    coloured = replace(found, result=replace(found.result, colour=7.25))
     path.write_text(as_toml(coloured) + "\n", encoding="utf-8")
     assert read_nominal(path).predictor.lam0 == pytest.approx(7.25 * e.lam0)
     assert (read.predictor.kind, read.predictor.interval_s) == ("innovations", 0.005)
-    assert read.drive.structure == structure_of(found.task.drive)
+    assert read.drive.structure == structure_of(found.result.start.drive)
     assert (read.axis, read.date) == ("demo.axis1", PROVENANCE.date)
     assert read.noise.torque == pytest.approx(e.noise["torque"], rel=1e-9)
 
 
-def test_the_file_has_the_whole_covariance(found: Found) -> None:
-    content, e = tomllib.loads(as_toml(found)), found.estimate
+def test_the_file_has_the_whole_covariance(found: IdentificationReport) -> None:
+    content, e = tomllib.loads(as_toml(found)), found.result.estimate
     sd = np.array([content["standard_deviations"][name] for name in e.names])
     assert content["correlation"]["names"] == list(e.names)
     whole = np.array(content["correlation"]["matrix"]) * np.outer(sd, sd)
     assert np.allclose(whole, e.covariance, rtol=1e-3, atol=1e-3 * np.outer(sd, sd).min())
 
 
-def test_the_file_says_where_it_comes_from(found: Found, folder: Path) -> None:
+def test_the_file_says_where_it_comes_from(found: IdentificationReport, folder: Path) -> None:
     content = tomllib.loads(as_toml(found))
     digest = hashlib.sha256((folder / "healthy.csv").read_bytes()).hexdigest()
     first, second = content["record"]
     assert (first["purpose"], first["sha256"], first["used"]) == ("estimation", digest, 4000)
     assert second["purpose"] == "validation"
-    assert first["fit_simulation"] == pytest.approx(found.estimation[0].fit_simulation, rel=1e-3)
+    assert first["fit_simulation"] == pytest.approx(found.result.estimation[0].fit_simulation, rel=1e-3)
     assert content["provenance"]["axiswatch"] == "1.2.3"
 
 
-def test_the_file_explains_itself(found: Found) -> None:
+def test_the_file_explains_itself(found: IdentificationReport) -> None:
     text = as_toml(found)
     assert re.search(r"^Jm = 0\.00\d+  # kg m\^2, \+- [\d.]+ %; inertia of the motor$", text, re.MULTILINE)
     assert "kT = 1.0  # 1, held: not in --free" in text
 
 
-def test_notes_cannot_break_the_file(found: Found) -> None:
+def test_notes_cannot_break_the_file(found: IdentificationReport) -> None:
     nasty = "two\nlines\x7f\x00 # and = [more]"
     command = nasty.replace("\x00", "")
     provenance = replace(PROVENANCE, command=command, drawing=('a"b\\.mo', "00"))
-    doubtful = replace(found, estimate=replace(found.estimate, words=(nasty,)), provenance=provenance)
+    doubtful = replace(with_estimate(found, words=(nasty,)), provenance=provenance)
     content = tomllib.loads(as_toml(doubtful))
     assert content["provenance"]["command"] == command
     assert content["drive"]["file"] == 'a"b\\.mo'
 
 
 def test_a_disturbance_and_a_delay_reach_the_file(folder: Path, robot: Any, tmp_path: Path) -> None:
-    wishes = Wishes(start="values", free=("Jm", "fm", "Ja"), delay=True, disturbance_s=0.3)
+    request = Request(start="values", free=("Jm", "fm", "Ja"), delay=True, disturbance_s=0.3)
     record = f"{folder / 'healthy.csv'}@0:8"
-    other = run(task_of(robot, robot.axes[0], [record], [], wishes), PROVENANCE)
+    other = prepare(robot, robot.axes[0], [record], [], request).run(PROVENANCE)
     (tmp_path / "n.toml").write_text(as_toml(other), encoding="utf-8")
     read = read_nominal(tmp_path / "n.toml")
     assert read.drive.torque_disturbance
     assert read.values["Td"] == pytest.approx(0.3)
     assert len(read.predictor.gain) == 7
-    assert read.predictor.torque_delay_s == pytest.approx(other.estimate.delay_s, abs=1e-12)
+    assert read.predictor.torque_delay_s == pytest.approx(other.result.estimate.delay_s, abs=1e-12)
 
 
 # --- report.html -------------------------------------------------------------------------------------
@@ -148,9 +147,9 @@ def test_the_page_needs_nothing_else(page: str) -> None:
     assert "@import" not in page
 
 
-def test_the_page_says_it_all(page: str, found: Found) -> None:
+def test_the_page_says_it_all(page: str, found: IdentificationReport) -> None:
     text = " ".join(" ".join(read(page).texts).split())
-    for row in found.rows():
+    for row in found.result.rows():
         assert row.name in text
         assert row.meaning in text
     for words in (*found.warnings, *(test.words for test in residual_words(found))):
@@ -161,7 +160,7 @@ def test_the_page_says_it_all(page: str, found: Found) -> None:
         "three-mass",
         PROVENANCE.command,
         "ARX",
-        found.task.estimation[0].source.sha256,
+        found.estimation[0].sha256,
     ):
         assert words in text  # fmt: skip
 
@@ -181,15 +180,15 @@ def test_names_of_parts_of_pictures_differ(page: str) -> None:
     assert len(defined) == len(set(defined))
 
 
-def test_the_verdict_is_that_of_the_fit(found: Found, page: str) -> None:
+def test_the_verdict_is_that_of_the_fit(found: IdentificationReport, page: str) -> None:
     assert "Nominal values found" in page
-    stuck = as_html(replace(found, estimate=replace(found.estimate, converged=False)))
+    stuck = as_html(with_estimate(found, converged=False))
     assert "No nominal values:" in stuck
     assert "Nominal values found" not in stuck
 
 
-def test_what_users_write_is_escaped(found: Found) -> None:
-    doubtful = replace(found, estimate=replace(found.estimate, words=("<b onload=x>&",)))
+def test_what_users_write_is_escaped(found: IdentificationReport) -> None:
+    doubtful = with_estimate(found, words=("<b onload=x>&",))
     page = as_html(doubtful)
     assert "<b onload" not in page
     assert "&lt;b onload=x&gt;&amp;" in page
@@ -199,32 +198,32 @@ def test_what_users_write_is_escaped(found: Found) -> None:
 # --- JSON, terminal ----------------------------------------------------------------------------------
 
 
-def test_the_json_has_everything(found: Found) -> None:
+def test_the_json_has_everything(found: IdentificationReport) -> None:
     content = json.loads(as_json(found))
     assert content["trustworthy"] is True
-    assert {p["name"] for p in content["parameters"]} == {row.name for row in found.rows()}
-    assert np.allclose(content["covariance"], found.estimate.covariance)
-    assert content["predictor"]["gain"] == found.estimate.K.tolist()
+    assert {p["name"] for p in content["parameters"]} == {row.name for row in found.result.rows()}
+    assert np.allclose(content["covariance"], found.result.estimate.covariance)
+    assert content["predictor"]["gain"] == found.result.estimate.K.tolist()
     assert len(content["bode"]["drive"]["db"]) == len(content["bode"]["before"]["frequency_hz"])
     assert [r["purpose"] for r in content["records"]] == ["estimation", "validation"]
 
 
-def test_what_is_not_finite_is_null(found: Found) -> None:
-    covariance = found.estimate.covariance.copy()
+def test_what_is_not_finite_is_null(found: IdentificationReport) -> None:
+    covariance = found.result.estimate.covariance.copy()
     covariance[0, 0] = np.inf
-    content = json.loads(as_json(replace(found, estimate=replace(found.estimate, covariance=covariance))))
+    content = json.loads(as_json(with_estimate(found, covariance=covariance)))
     assert content["covariance"][0][0] is None
     assert (content["trustworthy"], "Jm" in content["why_not"]) == (False, True)
 
 
-def test_the_terminal_has_the_table(found: Found) -> None:
+def test_the_terminal_has_the_table(found: IdentificationReport) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
     print_text(found, console)
     text = console.export_text()
     assert "…" not in text
-    for row in found.rows():
+    for row in found.result.rows():
         assert row.name in text
-    for trace in (*found.estimation, *found.validation):
+    for trace in (*found.result.estimation, *found.result.validation):
         assert f"{trace.fit_simulation:.2f} %" in text
 
 

@@ -9,56 +9,57 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from monitor_core.identification.bode import band
 from monitor_core.identification.drive_response import drive_response
+from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.estimate_scatter import colour_of
 from monitor_core.identification.greybox import compare
+from monitor_core.identification.identification_result import ParameterRow
+from monitor_core.identification.identify import Start
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record
+from monitor_core.identification.traces import traces_of
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from service.commands.identification_task import IdentificationTask, Request, prepare
 from service.config import Config
-from service.identification.bode import band
-from service.identification.errors import IdentificationError
-from service.identification.estimate_scatter import colour_of
-from service.identification.identification_result import Found, Row
-from service.identification.initial_values import Start
-from service.identification.running import run
-from service.identification.task import Task, Wishes, task_of
-from service.identification.traces import traces_of
-from tests.service.identification.conftest import FREE, GUESS, PROVENANCE
+from service.ingest.identification_records import load
+from service.reports.identification_report import IdentificationReport
+from tests.service.identification.conftest import FREE, GUESS, PROVENANCE, with_estimate
 
 
-def task(folder: Path, robot: Config, *records: str, wishes: Wishes | None = None) -> Task:
+def task(folder: Path, robot: Config, *records: str, request: Request | None = None) -> IdentificationTask:
     paths = [str(folder / name) for name in records]
-    return task_of(robot, robot.axes[0], paths, [], wishes or Wishes(start="values", free=FREE))
+    return prepare(robot, robot.axes[0], paths, [], request or Request(start="values", free=FREE))
 
 
-def test_the_truth_is_within_what_is_reported(found: Found) -> None:
-    e = found.estimate
+def test_the_truth_is_within_what_is_reported(found: IdentificationReport) -> None:
+    e = found.result.estimate
     off = e.theta - np.array([REFERENCE_VALUES[name] for name in e.names])
     assert e.names == FREE
     assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(FREE))
     assert (e.sd < 0.1 * np.abs(e.theta)).all()
 
 
-def test_rows_hold_what_was_before(found: Found) -> None:
-    rows = {row.name: row for row in found.rows()}
+def test_rows_hold_what_was_before(found: IdentificationReport) -> None:
+    rows = {row.name: row for row in found.result.rows()}
     assert rows["Jm"].before == GUESS["Jm"]
     assert rows["Jm"].change == pytest.approx(rows["Jm"].value / GUESS["Jm"] - 1)
     assert (rows["kT"].sd, rows["kT"].value) == (None, 1.0)
     assert set(rows) == {*REFERENCE_VALUES, "fc", "tau0"}
 
 
-def test_traces_have_the_fits_of_the_engine(found: Found) -> None:
-    records = [one.record for one in (*found.task.estimation, *found.task.validation)]
-    expected = compare(found.estimate.problem, records)
-    traces = (*found.estimation, *found.validation)
+def test_traces_have_the_fits_of_the_engine(found: IdentificationReport, robot: Config) -> None:
+    records = [load(str(source.path), robot, found.axis_id).record for _, source, _ in found.traces()]
+    expected = compare(found.result.estimate.problem, records)
+    traces = (*found.result.estimation, *found.result.validation)
     assert [t.fit for t in traces] == pytest.approx([c.one_step for c in expected], abs=1e-6)
     assert [t.fit_simulation for t in traces] == pytest.approx([c.simulation for c in expected], abs=1e-6)
     assert min(t.fit_simulation for t in traces) > 90
 
 
-def test_the_responses_agree_where_the_torque_is(found: Found) -> None:
+def test_the_responses_agree_where_the_torque_is(found: IdentificationReport) -> None:
     """Drive, black box and record, each by its own deviations; a drive as before does not."""
-    b = found.bode
+    b = found.result.bode
     assert b.before is not None
     assert b.words == ()
     assert b.black_box is not None
@@ -71,60 +72,60 @@ def test_the_responses_agree_where_the_torque_is(found: Found) -> None:
         assert np.median(np.abs(b.before.db - other.db)[middle] / sd) > 10
 
 
-def test_nothing_is_coloured_where_the_noise_model_is_right(found: Found) -> None:
-    assert 1 <= found.colour < 2
+def test_nothing_is_coloured_where_the_noise_model_is_right(found: IdentificationReport) -> None:
+    assert 1 <= found.result.colour < 2
 
 
-def test_colour_is_that_of_the_errors(found: Found) -> None:
+def test_colour_is_that_of_the_errors(found: IdentificationReport, robot: Config) -> None:
     """With a gain far too small the errors are slow, and the daemon's estimates scatter more than white ones would."""
-    records = [one.record for one in found.task.estimation]
-    slow = replace(found.estimate, K=found.estimate.K / 30)
-    assert colour_of(slow, ("kT", "fm"), records) > 3 * found.colour
+    records = [load(str(source.path), robot, found.axis_id).record for source in found.estimation]
+    slow = replace(found.result.estimate, K=found.result.estimate.K / 30)
+    assert colour_of(slow, ("kT", "fm"), records) > 3 * found.result.colour
 
 
-def test_what_cannot_be_told_makes_no_nominal_values(found: Found) -> None:
-    assert found.trustworthy() == ""
-    covariance = found.estimate.covariance.copy()
+def test_what_cannot_be_told_makes_no_nominal_values(found: IdentificationReport) -> None:
+    assert found.rejection == ""
+    covariance = found.result.estimate.covariance.copy()
     covariance[2, 2] = np.inf
-    lost = replace(found, estimate=replace(found.estimate, covariance=covariance))
-    assert "Ja cannot be told" in lost.trustworthy()
-    stuck = replace(found, estimate=replace(found.estimate, converged=False))
-    assert "not converged" in stuck.trustworthy()
+    lost = with_estimate(found, covariance=covariance)
+    assert "Ja cannot be told" in lost.rejection
+    stuck = with_estimate(found, converged=False)
+    assert "not converged" in stuck.rejection
 
 
 def test_a_delay_and_a_disturbance_are_found_too(folder: Path, robot: Config) -> None:
-    wishes = Wishes(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
-    result = run(task(folder, robot, "healthy.csv", wishes=wishes), PROVENANCE)
-    rows = {row.name: row for row in result.rows()}
+    request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
+    result = task(folder, robot, "healthy.csv", request=request).run(PROVENANCE)
+    rows = {row.name: row for row in result.result.rows()}
     assert abs(rows["delay"].value) < 1e-4
     assert rows["delay"].unit == "s"
-    assert len(result.estimate.K) == 7
+    assert len(result.result.estimate.K) == 7
 
 
 def test_noises_may_be_held(folder: Path, robot: Config) -> None:
-    wishes = Wishes(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), hold_noise=True)
-    noise = task(folder, robot, "healthy.csv", wishes=wishes).problem.disturbance
+    request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), hold_noise=True)
+    noise = task(folder, robot, "healthy.csv", request=request).problem.disturbance
     assert noise is not None
     assert (noise.torque, noise.output) == (0.05, 0.0001)
-    found = run(task(folder, robot, "healthy.csv", wishes=wishes), PROVENANCE).estimate.noise
+    found = task(folder, robot, "healthy.csv", request=request).run(PROVENANCE).result.estimate.noise
     assert found["torque"] / found["output"] == pytest.approx(500)
 
 
 @pytest.mark.parametrize(
-    ("wishes", "words"),
+    ("contradicting", "words"),
     [
-        (Wishes(start="values", predictor="output-error", hold_noise=True), "no noise"),
-        (Wishes(start="values", predictor="output-error", disturbance_s=1.0), "no noise"),
+        (Request(start="values", predictor="output-error", hold_noise=True), "no noise"),
+        (Request(start="values", predictor="output-error", disturbance_s=1.0), "no noise"),
     ],
 )
-def test_wishes_that_contradict_one_another(folder: Path, robot: Config, wishes: Wishes, words: str) -> None:
+def test_contradicting_requests(folder: Path, robot: Config, contradicting: Request, words: str) -> None:
     with pytest.raises(IdentificationError, match=words):
-        task(folder, robot, "healthy.csv", wishes=wishes)
+        task(folder, robot, "healthy.csv", request=contradicting)
 
 
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
     made = task(
-        folder, robot, "healthy.csv", wishes=Wishes(start="values", free=FREE, predictor="output-error")
+        folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error")
     )
     assert any("not for the daemon" in words for words in made.warnings)
 
@@ -153,17 +154,17 @@ def test_the_band_is_that_of_the_torque() -> None:
     ],
 )
 def test_a_skew_that_the_daemon_cannot_follow(
-    found: Found, delay_s: float, sd_s: float, kept_s: float, refused: bool
+    found: IdentificationReport, delay_s: float, sd_s: float, kept_s: float, refused: bool
 ) -> None:
-    e = found.estimate
+    e = found.result.estimate
     covariance = np.zeros((len(FREE) + 1,) * 2)
     covariance[:-1, :-1], covariance[-1, -1] = e.covariance, sd_s**2
     skewed = replace(
         e, names=(*FREE, "delay"), theta=np.append(e.theta, delay_s), covariance=covariance, delay_s=delay_s
     )
-    result = replace(found, estimate=skewed)
-    assert result.delay_s == kept_s
-    assert bool(result.trustworthy()) == refused
+    result = replace(found, result=replace(found.result, estimate=skewed))
+    assert result.result.delay_s == kept_s
+    assert bool(result.rejection) == refused
 
 
 def test_a_torque_that_is_recorded_too_late_or_too_early(folder: Path, robot: Config, tmp_path: Path) -> None:
@@ -173,31 +174,31 @@ def test_a_torque_that_is_recorded_too_late_or_too_early(folder: Path, robot: Co
         table[:, 1] = np.roll(table[:, 1], -shift)
         name = tmp_path / f"shifted{shift}.csv"
         np.savetxt(name, table[5:-5], delimiter=",", header="t,torque,angle", comments="", fmt="%.13g")
-        wishes = Wishes(start="values", free=("Jm", "fm"), delay=True)
-        problem_with = task_of(robot, robot.axes[0], [str(name)], [], wishes)
-        result = run(problem_with, PROVENANCE)
-        assert np.isfinite(result.bode.drive.db).all()
+        request = Request(start="values", free=("Jm", "fm"), delay=True)
+        problem_with = prepare(robot, robot.axes[0], [str(name)], [], request)
+        result = problem_with.run(PROVENANCE)
+        assert np.isfinite(result.result.bode.drive.db).all()
 
 
 @pytest.mark.parametrize("start", ["search", "records"])
 def test_other_starts_end_where_the_first_did(
-    folder: Path, robot: Config, found: Found, start: Start
+    folder: Path, robot: Config, found: IdentificationReport, start: Start
 ) -> None:
     """Even without looking at the guess, which is wrong by up to two."""
-    made = task(folder, robot, "healthy.csv", wishes=Wishes(free=FREE, start=start))
-    result = run(made, PROVENANCE)
-    assert result.estimate.cost == pytest.approx(found.estimate.cost, rel=1e-3)
+    made = task(folder, robot, "healthy.csv", request=Request(free=FREE, start=start))
+    result = made.run(PROVENANCE)
+    assert result.result.estimate.cost == pytest.approx(found.result.estimate.cost, rel=1e-3)
 
 
 def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
-    folder: Path, robot: Config, found: Found, monkeypatch: pytest.MonkeyPatch
+    folder: Path, robot: Config, found: IdentificationReport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def nothing(*_: object, **__: object) -> None:
         raise ValueError("no response")
 
-    monkeypatch.setattr("service.identification.running.fit_from", nothing)
-    result = run(task(folder, robot, "healthy.csv", wishes=Wishes(free=FREE)), PROVENANCE)
-    assert result.estimate.cost == pytest.approx(found.estimate.cost)
+    monkeypatch.setattr("monitor_core.identification.identify.fit_from", nothing)
+    result = task(folder, robot, "healthy.csv", request=Request(free=FREE)).run(PROVENANCE)
+    assert result.result.estimate.cost == pytest.approx(found.result.estimate.cost)
 
 
 def test_the_simulation_makes_its_own_friction(folder: Path, robot: Config) -> None:
@@ -212,8 +213,8 @@ def test_the_simulation_makes_its_own_friction(folder: Path, robot: Config) -> N
     assert trace.fit == pytest.approx(expected.one_step, abs=1e-6)
 
 
-def test_an_angle_is_shown_as_the_speed_it_makes(found: Found) -> None:
-    e, shown = found.estimate, found.bode.drive
+def test_an_angle_is_shown_as_the_speed_it_makes(found: IdentificationReport) -> None:
+    e, shown = found.result.estimate, found.result.bode.drive
     low = shown.frequency_hz[:100]
     speed = drive_response(three_mass("speed"), e.values, e.interval_s, low)
     assert shown.db[:100] == pytest.approx(speed.db, abs=0.1)
@@ -222,7 +223,7 @@ def test_an_angle_is_shown_as_the_speed_it_makes(found: Found) -> None:
 def test_a_configured_delay_is_that_of_the_fit(folder: Path, robot: Config) -> None:
     (axis,) = robot.axes
     late = axis._replace(config=axis.config.model_copy(update={"torque_delay_s": 0.0013}))
-    made = task_of(robot, late, [str(folder / "healthy.csv")], [], Wishes(start="values", free=FREE))
+    made = prepare(robot, late, [str(folder / "healthy.csv")], [], Request(start="values", free=FREE))
     assert made.problem.delay_s == 0.0013
 
 
@@ -231,8 +232,8 @@ def test_progress_is_told_in_every_phase(
     folder: Path, robot: Config, start: Start, phases: list[str]
 ) -> None:
     told = list[tuple[str, int, int]]()
-    wishes = Wishes(start=start, free=FREE)
-    run(task(folder, robot, "second.csv", wishes=wishes), PROVENANCE, lambda *step: told.append(step))
+    request = Request(start=start, free=FREE)
+    task(folder, robot, "second.csv", request=request).run(PROVENANCE, lambda *step: told.append(step))
     words = [text.split()[0].rstrip(",") for text, _, _ in told]
     assert list(dict.fromkeys(words)) == phases
     for phase in phases:
@@ -251,17 +252,12 @@ def test_records_that_tell_nothing_are_said_with_what_would_help(
         raise ValueError("no response")
 
     for name in ("fit", "fit_from_scratch"):
-        monkeypatch.setattr(f"service.identification.running.{name}", nothing)
+        monkeypatch.setattr(f"monitor_core.identification.identify.{name}", nothing)
     with pytest.raises(IdentificationError, match="no fit: no response") as caught:
-        run(task(folder, robot, "second.csv", wishes=Wishes(start=start, free=FREE)), PROVENANCE)
+        task(folder, robot, "second.csv", request=Request(start=start, free=FREE)).run(PROVENANCE)
     assert ("; give values to start from" in str(caught.value)) == hint
 
 
-def test_where_a_fit_started_is_no_doubt(found: Found) -> None:
-    words = ("Jm is doubtful.", "Started from somewhere.")
-    started = replace(found, estimate=replace(found.estimate, words=words))
-    assert (started.warnings[-1], started.origin) == words
-    assert "Started from somewhere." not in started.warnings
-    assert found.origin == ""
-    held, zero = (Row("tau0", "N m", "", 0.01, sd, None) for sd in (0.001, 0.005))
-    assert (held.about_zero, zero.about_zero) == (False, True)
+def test_a_value_about_zero() -> None:
+    held, zero = (ParameterRow("tau0", "N m", "", 0.01, sd, None) for sd in (0.001, 0.005))
+    assert (held.is_about_zero, zero.is_about_zero) == (False, True)

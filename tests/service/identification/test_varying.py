@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.parameter_selection import ParameterSelection, with_schedule
+from monitor_core.identification.schedule import ScheduledTerm, Slope
+from service.commands.identification_task import read_schedule
 from service.commands.main import app
 from service.config import Config, load
 from service.config.nominal_file import read_nominal
-from service.identification.errors import IdentificationError
-from service.identification.identification_result import Slope
-from service.identification.parameter_selection import Choice
-from service.identification.scheduling import Follows, asked, with_varying
 from service.simulation.axis import ControlledAxis
 from tests.service.identification.conftest import SHIPPED, robot_text
 
@@ -134,11 +134,11 @@ def test_it_explains_what_constant_values_do_not(here: Path) -> None:
         (("fm: tan(angle2)",), "no function tan of signals: there is cos, sin, square"),
         (("fm: 2*angle2",), '"2*angle2" is neither a signal nor one of cos(...)'),
         (("fm: angle2,",), '"" is neither a signal nor'),
-        (("fm: angle2, angle2",), "fm is to follow angle2 twice"),
-        (("fm: angle2", "fm: angle2"), "fm is to follow angle2 twice"),
+        (("fm: angle2, angle2",), "fm follows angle2 twice"),
+        (("fm: angle2", "fm: angle2"), "fm follows angle2 twice"),
         (("fn: angle2",), "the drive has no parameter fn: there is"),
-        (("kT: angle2",), "kT is to vary but is held (known from the data sheet): name it in --free"),
-        (("fm: dead",), "warm.csv: the signal dead was never measured there"),
+        (("kT: angle2",), "kT is scheduled but held (known from the data sheet): name it in --free"),
+        (("fm: dead",), "warm.csv: the signal dead was never measured in it"),
     ],
 )  # fmt: skip
 def test_mistakes(words: tuple[str, ...], expected: str) -> None:
@@ -151,9 +151,9 @@ def test_mistakes(words: tuple[str, ...], expected: str) -> None:
 @pytest.mark.usefixtures("here")
 def test_names_are_those_of_what_is_free() -> None:
     result = identify("--free", "1/Ja", "--schedule", "Ja: temperature")
-    assert (result.exit_code, "free is 1/Ja: write the same in both" in result.stderr) == (2, True)
+    assert (result.exit_code, "1/Ja is free: write the same in both" in result.stderr) == (2, True)
     result = identify("--fix", "fm", "--schedule", "fm: temperature")
-    assert (result.exit_code, "fm is to vary but is held (fixed by --fix)" in result.stderr) == (2, True)
+    assert (result.exit_code, "fm is scheduled but held (fixed by --fix)" in result.stderr) == (2, True)
 
 
 def test_a_signal_that_stays_as_it_is_tells_nothing(here: Path) -> None:
@@ -171,24 +171,24 @@ def test_a_configuration_without_signals_says_how_to_add_one(warm: Path) -> None
     with pytest.raises(
         IdentificationError, match=r'add \[\[robot\.axis\.signal\]\] with name = "temperature"'
     ):
-        asked(("fm: temperature",), none)
+        read_schedule(("fm: temperature",), none)
 
 
 def test_terms_are_read_with_blanks_or_without(warm: Path) -> None:
     (axis,) = load(warm / "robot.toml", {}).axes
-    found = asked(("1/Ja:cos( angle2 ),temperature", "fm : square(angle2)"), axis.config)
+    found = read_schedule(("1/Ja:cos( angle2 ),temperature", "fm : square(angle2)"), axis.config)
     assert found == {"1/Ja": ("cos(angle2)", "temperature"), "fm": ("square(angle2)",)}
 
 
 def test_a_reciprocal_that_follows_a_signal_is_what_is_found() -> None:
-    choice = Choice(("Jm", "Ja", "fm"), {"kT": "known"})
-    assert with_varying(choice, {"1/Ja": ("t",), "fm": ("t",)}, ()).free == ("Jm", "1/Ja", "fm")
-    assert with_varying(choice, {}, ()) == choice
+    choice = ParameterSelection(("Jm", "Ja", "fm"), {"kT": "known"})
+    assert with_schedule(choice, {"1/Ja": ("t",), "fm": ("t",)}, ()).free == ("Jm", "1/Ja", "fm")
+    assert with_schedule(choice, {}, ()) == choice
 
 
 def test_a_slope_counts_from_its_reference_and_may_be_none() -> None:
-    follows = Follows("fm", "temperature", 30.0, 20.0, 45.0)
+    follows = ScheduledTerm("fm", "temperature", 30.0, 20.0, 45.0)
     slope = Slope(follows, 0.06, -0.001, 0.0001)
     assert [slope.at(t) for t in (20, 30, 45)] == pytest.approx([0.07, 0.06, 0.045])
-    assert slope.told
-    assert not slope._replace(sd=0.0005).told
+    assert slope.is_significant
+    assert not slope._replace(sd=0.0005).is_significant

@@ -1,7 +1,7 @@
-"""How much wider recursive estimates scatter than white prediction errors would make them.
+"""How much more recursive estimates scatter than they would with white prediction errors.
 
-Where the noise model is not right, neighbouring errors go together, and a sum of N of them is larger than sqrt(N) of
-one.  The daemon's standard deviations come from lambda_0 P, so lambda_0 must be larger by what that costs.
+Where the noise model is not right, neighbouring errors are correlated, and a sum of N of them is larger than sqrt(N) of
+one.  The standard deviations of the daemon come from lambda_0 P, so lambda_0 must be larger by this factor.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from monitor_core.identification.residual_spectrum import scores_covariance
 
 
 def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]) -> float:
-    """Variance of estimates of the monitored parameters over what white errors would give, the largest; at least 1.
+    """Largest ratio of the variance of a monitored parameter to its variance with white errors; at least 1.
 
-    All else is held, as in the daemon: values, K and delay are those that were found, and what follows signals does.
+    Everything else is held, as in the daemon: values, K and delay are the estimates, and schedules are followed.
 
     Raises:
-        ValueError: a record that does not go with the estimate.
+        ValueError: a record of another output than the drive's.
     """
     found = estimate.problem
     K = tuple(estimate.K.tolist()) if found.predictor == "innovations" else None
@@ -51,12 +51,12 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
 
 
 def _free(varying: Iterable[str], monitored: Sequence[str]) -> tuple[str, ...]:
-    """The monitored parameters, those that follow something as Ja or 1/Ja, whichever has the slopes."""
+    """The monitored parameters; a scheduled one by the name (Ja or 1/Ja) that has the slopes."""
     called = {split_name(name)[0]: name for name in varying}
     return tuple(called.get(split_name(name)[0], name) for name in monitored if name != DELAY)
 
 
 def _beside(psi: Floats, start: Floats) -> Floats:
-    """What the initial state does not explain of the gradients."""
+    """The part of the gradients that the initial state does not explain."""
     Q = np.linalg.qr(start)[0]
     return np.asarray(psi - Q @ (Q.T @ psi))

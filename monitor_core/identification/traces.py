@@ -1,4 +1,4 @@
-"""What was measured, predicted one step ahead, and simulated, sample by sample: for pictures, and their fits."""
+"""Measured, predicted and simulated output of a record, sample by sample, with the fits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from monitor_core.identification.record import Record
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One record: times (N,), s; output as it was measured (NaN: it was not), predicted, simulated; fits, per cent."""
+    """Times (N,) [s] of one record; its output (N,) as measured (NaN: missing), predicted one step ahead, simulated."""
 
     name: str
     t: Floats
@@ -31,15 +31,15 @@ class Trace:
 
     @property
     def fit_simulation(self) -> float:
-        """The same of the simulation."""
+        """The same fit of the simulation."""
         return _nrmse(self.y, self.simulated)
 
 
 def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
-    """Of a problem's values, such as those of ``Estimate.problem``; only initial states are fitted.
+    """Traces with the values of a problem, such as ``Estimate.problem``; only the initial states are fitted.
 
     Raises:
-        ValueError: another output than the drive's, no sample measured.
+        ValueError: a record of another output than the drive's, or without a measured sample.
     """
     free_run = replace(
         problem, predictor="output-error", disturbance=None, K=None, motion="simulated", initial="free"
@@ -53,7 +53,7 @@ def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
 
 
 def _outputs(predictor: Predictor) -> list[Floats]:
-    """yhat; where nothing was measured eps is zero and so yhat is not known there."""
+    """yhat of each record; NaN where the output was not measured."""
     found = predictor.errors(fit_starts(predictor))
     return [series.record.y - e.eps for series, e in zip(predictor.series, found, strict=True)]
 

@@ -1,6 +1,6 @@
-"""Frequency responses in one picture, as in the paper's Figure 4: the drive found, a black box, the record itself.
+"""Frequency responses of the identified drive, a black box and the record, to be compared as in the paper's Figure 4.
 
-All are from torque to speed, so that resonances stand out; where the angle was measured, times j w.
+All are from torque to speed, where resonances stand out; a response to the angle is multiplied by j w.
 """
 
 from __future__ import annotations
@@ -25,21 +25,24 @@ from monitor_core.identification.spectral import spectral_response
 
 _POINTS = 300
 _PERIODS = 4.0
-"""The lowest frequency has at least so many periods in the longest record."""
+"""Periods of the lowest frequency in the longest record, at least."""
 _EXCITED = 3e-3
-"""Of the largest density of the torque: what is below is not excited, but noise that a controller answers to."""
+"""Share of the largest spectral density of the torque below which a frequency counts as not excited: there the torque
+is a controller's answer to noise."""
 _NYQUIST = 0.95
+_EVEN = 0.01
+"""Relative scatter of the intervals below which samples count as evenly spaced."""
 _FASTER = 5.0
 """Samples in a period of the highest frequency, at least."""
 _LARGEST = 100
-"""Order of the black box, at most."""
+"""Largest order of the black box."""
 _LONGEST = 60_000
-"""Samples that the black box and the spectra look at: more only take longer."""
+"""Most samples for the black box and the spectra: more only take longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bode:
-    """``drive`` with what was found, ``before`` with nominal values, if known; the others where the records allow."""
+    """``drive`` has the estimates, ``before`` the nominal values, if known; the others may be None."""
 
     drive: FrequencyResponse
     before: FrequencyResponse | None
@@ -52,12 +55,12 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
     """The frequency responses over the band in which the records have torque.
 
     Args:
-        estimate: what was found.
-        start: with the values before; None: there were none.
-        records: that it was found from.
+        estimate: the identified drive.
+        start: the problem with the values before; None: there were none.
+        records: the records that were fitted.
     """
     f, h = band(records), estimate.interval_s
-    shown = _as_speed if records[0].quantity == "angle" else _as_it_is
+    shown = _as_speed if records[0].quantity == "angle" else _unchanged
     regular, words = _regular(records, h)
     found = _drive(
         estimate.drive, estimate.values, h, f, estimate.delay_s, "drive, identified",
@@ -87,7 +90,7 @@ def _drive(
     names: Sequence[str] = (),
     covariance: Floats | None = None,
 ) -> FrequencyResponse:
-    """As ``drive_response``, with whole intervals of delay, too."""
+    """As ``drive_response``, also for delays of more than an interval."""
     whole, rest = divmod(delay_s, interval_s)
     found = drive_response(
         drive, values, interval_s, f, names=names, covariance=covariance, delay_s=rest, name=name
@@ -100,7 +103,7 @@ def _drive(
 
 
 def band(records: Sequence[Record]) -> Floats:
-    """Frequencies (F,), Hz, evenly on a logarithmic axis, from the lowest to the highest that the torque excites."""
+    """Frequencies (F,) [Hz], evenly spaced on a logarithmic axis, over the band that the torque excites."""
     longest = max(records, key=len)
     nyquist = 0.5 / longest.interval_s
     f, density = welch(longest.u, 1 / longest.interval_s, nperseg=min(len(longest), 2048))
@@ -111,31 +114,27 @@ def band(records: Sequence[Record]) -> Floats:
 
 
 def _regular(records: Sequence[Record], interval_s: float) -> tuple[list[Record], tuple[str, ...]]:
-    """The records on one grid of times, and what that cost."""
+    """The records on a uniform grid, and a sentence where they had to be resampled."""
     cut = [record.select(slice(0, _LONGEST)) for record in records]
     scatter = max(record.jitter_s / record.interval_s for record in cut)
     if scatter < _EVEN:
         return cut, ()
     found = [resample(record, interval_s) for record in cut]
     words = "For the black box and the spectra the record was resampled: its samples are not evenly spaced."
-    return [one.record for one in found], (words,)
-
-
-_EVEN = 0.01
-"""Scatter of the intervals, relative."""
+    return [resampled.record for resampled in found], (words,)
 
 
 def _tried(
-    what: str, find: Callable[[], FrequencyResponse]
+    name: str, find: Callable[[], FrequencyResponse]
 ) -> tuple[FrequencyResponse | None, tuple[str, ...]]:
     try:
         return find(), ()
     except ValueError as error:
-        return None, (f"No {what}: {error}.",)
+        return None, (f"No {name}: {error}.",)
 
 
 def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
-    """ARX; of samples far faster than the band fewer, since its order counts samples, and the band's time is long."""
+    """ARX model; samples much faster than the band are decimated, as the order of the model counts samples."""
     h = max(record.interval_s for record in records)
     every = max(1, int(1 / (_FASTER * f[-1] * h)))
     thinned = [decimate(record, every).record for record in records] if every > 1 else list(records)
@@ -146,16 +145,16 @@ def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
 
 
 def _measured(records: Sequence[Record], f: Floats) -> FrequencyResponse:
-    """By local polynomials, or, where samples are missing, by averaged spectra."""
+    """From local polynomials; from averaged spectra where samples are missing."""
     try:
         return local_response(records, f, name="record, local polynomials")
     except ValueError:
         return spectral_response(records, name="record, spectra").between(f[0], f[-1])
 
 
-def _as_it_is(one: FrequencyResponse) -> FrequencyResponse:
-    return one
+def _unchanged(response: FrequencyResponse) -> FrequencyResponse:
+    return response
 
 
-def _as_speed(one: FrequencyResponse) -> FrequencyResponse:
-    return replace(one, G=one.G * 2j * np.pi * one.frequency_hz)
+def _as_speed(response: FrequencyResponse) -> FrequencyResponse:
+    return replace(response, G=response.G * 2j * np.pi * response.frequency_hz)

@@ -1,0 +1,139 @@
+"""Which parameters of a drive are estimated and which are held: all that its sensors identify, or a user's choice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.drive.structure import Drive, split_name
+from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.schedule import Schedule
+from monitor_core.modeling.identifiability import structural
+from monitor_core.modeling.statespace import StateSpace
+from monitor_core.suggestions import did_you_mean
+
+RELATIVE = ("kT", "r")
+"""Torque constant and gear ratio: known from data sheets, so they are held unless the user frees them."""
+
+
+class ParameterSelection(NamedTuple):
+    """Names of the free parameters, and the held ones, each with the reason; held ones keep their nominal values."""
+
+    free: tuple[str, ...]
+    held: Mapping[str, str]
+
+
+def select_parameters(
+    space: StateSpace, drive: Drive, nominal: Mapping[str, float], free: Sequence[str], fix: Sequence[str]
+) -> ParameterSelection:
+    """Select the parameters to be estimated.
+
+    Args:
+        space: state space of the drive, for its structural identifiability.
+        drive: the drive with these parameters.
+        nominal: values of all parameters; friction that is held at zero carries no information.
+        free: names to be estimated, "1/Ja" for the reciprocal of Ja; empty: all that are identifiable.
+        fix: names that are held.
+
+    Raises:
+        IdentificationError: an unknown name, a name that is both free and fixed, or parameters that no record can
+            tell apart.
+    """
+    _check_names(drive, (*free, *fix))
+    both = {split_name(name)[0] for name in free} & {split_name(name)[0] for name in fix}
+    if both:
+        raise IdentificationError(f"{', '.join(sorted(both))}: cannot be both free and fixed")
+    fixed = {split_name(name)[0]: "fixed by --fix" for name in fix}
+    chosen = _chosen(drive, free, fixed) if free else _default(space, drive, fixed)
+    if not chosen.free:
+        raise IdentificationError(f"nothing is free: of {_names(drive)} all are held")
+    _check_identifiable(space, chosen.free, _acting(drive, nominal, chosen.free))
+    return chosen
+
+
+def with_schedule(
+    selection: ParameterSelection, schedule: Schedule, free: Sequence[str]
+) -> ParameterSelection:
+    """The selection with its free parameters named as in the schedule; ``free``: names that the user gave.
+
+    Raises:
+        IdentificationError: a scheduled parameter does not exist, is held, or has another name among the free ones.
+    """
+    names = list(selection.free)
+    for name in schedule:
+        if name in names:
+            continue
+        base = split_name(name)[0]
+        other = next((other for other in names if split_name(other)[0] == base), None)
+        if base in selection.held:
+            raise IdentificationError(
+                f"{name} is scheduled but held ({selection.held[base]}): name it in --free"
+            )
+        if other is None:
+            known = (*selection.free, *selection.held)
+            raise IdentificationError(f"the drive has no parameter {name}: {did_you_mean(base, known)}")
+        if other in free:
+            raise IdentificationError(f"{name} is scheduled, but {other} is free: write the same in both")
+        names[names.index(other)] = name
+    return ParameterSelection(tuple(names), selection.held)
+
+
+def _check_names(drive: Drive, names: Sequence[str]) -> None:
+    known = [p.name for p in drive.parameters]
+    for name in names:
+        base, _ = split_name(name)
+        if base in known:
+            continue
+        if base in {p.name for p in drive.drawn}:
+            try:
+                drive.parameter(base)
+            except KeyError as error:
+                raise IdentificationError(str(error.args[0]).replace("monitor that", "name that")) from None
+        raise IdentificationError(f"the drive has no parameter {base}: {did_you_mean(base, known)}")
+
+
+def _chosen(drive: Drive, free: Sequence[str], fixed: Mapping[str, str]) -> ParameterSelection:
+    bases = {split_name(name)[0] for name in free}
+    rest = {p.name: "not in --free" for p in drive.parameters if p.name not in bases}
+    return ParameterSelection(tuple(dict.fromkeys(free)), {**rest, **fixed})
+
+
+def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> ParameterSelection:
+    """All except fixed ones, torque constant, gear ratio, and what is then still not identifiable."""
+    names = [p.name for p in drive.parameters]
+    held = {**{name: "known from the data sheet" for name in RELATIVE if name in names}, **fixed}
+    drawn = [p.name for p in space.drawn if p.name not in held]
+    reason = "the sensors cannot tell it from the others"
+    held |= (
+        {name: reason for name in structural(space, drawn).suggestion if name not in held} if drawn else {}
+    )
+    return ParameterSelection(
+        tuple(n for n in names if n not in held), {n: held[n] for n in names if n in held}
+    )
+
+
+def _acting(drive: Drive, nominal: Mapping[str, float], free: Sequence[str]) -> list[int]:
+    """Indices of the inputs that act on the drive with these parameters free."""
+    bases = {split_name(name)[0] for name in free}
+    values = {name: value or float(name in bases) for name, value in nominal.items()}
+    return [int(column) for column in np.flatnonzero(drive.matrix("B", values).any(axis=0))]
+
+
+def _check_identifiable(space: StateSpace, free: Sequence[str], inputs: Sequence[int]) -> None:
+    """Refuse parameters that no record identifies; merged parameters stand for those that they are merged from."""
+    drawn = {p.name for p in space.drawn}
+    bases = [split_name(name)[0] for name in free]
+    if not set(bases) <= drawn:
+        return
+    found = structural(space, bases, inputs=inputs)
+    if found.suggestion:
+        raise IdentificationError(
+            f"{len(bases)} parameters are free, but torque and motion can tell only {found.count} numbers:"
+            f" {' '.join(found.words())}"
+        )
+
+
+def _names(drive: Drive) -> str:
+    return ", ".join(p.name for p in drive.parameters)

@@ -1,0 +1,329 @@
+"""From a configured axis and its record files to the arguments of ``monitor_core.identify``."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import Drive, split_name
+from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.identify import IdentificationOptions, Progress, Start, identify
+from monitor_core.identification.parameter_selection import (
+    ParameterSelection,
+    select_parameters,
+    with_schedule,
+)
+from monitor_core.identification.problem import Disturbance, Predictor, Problem
+from monitor_core.identification.record import Record
+from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
+from monitor_core.identification.schedule import Schedule, scheduled_terms, with_terms
+from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of
+from service.config import Predictor as ConfiguredPredictor
+from service.config.conditions import term_of
+from service.config.drive_sources import SUFFIX, model_of_axis
+from service.ingest.identification_records import Loaded, load
+from service.reports.identification_report import IdentificationReport, Provenance
+
+_SLOW = 0.1
+"""Initial level of the slow disturbance, as a share of the torque's standard deviation."""
+_SAME_INTERVAL = 0.01
+"""Relative; the same tolerance as between a file of nominal values and its axis."""
+_OTHER_SAMPLING = 2.0
+"""Ratio of intervals from which on it is another sampling, not an inexact clock."""
+_TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asks for beside the axis.
+
+    Args:
+        free: names of the parameters to estimate; empty: all that are identifiable.
+        fix: names of the parameters to hold.
+        predictor: None: as configured.
+        delay: estimate the skew between torque and motion, too.
+        disturbance_s: time constant of a slow torque disturbance [s]; None: there is none.
+        hold_noise: K follows from the configured noises, which are not estimated.
+        robust: give outliers less weight.
+        start: where the fit starts; None: "search" if nominal values are known, else "records".
+        schedule: parameters that follow signals, "fm: temperature".
+        masses: compare chains of up to this number of masses; None: do not.
+    """
+
+    free: tuple[str, ...] = ()
+    fix: tuple[str, ...] = ()
+    predictor: Predictor | None = None
+    delay: bool = False
+    disturbance_s: float | None = None
+    hold_noise: bool = False
+    robust: bool = False
+    start: Start | None = None
+    schedule: tuple[str, ...] = ()
+    masses: int | None = None
+
+
+@dataclass(frozen=True)
+class IdentificationTask:
+    """A checked problem with its records."""
+
+    axis: NamedAxis
+    problem: Problem
+    estimation: tuple[Loaded, ...]
+    validation: tuple[Loaded, ...]
+    warnings: tuple[str, ...]
+    options: IdentificationOptions
+
+    def run(self, provenance: Provenance, progress: Progress | None = None) -> IdentificationReport:
+        """Identify the axis.
+
+        Raises:
+            IdentificationError: as ``identify``.
+        """
+        result = identify(
+            self.problem,
+            [loaded.record for loaded in self.estimation],
+            [loaded.record for loaded in self.validation],
+            self.options,
+            progress,
+        )
+        return IdentificationReport(
+            self.axis.id,
+            result,
+            tuple(loaded.source for loaded in self.estimation),
+            tuple(loaded.source for loaded in self.validation),
+            self.warnings,
+            provenance,
+        )
+
+
+class KnownValues(NamedTuple):
+    """Values of all parameters of a drive; those of the ``unknown`` ones are placeholders."""
+
+    values: Mapping[str, float]
+    unknown: tuple[str, ...]
+
+
+def prepare(
+    config: Config, axis: NamedAxis, records: Sequence[str], validation: Sequence[str], request: Request
+) -> IdentificationTask:
+    """Read and check the records of an axis, and state the problem.
+
+    Args:
+        config: says where the axis is in the records.
+        axis: of that configuration.
+        records: files, each with or without a range; see ``service.ingest.identification_records``.
+        validation: the same, for records that are only predicted.
+        request: what the user asks for.
+
+    Raises:
+        IdentificationError: an unknown name, parameters that cannot be told apart, a record that is refused.
+        ModelError: the axis has no drive.
+        RecordError, DbcError, IngestError: a record cannot be read.
+    """
+    space, drive, *_ = model_of_axis(axis.config)
+    known = known_values(axis, drive)
+    schedule = read_schedule(request.schedule, axis.config)
+    selection = select_parameters(space, drive, known.values, request.free, request.fix)
+    selection = with_schedule(selection, schedule, request.free)
+    start = _start(known, selection, request.start)
+    used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
+    warnings = (
+        *_record_warnings([*used, *kept_aside], _expectations(axis, drive, known, len(selection.free))),
+        *interval_warnings([loaded.record for loaded in (*used, *kept_aside)], axis.config.sample_interval_s),
+    )
+    scheduled = scheduled_terms(schedule, [loaded.record for loaded in used])
+    used, kept_aside = (
+        [loaded._replace(record=with_terms(loaded.record, scheduled)) for loaded in group]
+        for group in (used, kept_aside)
+    )
+    problem = _problem(axis, drive, known.values, selection, used, request, schedule)
+    if problem.predictor == "output-error" and drive.output == "angle":
+        warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
+    options = IdentificationOptions(
+        start,
+        tuple(axis.config.model.monitor),
+        axis.config.interval_mean,
+        request.masses,
+        selection.held,
+        known.unknown,
+        scheduled,
+    )
+    return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
+
+
+def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
+    """Name and sha256 of the Modelica file of an axis; None: its drive has no file of its own."""
+    if axis.model.components or not axis.model.drive.endswith(SUFFIX):
+        return None
+    path = Path(axis.model.drive)
+    return path.name, hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+# --- values to start from -------------------------------------------------------------------------------
+
+
+def known_values(axis: NamedAxis, drive: Drive) -> KnownValues:
+    """The nominal values of the configuration, or of the file that it names."""
+    names = {p.name for p in (*drive.parameters, *drive.drawn)}
+    values = {name: value for name, value in given_values(axis.config).items() if name in names}
+    unknown = tuple(p.name for p in drive.parameters if not _is_known(drive, p.name, values))
+    placeholders = {name: 1.0 if drive.parameter(name).positive else 0.0 for name in unknown}
+    return KnownValues(AxisModel(drive, {**values, **placeholders}, ()).nominal, unknown)
+
+
+def _is_known(drive: Drive, name: str, values: Mapping[str, float]) -> bool:
+    """Whether it is given, or all parameters that it is merged from."""
+    merged = next((d for d in drive.definitions if d.name == name), None)
+    if name in values or merged is None:
+        return name in values
+    return all(_is_known(drive, part, values) for part in merged.names)
+
+
+def _start(known: KnownValues, selection: ParameterSelection, requested: Start | None) -> Start:
+    free = {split_name(name)[0] for name in selection.free}
+    if held := [name for name in known.unknown if name not in free]:
+        raise IdentificationError(
+            f"no value of {', '.join(held)}, to be held: give it in [robot.axis.model.nominal], or free it with --free"
+        )
+    if known.unknown and requested in ("values", "search"):
+        raise IdentificationError(
+            f"--start {requested} needs a value of {', '.join(known.unknown)}: give it in [robot.axis.model.nominal],"
+            " or let --start records find it"
+        )
+    return requested or ("records" if known.unknown else "search")
+
+
+# --- parameters that follow signals -----------------------------------------------------------------------
+
+
+def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
+    """A schedule as the user writes it: "fm: temperature", "Ja: payload, cos(angle2)".
+
+    Raises:
+        IdentificationError: the text has another form, or there is no such signal or function.
+    """
+    schedule = dict[str, tuple[str, ...]]()
+    for text in texts:
+        parameter, colon, terms = (part.strip() for part in text.partition(":"))
+        if not (parameter and colon and terms):
+            raise IdentificationError(
+                f'--schedule "{text}": write PARAMETER: SIGNAL, as "fm: temperature" or "Ja: payload, cos(angle2)"'
+            )
+        for term in terms.split(","):
+            name = _term(term.strip(), axis)
+            if name in schedule.get(parameter, ()):
+                raise IdentificationError(f"{parameter} follows {name} twice")
+            schedule[parameter] = (*schedule.get(parameter, ()), name)
+    return schedule
+
+
+def _term(text: str, axis: AxisConfig) -> str:
+    try:
+        return str(term_of(text, [signal.name for signal in axis.signal]))
+    except ValueError as error:
+        raise IdentificationError(str(error)) from None
+
+
+# --- the problem ------------------------------------------------------------------------------------------
+
+
+def _problem(
+    axis: NamedAxis,
+    drive: Drive,
+    nominal: Mapping[str, float],
+    selection: ParameterSelection,
+    used: Sequence[Loaded],
+    request: Request,
+    schedule: Schedule,
+) -> Problem:
+    predictor = predictor_of(axis.config)
+    configured: Predictor = "output-error" if predictor.kind == "output-error" else "innovations"
+    kind = request.predictor or configured
+    noise = _noise(kind, predictor, used, request)
+    try:
+        return Problem(
+            drive, nominal, selection.free, kind,
+            speed_scale=predictor.friction_speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
+            disturbance=noise, loss="huber" if request.robust else "squares", varying=schedule,
+        )  # fmt: skip
+    except ValueError as error:
+        raise IdentificationError(str(error)) from None
+
+
+def _noise(
+    kind: Predictor, configured: ConfiguredPredictor, used: Sequence[Loaded], request: Request
+) -> Disturbance | None:
+    """The noise that K follows from; None: white noise of unknown level.
+
+    Raises:
+        IdentificationError: noise for output error, which has no K; no configured noises to hold.
+    """
+    if kind == "output-error" and (request.disturbance_s is not None or request.hold_noise):
+        raise IdentificationError(
+            "output error has no gain, so no noise: leave out --disturbance and --hold-noise"
+        )
+    given = Disturbance()
+    if request.disturbance_s is not None:
+        torque = max(float(loaded.record.u.std()) for loaded in used)
+        given = Disturbance(slow=_SLOW * torque, time_constant_s=request.disturbance_s)
+    if not request.hold_noise:
+        return given if request.disturbance_s is not None else None
+    if configured.torque_noise is None or configured.output_noise is None:
+        raise IdentificationError("the configuration has no torque_noise and output_noise that could be held")
+    return replace(given, torque=configured.torque_noise, output=configured.output_noise, free=("slow",))
+
+
+# --- checks of the records ----------------------------------------------------------------------------------
+
+
+def _expectations(axis: NamedAxis, drive: Drive, known: KnownValues, parameters: int) -> Known:
+    """What the records are compared with."""
+    speed_scale = predictor_of(axis.config).friction_speed_scale
+    if known.unknown:
+        return Known(parameters, speed_scale=speed_scale)
+    return known_of(drive, known.values, parameters, speed_scale)
+
+
+def _record_warnings(loaded: Sequence[Loaded], known: Known) -> tuple[str, ...]:
+    """Doubts about the records.
+
+    Raises:
+        IdentificationError: one of them is refused.
+    """
+    findings = [(one.record.name, finding) for one in loaded for finding in suspicions(one.record, known)]
+    refused = [_sentence(name, finding) for name, finding in findings if finding.severity == "refuse"]
+    if refused:
+        raise IdentificationError("refused: " + "\n".join(refused))
+    return tuple(_sentence(name, finding) for name, finding in findings)
+
+
+def _sentence(name: str, finding: Finding) -> str:
+    return f"{name}: {finding.sentence}."
+
+
+def interval_warnings(records: Sequence[Record], interval_s: float) -> Iterator[str]:
+    """Doubts about the sample intervals of records, in sentences.
+
+    Raises:
+        IdentificationError: an interval is far from the configured one.
+    """
+    for record in records:
+        ratio = record.interval_s / interval_s
+        apart = f"its samples are {record.interval_s:.6g} s apart, but sample_interval_s = {interval_s:g}"
+        differ = f"{record.name}: {apart}"
+        if not 1 / _OTHER_SAMPLING < ratio < _OTHER_SAMPLING:
+            raise IdentificationError(f"{differ}: {_probable_mistake(ratio)}")
+        if not math.isclose(ratio, 1.0, rel_tol=_SAME_INTERVAL):
+            yield f"{differ}: the result then belongs to the interval of this record, and the daemon refuses it."
+
+
+def _probable_mistake(ratio: float) -> str:
+    for factor, unit in _TIME_UNITS.items():
+        if math.isclose(ratio, factor, rel_tol=0.1):
+            return f"times must be in seconds, these look like {unit}"
+    return "correct it, or the times, which must be in seconds"
