@@ -9,38 +9,36 @@ import numpy as np
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Conditions, Follow, Operating
 from monitor_core.drive.structure import split_name
-from monitor_core.modeling.flat import ModelError
 from monitor_core.suggestions import did_you_mean
-from service.config.base_table import Absent, present
+from service.config.base_table import Undecidable
+from service.config.bus_rules import same_names
 from service.config.conditions import Varying, term_of, varying_of
+from service.config.model_rules import axis_model
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, RobotConfig
-from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
 from service.config.validation_messages import Finding
 
 
 def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
     """A signal that is the motion of another axis: of this robot, on the same bus."""
-    names = [axis.name for axis in robot.axis if present(axis, "name")]
+    names = [axis.name for axis in robot.axis]
     for k, axis in enumerate(robot.axis):
-        for n, s in enumerate(axis.signal if present(axis, "signal") else ()):
-            if not present(s, "axis") or s.axis is None:
+        for n, s in enumerate(axis.signal):
+            if s.axis is None:
                 continue
             path: Keys = ("axis", k, "signal", n, "axis")
-            others = [name for name in names if not present(axis, "name") or name != axis.name]
+            others = [name for name in names if name != axis.name]
             if s.axis not in others:
                 yield Finding(path, f"no other axis of that name: {did_you_mean(s.axis, others)}")
                 continue
-            other = robot.axis[
-                next(i for i, o in enumerate(robot.axis) if present(o, "name") and o.name == s.axis)
-            ]
+            other = next(other for other in robot.axis if other.name == s.axis)
             if _starts_again(other):
                 message = (
                     f"the angle of {s.axis} starts again after each turn, and how many there were a signal does not"
                     " tell: take one that goes on, from a message"
                 )
                 yield Finding(path, message)
-            if present(axis, "bus") and present(other, "bus") and axis.bus != other.bus:
+            if axis.bus != other.bus:
                 yield Finding(
                     path,
                     f"it is on the bus {other.bus}, this axis on {axis.bus}: signals come from an axis's own bus, where"
@@ -49,16 +47,18 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
 
 
 def _starts_again(axis: AxisConfig) -> bool:
-    angle = axis.angle if present(axis, "angle") else None
-    return angle is not None and present(angle, "wrap_period") and angle.wrap_period is not None
+    return axis.angle is not None and axis.angle.wrap_period is not None
+
+
+def signal_names(axis: AxisConfig) -> Iterator[Finding]:
+    """No two further signals have one name."""
+    yield from same_names("signal", axis.signal)
 
 
 def places_of_signals(axis: AxisConfig) -> Iterator[Finding]:
     """Each further signal says where it is, once."""
     for n, s in enumerate(axis.signal):
         path: Keys = ("signal", n)
-        if not present(s, "axis", "message", "signal", "column"):
-            continue
         if s.axis is not None:
             for key in ("message", "signal"):
                 if getattr(s, key) is not None:
@@ -76,13 +76,12 @@ def gates(axis: AxisConfig) -> Iterator[Finding]:
     """A gate is of a signal of the axis, and says one thing of it."""
     for k, gate in enumerate(axis.gate):
         path: Keys = ("gate", k)
-        if present(gate, "signal") and (problem := _unknown(gate.signal, axis)):
+        if problem := _unknown(gate.signal, axis):
             yield Finding((*path, "signal"), problem)
-        if present(gate, "equals", "above", "below"):
-            given = [key for key in ("equals", "above", "below") if getattr(gate, key) is not None]
-            if len(given) != 1:
-                key = given[1] if given else "equals"
-                yield Finding((*path, key), "a gate has one of equals, above and below")
+        given = [key for key in ("equals", "above", "below") if getattr(gate, key) is not None]
+        if len(given) != 1:
+            key = given[1] if given else "equals"
+            yield Finding((*path, key), "a gate has one of equals, above and below")
 
 
 def varying_terms(axis: AxisConfig) -> Iterator[Finding]:
@@ -127,7 +126,7 @@ def varying_values(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values stay within their bounds over the whole range of each signal."""
     if any(_findings(rule, axis) for rule in CONDITION_RULES if rule is not varying_values):
         return
-    model = _model(axis)
+    model = axis_model(axis)
     for v in varying_of(axis):
         for end in v.range or ():
             if _leaves_bounds(model, v.follow, end):
@@ -141,14 +140,9 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
     if axis.records_only:
         return
     purposes = {_signal(v, axis): f"{v.parameter} follows it" for v in varying_of(axis)}
-    purposes |= {g.signal: "it is a gate" for g in axis.gate if present(g, "signal")}
+    purposes |= {g.signal: "it is a gate" for g in axis.gate}
     for n, s in enumerate(axis.signal):
-        if (
-            present(s, "name", "axis", "message")
-            and s.axis is None
-            and s.message is None
-            and s.name in purposes
-        ):
+        if s.axis is None and s.message is None and s.name in purposes:
             yield Finding(
                 ("signal", n, "message"), f"missing: {purposes[s.name]}, so it must be on the bus of the axis"
             )
@@ -164,14 +158,14 @@ def choice(axis: AxisConfig) -> Iterator[Finding]:
     if said == "gated" and not axis.gate:
         yield Finding(path, "there is no gate: add [[robot.axis.gate]]")
     if said == "others stand still":
-        moving = {s.name: s.axis for s in axis.signal if present(s, "name", "axis") and s.axis is not None}
+        moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
         for v in varying_of(axis):
             if (other := moving.get(_signal(v, axis))) is not None:
                 yield Finding(path, f"but {v.parameter} follows the motion of {other}, by", v.path)
 
 
 def _names(axis: AxisConfig) -> list[str]:
-    return [s.name for s in axis.signal if present(s, "name")]
+    return [s.name for s in axis.signal]
 
 
 def _signal(v: Varying, axis: AxisConfig) -> str:
@@ -179,7 +173,7 @@ def _signal(v: Varying, axis: AxisConfig) -> str:
     try:
         return term_of(v.signal, _names(axis)).signal
     except ValueError:  # which another rule says
-        raise Absent("signal") from None
+        raise Undecidable("signal") from None
 
 
 def _unknown(name: str, axis: AxisConfig) -> str:
@@ -201,17 +195,8 @@ def _findings(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig)
     """Whether the rule finds something, or cannot be asked."""
     try:
         return next(rule(axis), None) is not None
-    except Absent:
+    except Undecidable:
         return True
-
-
-def _model(axis: AxisConfig) -> AxisModel:
-    try:
-        return AxisModel(
-            watched_drive(axis), watched_values(axis), axis.model.monitor, scales_of(axis), bounds_of(axis)
-        )
-    except (KeyError, ValueError, ModelError):  # which another rule says
-        raise Absent("model") from None
 
 
 def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
@@ -224,6 +209,8 @@ def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
 
 
 CONDITION_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
+    signal_names,
+    places_of_signals,
     gates,
     varying_terms,
     varying_ranges,

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from monitor_core.drive.operating_conditions import FUNCTIONS, Conditions, Follow, Gate, Term
 from monitor_core.suggestions import did_you_mean
-from service.config.base_table import present
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
@@ -41,7 +40,7 @@ def varying_of(axis: AxisConfig) -> tuple[Varying, ...]:
     """All that follows something: by the file of nominal values, and by the configuration.
 
     Raises:
-        Absent: the file cannot be used, or there is no configuration of these in a lenient reading.
+        Undecidable: the file cannot be used.
     """
     return (*_of_file(axis), *_of_configuration(axis))
 
@@ -54,9 +53,7 @@ def _of_file(axis: AxisConfig) -> Iterator[Varying]:
 
 def _of_configuration(axis: AxisConfig) -> Iterator[Varying]:
     for k, v in enumerate(axis.model.schedule):
-        if present(v, "parameter", "signal", "slope", "reference", "range"):
-            path: Keys = ("model", "schedule", k)
-            yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, path)
+        yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, ("model", "schedule", k))
 
 
 def term_of(text: str, known: Iterable[str]) -> Term:

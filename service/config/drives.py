@@ -5,7 +5,6 @@ from __future__ import annotations
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.modeling.flat import ModelError
 from service.config import drive_sources as modeling
-from service.config.base_table import ABSENT, Absent
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig
@@ -45,14 +44,11 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
         ModelError: the axis has no drive.
     """
     drawn = {} if is_library(axis.model) else _modelled(axis).values
-    given = {name: value for name, value in axis.model.nominal.items() if value is not ABSENT}
     found = nominal_file_of(axis)
-    return {**drawn, **given, **(found.values if found else {})}
+    return {**drawn, **axis.model.nominal, **(found.values if found else {})}
 
 
 def _modelled(axis: AxisConfig, output: Output | None = None) -> modeling.Modelled:
-    if ABSENT in axis.model.components.values():
-        raise Absent("components")
     return modeling.model_of_axis(axis, output)
 
 

@@ -2,7 +2,6 @@
 
 import math
 
-from service.config.base_table import present
 from service.config.schema import AxisConfig
 
 
@@ -12,7 +11,7 @@ def step_noise(axis: AxisConfig) -> float | None:
     A value anywhere within a step, each as likely: resolution / sqrt(12).
     """
     motion = axis.angle or axis.speed
-    if motion is None or not present(motion, "resolution", "factor") or motion.resolution is None:
+    if motion is None or motion.resolution is None:
         return None
     return rounded(motion.resolution * motion.factor)
 

@@ -11,9 +11,9 @@ from pydantic import ValidationError
 
 from service.config import environment
 from service.config.base_table import Reading
+from service.config.crosschecks import crosscheck
 from service.config.positions import Keys, nearest, positions
 from service.config.problems import ConfigErrors, Problem, dotted, shown
-from service.config.rules import broken
 from service.config.schema import Config
 from service.config.validation_messages import Finding, findings
 
@@ -82,14 +82,12 @@ def _syntax_error(path: Path, text: str, reason: str) -> Problem:
 
 
 def _read(values: dict[str, Any], folder: Path) -> tuple[Config | None, list[Finding]]:
-    """The configuration if the schema accepts it, and what is wrong by the schema and by the rules."""
-    config, found = None, list[Finding]()
+    """The configuration if the schema accepts it, and what is wrong: by the schema, or else by the cross-checks."""
     try:
         config = Config.model_validate(values, context=Reading(folder))
     except ValidationError as error:
-        found = findings(error.errors(include_url=False))
-    lenient = Config.model_validate(values, context=Reading(folder, lenient=True))
-    return config, [*found, *broken(lenient)]
+        return None, findings(error.errors(include_url=False))
+    return config, list(crosscheck(config))
 
 
 def _problems(

@@ -1,21 +1,28 @@
-"""Rules for an axis's model, asked of the engine's own model where it has the rule."""
+"""Cross-checks of an axis's model: drive, nominal values, monitored parameters, bounds, limits, skew."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from typing import TypeVar
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
 from monitor_core.modeling.flat import ModelError
 from monitor_core.suggestions import did_you_mean
-from service.config.base_table import ABSENT, Absent
-from service.config.drives import place_of
+from service.config.base_table import Undecidable
+from service.config.drives import drive_of, place_of
+from service.config.positions import Keys
 from service.config.schema import AxisConfig
-from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
+from service.config.skew import (
+    bounds_of,
+    has_own_delay,
+    nominal_skew,
+    scales_of,
+    watched_drive,
+    watched_values,
+    watches_skew,
+)
+from service.config.trend_limits import monitored_as
 from service.config.validation_messages import Finding
-
-T = TypeVar("T")
 
 _SAME = 1e-6
 
@@ -52,7 +59,7 @@ def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("model", "nominal", name), _no_parameter(name, known))
     if axis.records_only:  # an identification finds what is missing
         return
-    given = {*watched_values(axis), *axis.model.nominal}  # also what is given wrongly
+    given = watched_values(axis).keys()
     for name in dict.fromkeys(part for p in drive.parameters for part in _lacking(drive, p.name, given)):
         p = known[name]
         yield Finding(("model", "nominal", name), f"missing ({p.meaning} [{p.unit}])")
@@ -60,7 +67,7 @@ def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
 
 def merged_values(axis: AxisConfig) -> Iterator[Finding]:
     """A merged parameter that is given has the value of what it is merged from, if that is given, too."""
-    given = _present(axis.model.nominal)
+    given = axis.model.nominal
     for merged in usable_drive(axis).definitions:
         if merged.name in given and merged.names <= given.keys():
             with suppress(ValueError):
@@ -101,7 +108,7 @@ def monitored_sizes(axis: AxisConfig) -> Iterator[Finding]:
     nominal = _nominal(axis, drive)
     for i, name in enumerate(model.monitor):
         base = split_name(name)[0]
-        if base not in nominal or _refusal(drive, {base: nominal[base]}) or model.scales.get(name) is ABSENT:
+        if base not in nominal or _refusal(drive, {base: nominal[base]}):
             continue
         if problem := _refusal(drive, {base: nominal[base]}, name, scales):
             yield Finding(("model", "monitor", i), problem)
@@ -120,11 +127,11 @@ def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
                 yield Finding((*path, name), f"not monitored: {did_you_mean(name, model.monitor)}")
 
 
-def limits(axis: AxisConfig) -> Iterator[Finding]:
+def bounds(axis: AxisConfig) -> Iterator[Finding]:
     """The nominal value lies between the bounds, and a positive parameter stays positive."""
     drive, model = usable_drive(axis), axis.model
     nominal = _nominal(axis, drive)
-    for name, (lower, upper) in _present(model.bounds).items():
+    for name, (lower, upper) in model.bounds.items():
         base, inverse = split_name(name)
         if base not in nominal or (inverse and nominal[base] == 0):
             continue
@@ -148,16 +155,113 @@ def whole(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("model", "components" if model.components else "drive"), str(error))
 
 
+# --- limits of the long-term trend -----------------------------------------------------------------------
+
+
+def limited(axis: AxisConfig) -> Iterator[Finding]:
+    """A limit is of a monitored parameter or of its reciprocal, and of one of them only."""
+    monitor, seen = axis.model.monitor, dict[str, str]()
+    for name in axis.model.limits:
+        own = monitored_as(name, monitor)
+        if own is None:
+            yield Finding(("model", "limits", name), f"not monitored: {did_you_mean(name, monitor)}")
+        elif own in seen:
+            yield Finding(("model", "limits", name), "has one already, by", ("model", "limits", seen[own]))
+        else:
+            seen[own] = name
+
+
+def sides(axis: AxisConfig) -> Iterator[Finding]:
+    """A lower limit is below the nominal value, an upper one above, and the estimate may go so far."""
+    model = axis_model(axis)
+    for name, values in axis.model.limits.items():
+        own = monitored_as(name, axis.model.monitor)
+        if own is None:
+            continue
+        i = axis.model.monitor.index(own)
+        nominal, bounds = float(model.theta0[i]), tuple(float(b) for b in model.limits[:, i])
+        if own != name:
+            if nominal == 0 or min(map(abs, bounds)) == 0 or bounds[0] * bounds[1] < 0:
+                yield Finding(
+                    ("model", "limits", name), f"{own} is monitored and may be zero: give its limit"
+                )
+                continue
+            nominal, bounds = 1 / nominal, (1 / bounds[1], 1 / bounds[0])
+        yield from _limits_of(name, values, nominal, bounds)
+
+
+def _limits_of(
+    name: str, values: tuple[float, ...], nominal: float, bounds: tuple[float, ...]
+) -> Iterator[Finding]:
+    path = ("model", "limits", name)
+    if len(values) == 2 and not values[0] < nominal < values[1]:
+        yield Finding(path, f"must be [lower, upper] with lower < nominal < upper, nominal = {nominal:g}")
+    elif len(values) == 1 and values[0] == nominal:
+        yield Finding(path, "must be above or below the nominal value, which it is")
+    else:
+        for value in values:
+            if not bounds[0] < value < bounds[1]:
+                message = (
+                    f"{value:g} is never reached: the estimate stays between {bounds[0]:g} and {bounds[1]:g}"
+                )
+                yield Finding(path, message)
+
+
+# --- skew between torque and motion ----------------------------------------------------------------------
+
+
+def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
+    """It is the torque's, no parameter of the drive, and its nominal value stands in one place."""
+    if not watches_skew(axis):
+        return
+    usable_drive(axis)
+    if has_own_delay(drive_of(axis)):
+        message = "is how late the torque acts, but the drive has a parameter of that name: rename that one"
+        yield Finding(_place(axis), message)
+    elif DELAY in axis.model.nominal:
+        yield Finding(
+            ("model", "nominal", DELAY), "its nominal value is torque_delay_s of the axis: remove this"
+        )
+
+
+def skew_below_an_interval(axis: AxisConfig) -> Iterator[Finding]:
+    """Beyond one interval the torque is another sample's."""
+    if not watches_skew(axis):
+        return
+    h, bounds = axis.sample_interval_s, axis.model.bounds.get(DELAY)
+    if bounds is not None and max(map(abs, bounds)) > h:
+        yield Finding(("model", "bounds", DELAY), f"must be within sample_interval_s, [{-h}, {h}]")
+    if nominal_skew(axis) >= h:
+        message = f"a delay is followed up to sample_interval_s = {h}, and that is nominal here: nothing is left to see"
+        yield Finding(_place(axis), message)
+
+
+def _place(axis: AxisConfig) -> Keys:
+    return ("model", "monitor", axis.model.monitor.index(DELAY))
+
+
+# --- what the checks have in common ----------------------------------------------------------------------
+
+
+def axis_model(axis: AxisConfig) -> AxisModel:
+    """The model of an axis; where there is none, another check reports why."""
+    drive = usable_drive(axis)
+    try:
+        return AxisModel(drive, watched_values(axis), axis.model.monitor, scales_of(axis), bounds_of(axis))
+    except (KeyError, ValueError):  # other rules say what is wrong
+        raise Undecidable("model") from None
+
+
 def _is_quiet(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig) -> bool:
     try:
         return next(rule(axis), None) is None
-    except Absent:
+    except Undecidable:
         return False
 
 
 def _measured(axis: AxisConfig) -> Output | None:
     """The angle where it is not rightly said what is measured, so that the other rules still see a drive."""
-    with suppress(Absent):
+    with suppress(Undecidable):
         return None if axis.output else "angle"
     return "angle"
 
@@ -165,13 +269,13 @@ def _measured(axis: AxisConfig) -> Output | None:
 def usable_drive(axis: AxisConfig, inputs: bool = True) -> Drive:
     """The drive; with ``inputs`` one whose inputs can be had.  Where there is none, another rule says so."""
     if any(one_drive(axis)):
-        raise Absent("drive")
+        raise Undecidable("drive")
     try:
         drive = watched_drive(axis, _measured(axis))
     except ModelError:
-        raise Absent("drive") from None
+        raise Undecidable("drive") from None
     if inputs and _refusal(drive, {}):
-        raise Absent("drive")
+        raise Undecidable("drive")
     return drive
 
 
@@ -215,14 +319,10 @@ def _no_parameter(name: str, known: Mapping[str, object] | list[str]) -> str:
     return f"the drive has no such parameter: {did_you_mean(name, known)}"
 
 
-def _present(values: Mapping[str, T]) -> dict[str, T]:
-    return {name: value for name, value in values.items() if value is not ABSENT}
-
-
 def _known(values: Mapping[str, float], drive: Drive) -> dict[str, float]:
     """The values that are right in themselves, of parameters of the drive."""
     names = _by_name(drive)
-    return {name: value for name, value in values.items() if name in names and value is not ABSENT}
+    return {name: value for name, value in values.items() if name in names}
 
 
 def _refusal(
@@ -249,6 +349,10 @@ MODEL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     monitored,
     monitored_sizes,
     scales_and_bounds,
-    limits,
+    bounds,
     whole,
+    limited,
+    sides,
+    torque_skew,
+    skew_below_an_interval,
 )

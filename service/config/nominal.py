@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from service.config.base_table import Absent
+from service.config.base_table import Undecidable
 from service.config.encoder import step_noise
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
 from service.config.schema import AxisConfig
@@ -27,14 +27,14 @@ def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
     """The file of nominal values of an axis, None if it has none.
 
     Raises:
-        Absent: it cannot be used, which a rule of the configuration says.
+        Undecidable: it cannot be used, which a rule of the configuration says.
     """
     if axis.model.nominal_file is None:
         return None
     try:
         return read_nominal(axis.model.nominal_file)
     except NominalError:
-        raise Absent("nominal_file") from None
+        raise Undecidable("nominal_file") from None
 
 
 def predictor_of(axis: AxisConfig) -> Predictor:

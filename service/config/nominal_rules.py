@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
 from monitor_core.drive.structure import Drive, Output
-from service.config.base_table import ABSENT, Absent, present
+from service.config.base_table import Table, Undecidable
 from service.config.drives import plain_drive_of
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of
@@ -74,8 +74,7 @@ def same_drive(axis: AxisConfig) -> Iterator[Finding]:
 def same_values(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values that the configuration gives, too, are those of the file."""
     found = _found(axis)
-    given = {name: value for name, value in axis.model.nominal.items() if value is not ABSENT}
-    other = _other(usable_drive(axis), given, found)
+    other = _other(usable_drive(axis), axis.model.nominal, found)
     if other:
         name, (here, there) = next(iter(other.items()))
         more = f" and {len(other) - 1} more" if len(other) > 1 else ""
@@ -131,7 +130,7 @@ def _measured(axis: AxisConfig) -> Output:
 def _found(axis: AxisConfig) -> NominalFile:
     found = nominal_file_of(axis)
     if found is None:
-        raise Absent("nominal_file")
+        raise Undecidable("nominal_file")
     return found
 
 
@@ -139,12 +138,9 @@ def _name(found: NominalFile) -> str:
     return found.path.name
 
 
-def _given(table: object, name: str) -> object:
+def _given(table: Table, name: str) -> object:
     """The value if the user wrote it, else None."""
-    from service.config.base_table import Table
-
-    assert isinstance(table, Table)
-    return getattr(table, name) if name in table.model_fields_set and present(table, name) else None
+    return getattr(table, name) if name in table.model_fields_set else None
 
 
 def _alike(here: object, there: object) -> bool:

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from monitor_core.drive.structure import Output
 from monitor_core.monitoring.recommended_settings import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
-from service.config.base_table import Absent, Table, present
+from service.config.base_table import Table, Undecidable
 from service.config.schema_model import ModelConfig
 from service.config.schema_signals import (
     AngleConfig,
@@ -126,15 +126,14 @@ class AxisConfig(Table):
     @property
     def interval_mean(self) -> bool:
         """The output is the mean of the speed over each interval, as the drive takes it."""
-        speed = self.speed if present(self, "speed") else None
-        return speed is not None and present(speed, "interval_mean") and speed.interval_mean
+        return self.speed is not None and self.speed.interval_mean
 
     @property
     def motion(self) -> AngleConfig | SpeedConfig:
         """The signal of the angle, or, where that is not measured, of the speed."""
         given = [signal for signal in (self.angle, self.speed) if signal is not None]
         if not given:
-            raise Absent("angle or speed")
+            raise Undecidable("angle or speed")
         return given[0]
 
     @property

@@ -6,7 +6,6 @@ It is no parameter of the drawing: every drive can have it, its nominal value is
 from __future__ import annotations
 
 from monitor_core.drive.structure import DELAY, Drive, Output
-from service.config.base_table import ABSENT, present
 from service.config.drives import drive_of, given_values
 from service.config.nominal import nominal_file_of
 from service.config.schema import AxisConfig
@@ -18,7 +17,7 @@ any other parameter does; with smaller scales a change of the arm's inertia by a
 
 def watches_skew(axis: AxisConfig) -> bool:
     """Whether the delay of the torque is monitored."""
-    return present(axis.model, "monitor") and DELAY in axis.model.monitor
+    return DELAY in axis.model.monitor
 
 
 def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
@@ -46,7 +45,7 @@ def nominal_skew(axis: AxisConfig) -> float:
 def scales_of(axis: AxisConfig) -> dict[str, float]:
     """Sizes of monitored parameters, by name, where |nominal| is not it."""
     own = {DELAY: SCALE * axis.sample_interval_s} if watches_skew(axis) else {}
-    return own | {name: value for name, value in axis.model.scales.items() if value is not ABSENT}
+    return own | axis.model.scales
 
 
 def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
@@ -56,7 +55,7 @@ def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
     """
     h = axis.sample_interval_s
     own = {DELAY: (-h, h)} if watches_skew(axis) and nominal_skew(axis) < h else {}
-    return own | {name: pair for name, pair in axis.model.bounds.items() if pair is not ABSENT}
+    return own | axis.model.bounds
 
 
 def has_own_delay(drive: Drive) -> bool:

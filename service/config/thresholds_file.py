@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.config.base_table import Absent
+from service.config.base_table import Undecidable
 from service.config.found_file import FoundTable, content_of, unchanged, validated
 from service.config.schema import AxisConfig
 from service.config.value_types import NotNegative, Positive, Real
@@ -66,14 +66,14 @@ def thresholds_file_of(axis: AxisConfig) -> ThresholdsFile | None:
     """The file of thresholds of an axis, None if it has none.
 
     Raises:
-        Absent: it cannot be used, which a rule of the configuration says.
+        Undecidable: it cannot be used, which a rule of the configuration says.
     """
     if axis.model.thresholds_file is None:
         return None
     try:
         return read_thresholds(axis.model.thresholds_file)
     except ThresholdsError:
-        raise Absent("thresholds_file") from None
+        raise Undecidable("thresholds_file") from None
 
 
 def read_thresholds(path: Path) -> ThresholdsFile:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, ValidationInfo
 
-from service.config.base_table import ABSENT, Reading
+from service.config.base_table import Reading
 from service.config.drive_sources import SUFFIX
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -39,7 +39,6 @@ def intervals(count: float) -> Callable[[dict[str, Any]], Any]:
     """A default of so many sample intervals."""
 
     def default(validated: dict[str, Any]) -> Any:
-        interval = validated["sample_interval_s"]
-        return ABSENT if interval is ABSENT else count * interval
+        return count * validated["sample_interval_s"]
 
     return default

@@ -35,14 +35,15 @@ def test_a_right_configuration_is_summed_up(name: str, signals: tuple[str, ...])
 def test_all_problems_go_to_the_error_stream_one_a_line(tmp_path: Path) -> None:
     file = tmp_path / "[bold]wrong.toml"
     text = (CONFIG / "demo.toml").read_text(encoding="utf-8")
-    file.write_text(text.replace('interface = "virtual"', 'interfase = "[red]"'), encoding="utf-8")
+    text = text.replace('interface = "virtual"', 'interfase = "[red]"').replace("state_dir", "state_dri")
+    file.write_text(text, encoding="utf-8")
     result = CliRunner().invoke(app, ["--config", str(file)])
     assert result.exit_code == 2
     assert result.stdout == ""
     lines = result.stderr.splitlines()
     assert [line.split(": ")[:2] for line in lines[:-1]] == [
+        [f"{file}:5", 'service.state_dri = "demo-state"'],
         [f"{file}:9", 'bus[1].interfase = "[red]"'],
-        [f"{file}:11", 'bus[1].dbc = "demo.dbc"'],
     ]
     assert lines[-1] == "2 problems in the configuration"
 

@@ -17,6 +17,7 @@ from monitor_core.drive.operating_conditions import Follow, Term
 from service.commands.check import check
 from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
 from service.config.axis_settings import axis_model, axis_settings, doubtful_nominals
+from service.config.schema_signals import SpeedConfig
 from tests.service.identification.nominal_texts import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
@@ -90,7 +91,9 @@ def test_everything_comes_from_the_file(robot: Path) -> None:
 
 
 def test_output_error_has_no_gain(robot: Path) -> None:
-    speed = AXIS.model_copy(update={"speed": AXIS.angle, "angle": None})
+    speed = AXIS.model_copy(
+        update={"speed": SpeedConfig(message="Axis1State", signal="Angle"), "angle": None}
+    )
     file_with(robot, {"predictor": {"kind": "output-error", "gain": []}}, speed)
     changed(robot, ("[robot.axis.angle]", "[robot.axis.speed]"), (KIND, ""))
     axis = only(load(robot, {}))
@@ -149,7 +152,9 @@ def test_a_contradiction_is_named_with_both_values(
 
 
 def test_another_predictor_is_a_contradiction(robot: Path) -> None:
-    speed = AXIS.model_copy(update={"speed": AXIS.angle, "angle": None})
+    speed = AXIS.model_copy(
+        update={"speed": SpeedConfig(message="Axis1State", signal="Angle"), "angle": None}
+    )
     file_with(robot, {}, speed)
     changed(robot, ("[robot.axis.angle]", "[robot.axis.speed]"), ('"innovations"', '"output-error"'))
     (problem,) = problems(robot)

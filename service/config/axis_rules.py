@@ -1,0 +1,186 @@
+"""Cross-checks of an axis: what is measured, its times, its predictor and its estimator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+from monitor_core.kernel.tables import COSINE, SINE
+from monitor_core.monitoring.recommended_settings import MIN_MEMORY_SAMPLES
+from service.config.encoder import step_noise
+from service.config.model_rules import usable_drive
+from service.config.nominal import nominal_file_of
+from service.config.schema import AxisConfig
+from service.config.skew import watched_values
+from service.config.validation_messages import Finding
+
+_NEARLY = 1e-3
+"""Of a turn: as exactly as somebody may have written 2 pi."""
+
+
+def motion(axis: AxisConfig) -> Iterator[Finding]:
+    """An axis has an angle or a speed."""
+    if axis.angle is not None and axis.speed is not None:
+        message = (
+            "give angle or speed, not both: the angle gives better estimates, unless its resolution is coarse"
+        )
+        yield Finding(("speed",), message)
+    if axis.angle is None and axis.speed is None:
+        yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
+
+
+def torque_delay(axis: AxisConfig) -> Iterator[Finding]:
+    """The torque is at most one interval late."""
+    if axis.torque_delay_s > axis.sample_interval_s:
+        yield Finding(("torque_delay_s",), f"must be at most sample_interval_s = {axis.sample_interval_s}")
+
+
+def pairing_tolerance(axis: AxisConfig) -> Iterator[Finding]:
+    """A wider tolerance would pair values of different samples."""
+    interval_s = axis.sample_interval_s
+    if axis.pairing_tolerance_s >= interval_s / 2:
+        limit = (
+            f"must be below half of sample_interval_s = {interval_s}: values of different samples would pair"
+        )
+        yield Finding(("pairing_tolerance_s",), limit)
+
+
+def maximum_gap(axis: AxisConfig) -> Iterator[Finding]:
+    """The normal interval is no gap."""
+    if axis.max_gap_s < axis.sample_interval_s:
+        limit = (
+            f"must be at least sample_interval_s = {axis.sample_interval_s}: every interval would be a gap"
+        )
+        yield Finding(("max_gap_s",), limit)
+
+
+def counter(axis: AxisConfig) -> Iterator[Finding]:
+    """Message and signal of the counter come together."""
+    pair = {"counter_message": axis.time.counter_message, "counter_signal": axis.time.counter_signal}
+    if len([value for value in pair.values() if value is None]) == 1:
+        missing = next(key for key, value in pair.items() if value is None)
+        yield Finding(("time", missing), "missing: counter_message and counter_signal go together")
+
+
+def clock(axis: AxisConfig) -> Iterator[Finding]:
+    """A clock is fitted only where no counter tells the time."""
+    if axis.time.clock == "cyclic" and axis.time.counter_signal is not None:
+        yield Finding(
+            ("time", "clock"), "the counter gives the times: remove this, or", ("time", "counter_signal")
+        )
+
+
+def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
+    """Where gravity acts, an angle that starts again still tells where the weight stands."""
+    if axis.angle is None or axis.angle.wrap_period is None:
+        return
+    drive = usable_drive(axis)
+    try:
+        ratio = drive.matrix("ratio", drive.complete(watched_values(axis)))[:, 0].tolist()
+    except (KeyError, ValueError):  # a value is missing, which another rule says
+        return
+    period = abs(axis.angle.factor) * axis.angle.wrap_period
+    turns = [
+        period * abs(r) / (2 * math.pi)
+        for r, of in zip(ratio, drive.inputs, strict=True)
+        if of in (COSINE, SINE)
+    ]
+    parts = [t for t in turns if round(t) == 0 or abs(t - round(t)) > _NEARLY]
+    if parts:
+        message = (
+            f"gravity needs to know where the arm stands, and the angle starts again after {parts[0]:.3g} of its turns:"
+            " send one that goes on"
+        )
+        yield Finding(("angle", "wrap_period"), message)
+
+
+# --- predictor and estimator ----------------------------------------------------------------------------
+
+
+def predictor(axis: AxisConfig) -> Iterator[Finding]:
+    """The predictor fits what is measured."""
+    estimator = axis.estimator
+    if (found := nominal_file_of(axis)) is not None:
+        if found.predictor.kind == "output-error" and axis.output == "angle":
+            message = "found by output error, which diverges with the angle: identify it with innovations"
+            yield Finding(("model", "nominal_file"), message)
+        return
+    if estimator.predictor == "output-error":
+        if axis.output == "angle":
+            message = 'needs speed; from the angle without a gain it diverges: use "innovations"'
+            yield Finding(("estimator", "predictor"), message)
+        if estimator.gain:
+            yield Finding(("estimator", "gain"), 'the predictor "output-error" has none: remove it')
+    elif estimator.gain and axis.output == "angle" and not any(estimator.gain):
+        yield Finding(("estimator", "gain"), "must not be zero: with the angle the prediction diverges")
+
+
+def noises(axis: AxisConfig) -> Iterator[Finding]:
+    """What the filter gain and lambda_0 are to be computed from is there."""
+    estimator = axis.estimator
+    if nominal_file_of(axis) is not None or axis.records_only:
+        return
+    steps = step_noise(axis)
+    pair = {"torque_noise": estimator.torque_noise, "output_noise": estimator.output_noise or steps}
+    missing = [name for name, value in pair.items() if value is None]
+    if estimator.predictor == "output-error":
+        if estimator.innovation_variance is None and pair["output_noise"] is None:
+            yield Finding(("estimator", "output_noise"), "missing: give output_noise or innovation_variance")
+    elif not estimator.gain:
+        for name in missing:
+            message = "missing: the filter gain needs torque_noise and output_noise (or give gain)"
+            yield Finding(("estimator", name), message)
+    elif estimator.innovation_variance is None and missing:
+        message = "missing: beside a gain give it, or torque_noise and output_noise"
+        yield Finding(("estimator", "innovation_variance"), message)
+
+
+def gain_length(axis: AxisConfig) -> Iterator[Finding]:
+    """One gain for each state."""
+    if nominal_file_of(axis) is not None:
+        return
+    axis.output  # noqa: B018 - undecidable where neither angle nor speed is given
+    states = usable_drive(axis).states
+    gain = axis.estimator.gain
+    if gain and len(gain) != len(states):
+        names = ", ".join(state.name for state in states)
+        message = f"has {len(gain)} numbers, must have {len(states)}, one for each state: {names}"
+        yield Finding(("estimator", "gain"), message)
+
+
+def memory(axis: AxisConfig) -> Iterator[Finding]:
+    """One memory, of samples enough."""
+    e = axis.estimator
+    if e.memory_s is None:
+        return
+    if e.forgetting is not None:
+        yield Finding(("estimator", "forgetting"), "beside memory_s: give one of the two")
+    least = MIN_MEMORY_SAMPLES * axis.sample_interval_s
+    if e.memory_s < least:
+        yield Finding(
+            ("estimator", "memory_s"), f"must be at least {MIN_MEMORY_SAMPLES} sample intervals, {least:g} s"
+        )
+
+
+def initial_p(axis: AxisConfig) -> Iterator[Finding]:
+    """P(0) is given for all monitored parameters or for none."""
+    given = axis.estimator.initial_p
+    for name in axis.model.monitor:
+        if given and name not in given:
+            yield Finding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
+
+
+AXIS_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
+    motion,
+    torque_delay,
+    pairing_tolerance,
+    maximum_gap,
+    counter,
+    clock,
+    wrapping_under_gravity,
+    predictor,
+    noises,
+    gain_length,
+    memory,
+    initial_p,
+)
