@@ -13,7 +13,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Samples
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 from monitor_core.settings import Settings
 
@@ -120,15 +120,3 @@ def _held(mean: Floats, settings: Settings) -> Floats:
     """A torque that acts late acts in part over the next interval."""
     late = min(settings.delay_s / settings.interval_s, 1.0)
     return np.asarray((1 - late) * mean + late * np.append(mean[1:], mean[-1]))
-
-
-def exact_names(model: AxisModel) -> tuple[str, ...]:
-    """The monitored parameters whose faults can be put into a record exactly."""
-    return tuple(name for name in model.monitored if split_name(name)[0] != DELAY and _is_exact(model, name))
-
-
-def _is_exact(model: AxisModel, name: str) -> bool:
-    try:
-        return load_of(model, changed(model, name, 0.01)) is not None
-    except ValueError:
-        return False

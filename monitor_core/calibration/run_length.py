@@ -10,7 +10,6 @@ twice Milne's length, 2.92; for low thresholds, which the deviation may cross wi
 smaller.  Both were fitted to simulations (k 0.3 to 2.5, h 0.5 to 14, lambda 0.98 and 0.99): right within 15 %.
 """
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -68,13 +67,3 @@ def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-
     from scipy.optimize import brentq  # costs the daemon half a second, which never calls it
 
     return float(brentq(f, low, high, xtol=xtol))
-
-
-def white_noise_log_mean_time(k: float, h: float) -> float:
-    """What textbooks give for white noise (Siegmund's formula), threshold h over sigma: the wrong one here.
-
-    -log rate of one side at  E = (e^(2 k b) - 2 k b - 1) / (2 k^2),  b = h + 1.166.
-    """
-    x = 2 * k * (h + SIEGMUND)
-    grown = math.log(math.expm1(x) - x) if x < 30 else x
-    return grown - math.log(2 * k**2)

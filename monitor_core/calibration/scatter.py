@@ -41,11 +41,6 @@ class Scatter:
     memory: float
 
     @property
-    def mean_sd(self) -> Floats:
-        """Standard deviation (p,) of what the mean may be off by."""
-        return np.asarray(self.off.std(axis=0))
-
-    @property
     def offset(self) -> Floats:
         """Of the deviations (p,), as far as the rates have it in them."""
         most = OFFSET * self.sigma

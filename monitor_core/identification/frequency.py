@@ -7,7 +7,6 @@ can be compared: at a quarter of the sampling frequency the hold alone turns the
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,19 +115,6 @@ def root_of(covariance: Floats) -> Floats:
     """root (p, p) with root root' = covariance, which may be singular; rounding below zero counts as zero."""
     values, vectors = np.linalg.eigh(np.asarray(covariance, dtype=np.float64))
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def response_of(
-    function: Callable[[Floats, Floats], tuple[Complexes, Complexes]],
-    theta: Floats,
-    covariance: Floats,
-    frequency_hz: Floats,
-    n_effective: ArrayLike = np.inf,
-    name: str = "",
-) -> FrequencyResponse:
-    """Of any model  (theta (p,), frequency_hz (F,)) -> G (F,), dG/dtheta (F, p)."""
-    G, dG = function(theta, frequency_hz)
-    return by_gradient(frequency_hz, G, dG, root_of(covariance), n_effective, name)
 
 
 def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Complexes]:

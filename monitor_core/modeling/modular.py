@@ -114,17 +114,6 @@ def null_space(matrix: Ints, prime: int) -> Ints:
     return echelon(out, prime)[0]
 
 
-def generic_rank(
-    rows: Sequence[Sequence[Laurent]], seed: Seed, definitions: Sequence[Definition] = ()
-) -> int:
-    """Rank of a matrix of Laurent sums for generic values of its parameters; ``definitions`` tie some of them."""
-    entries = {(i, j): entry for i, row in enumerate(rows) for j, entry in enumerate(row) if entry}
-    names = set[str]().union(*(e.names for e in entries.values()), *(d.value.names for d in definitions))
-    shape = (len(rows), max((len(row) for row in rows), default=0))
-    points = random_points(names, definitions, seed)
-    return max(rank(residues(entries, shape, point), point.prime) for point in points)
-
-
 def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
     """Rows (rank, n) that span  [start, A start, A^2 start, ...]: what A makes of the columns (n, m)."""
     newest = start.T % prime
@@ -157,13 +146,3 @@ def product(left: Ints, right: Ints, prime: int) -> Ints:
     for k in range(left.shape[1]):
         out += left[:, k, None] * right[k] % prime
     return np.asarray(out % prime)
-
-
-def minimality(ss: StateSpace, seed: Seed) -> tuple[int, int]:
-    """Dimensions of the part that the inputs reach and of the part that the sensors see, for generic values."""
-    n, m, q = len(ss.states), len(ss.inputs), len(ss.sensors)
-    ranks = []
-    for point in points_of(ss, seed):
-        A, B, C = (residues(e, s, point) for e, s in ((ss.A, (n, n)), (ss.B, (n, m)), (ss.C, (q, n))))
-        ranks.append((krylov_rank(A, B, point.prime), krylov_rank(A.T, C.T, point.prime)))
-    return max(c for c, _ in ranks), max(o for _, o in ranks)

@@ -166,15 +166,3 @@ def _lifted(Ad: Floats, b: Floats, c: Floats, C: Floats, n: int) -> tuple[Floats
 def _depends_on_motion(drive: Drive, B: Floats) -> NDArray[np.bool_]:
     """Which inputs act and depend on the motion (m,)."""
     return np.isin(drive.inputs, OF_MOTION) & B.any(axis=0)
-
-
-def simulate_speed(model: AxisModel, values: Mapping[str, float], u: Floats, interval_s: float) -> Floats:
-    """Output of the model's drive from rest, for one torque record (N,) or many (N, W), without noise.
-
-    Raises:
-        ValueError: the drive's output is not the speed; there is Coulomb friction or gravity.
-    """
-    if model.drive.output != "speed":
-        raise ValueError("the output of this drive is the angle: use simulate_linear")
-    y, _ = simulate_linear(model.drive, values, u.reshape(len(u), -1), interval_s)
-    return y.reshape(u.shape)

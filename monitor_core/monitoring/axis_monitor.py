@@ -10,7 +10,6 @@ from typing import Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import Alarm, AlarmKey, alarms_from_array, alarms_to_array
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
 from monitor_core.detection.cusum.events import BatchEvent
@@ -213,10 +212,6 @@ class AxisMonitor:
         elif self.multimodel is not None:
             for found in multimodel:
                 yield self.multimodel.interpret(found, self.open_alarms)
-
-    def start_from(self, theta: Floats) -> None:
-        """Let the recursion start from another theta (p,) than the nominal one."""
-        self.batch.state.theta[:, self.lane] = theta
 
     def status(self) -> AxisStatus:
         """All that is known now."""

@@ -71,15 +71,6 @@ def state_space_of_drawing(
     return model_of_drawing(components, output).space
 
 
-def state_space_of_axis(axis: AxisConfig) -> StateSpace:
-    """The state space of the drive of a configured axis, for what is measured there.
-
-    Raises:
-        ModelError: it has none.
-    """
-    return model_of_axis(axis).space
-
-
 def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
     """The drive of a configured axis, for what is measured there or for the ``output`` given.
 

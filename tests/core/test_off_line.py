@@ -73,7 +73,7 @@ def test_without_forgetting_the_end_is_the_off_line_estimate(joint: bool, within
         INTERVAL_S, lam=FOREVER, P0=tuple((0.05 * model.scale) ** 2), settle_s=3.0, alpha2=1e9, joint=joint
     )
     monitor = AxisMonitor(model, settings)
-    monitor.start_from(model.theta0 * [1.03, 0.97, 1.03])
+    monitor.batch.state.theta[:, monitor.lane] = model.theta0 * [1.03, 0.97, 1.03]
     monitor.update(SampleBlock(*rec))
     apart = (monitor.batch.state.theta[:, 0] - off_line.theta) / off_line.sd
     print(f"from the off-line estimate by {apart} of its standard deviations {off_line.sd / model.theta0}")

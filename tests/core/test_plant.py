@@ -1,9 +1,12 @@
 """The plant that tests and demo run against, its excitation, and the reference experiment."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Output
@@ -16,8 +19,21 @@ from monitor_core.excitation.reference_experiment import (
     faulty,
     reference_model,
 )
-from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear, simulate_speed
+from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+
+
+def simulate_speed(model: AxisModel, values: Mapping[str, float], u: Floats, interval_s: float) -> Floats:
+    """Output of the model's drive from rest, for one torque record (N,) or many (N, W), without noise.
+
+    Raises:
+        ValueError: the drive's output is not the speed; there is Coulomb friction or gravity.
+    """
+    if model.drive.output != "speed":
+        raise ValueError("the output of this drive is the angle: use simulate_linear")
+    y, _ = simulate_linear(model.drive, values, u.reshape(len(u), -1), interval_s)
+    return y.reshape(u.shape)
+
 
 H = 0.005
 FRICTION = {**REFERENCE_VALUES, "fc": 0.5, "tau0": 0.1}

@@ -127,7 +127,7 @@ def test_theta_is_held_by_its_bounds_and_it_is_counted(seed: int) -> None:
 def unstable(settle_s: float) -> AxisMonitor:
     """Friction far below zero: the state overflows within seconds.  theta is as good as pinned."""
     monitor = AxisMonitor(SPEED, Settings(0.005, P0=tuple(1e-40 * SPEED.scale**2), settle_s=settle_s))
-    monitor.start_from(SPEED.theta0 * [1, 1, -100])
+    monitor.batch.state.theta[:, monitor.lane] = SPEED.theta0 * [1, 1, -100]
     return monitor
 
 
@@ -136,7 +136,7 @@ def test_a_predictor_that_runs_away_is_started_anew(seed: int) -> None:
     run(monitor, rec, 0, 1000)
     assert monitor.status().counters["diverged"] >= 1
     assert (monitor.batch.state.theta[:, 0] == SPEED.theta0 * [1, 1, -100]).all()
-    monitor.start_from(SPEED.theta0)
+    monitor.batch.state.theta[:, monitor.lane] = SPEED.theta0
     run(monitor, rec, 1000, later_us=10**6)
     assert np.isfinite(monitor.batch.state.x).all()
     assert abs(monitor.batch.state.x[2, 0]) < 50

@@ -22,7 +22,6 @@ from service.config.drive_sources import (
     Modelled,
     model_of_axis,
     model_of_library,
-    state_space_of_axis,
     state_space_of_drawing,
     state_space_of_file,
     state_space_of_library,
@@ -106,11 +105,11 @@ def test_axes_with_one_drive_read_it_once(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(modeling, "_model", counted)
     for _ in range(3):
-        assert len(state_space_of_axis(axis).states) == 4
+        assert len(model_of_axis(axis).space.states) == 4
     assert calls == ["angle"]
     model_of_axis(axis, "speed")
     (tmp_path / "belt.mo").write_text(BELT.replace("Belt", "Changed"), encoding="utf-8")
-    assert state_space_of_axis(axis).name == "Changed"
+    assert model_of_axis(axis).space.name == "Changed"
     assert calls == ["angle", "speed", "angle"]
 
 

@@ -50,25 +50,6 @@ def chain_of_modes(p: Floats, a: Floats) -> Chain:
     return Chain(J, beside * top**2 * np.sqrt(J[:-1] * J[1:]))
 
 
-def chain_of_roots(inertia: float, poles: Floats, zeros: Floats) -> Chain:
-    """From the whole inertia, resonances and anti-resonances (n - 1,) each, rad/s; these take turns, a zero first.
-
-    Raises:
-        ValueError: they do not take turns.
-    """
-    p2, z2 = poles**2, zeros**2
-    turns = np.column_stack([z2, p2]).ravel()
-    if not (np.diff(np.concatenate([[0.0], turns])) > 0).all():
-        raise ValueError("anti-resonances and resonances must take turns, an anti-resonance first")
-    others = [np.delete(p2, i) - square for i, square in enumerate(p2)]
-    rigid = np.prod(p2 / z2)
-    a = [
-        rigid * np.prod(z2 - square) / (-square * np.prod(other))
-        for square, other in zip(p2, others, strict=True)
-    ]
-    return chain_of_modes(np.concatenate([[0.0], poles]), np.array([1.0, *a]) / inertia)
-
-
 def modes_of_chain(chain: Chain) -> tuple[Floats, Floats]:
     """Resonances p (n,) and weights a (n,): what chain_of_modes inverts."""
     n = chain.J.size

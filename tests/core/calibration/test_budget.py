@@ -132,7 +132,7 @@ def test_parameters_that_err_together_make_the_rate_of_the_axis_less_certain(see
         told = replace(told, power=np.ones_like(told.power))
         tail = tails(told, copies(1.0))
         own = thresholds(told, tail, np.zeros(P), BUDGET * MEMORY, rng)
-        apart = replace(told, off=told.mean_sd * rng.standard_normal(told.off.shape))
+        apart = replace(told, off=told.off.std(axis=0) * rng.standard_normal(told.off.shape))
         one, other = (rates(of, tail, own, rng) for of in (apart, told))
         wider.append(math.log(other.upper / other.lower) / math.log(one.upper / one.lower))
     assert np.mean(wider) > 1.12

@@ -7,13 +7,26 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.injection import changed, exact_names, load_of, torque
+from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DELAY, Output
+from monitor_core.drive.structure import DELAY, Output, split_name
 from monitor_core.excitation import multisine
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.settings import Settings
+
+
+def exact_names(model: AxisModel) -> tuple[str, ...]:
+    """The monitored parameters whose faults can be put into a record exactly."""
+    return tuple(name for name in model.monitored if split_name(name)[0] != DELAY and _is_exact(model, name))
+
+
+def _is_exact(model: AxisModel, name: str) -> bool:
+    try:
+        return load_of(model, changed(model, name, 0.01)) is not None
+    except ValueError:
+        return False
+
 
 H = 0.005
 VALUES = {**REFERENCE_VALUES, "fc": 0.1, "tau0": 0.05}

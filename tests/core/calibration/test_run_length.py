@@ -7,12 +7,23 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.run_length import (
+    SIEGMUND,
     log_mean_time,
     log_single,
     threshold,
-    white_noise_log_mean_time,
 )
 from monitor_core.kernel.compile import entry
+
+
+def white_noise_log_mean_time(k: float, h: float) -> float:
+    """What textbooks give for white noise (Siegmund's formula), threshold h over sigma: the wrong one here.
+
+    -log rate of one side at  E = (e^(2 k b) - 2 k b - 1) / (2 k^2),  b = h + 1.166.
+    """
+    x = 2 * k * (h + SIEGMUND)
+    grown = math.log(math.expm1(x) - x) if x < 30 else x
+    return grown - math.log(2 * k**2)
+
 
 LAM = 0.98
 TAU = 50.0

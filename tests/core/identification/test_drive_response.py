@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
@@ -13,9 +16,9 @@ from monitor_core.identification.drive_response import drive_response, held_resp
 from monitor_core.identification.frequency import (
     DECIBEL,
     Complexes,
+    FrequencyResponse,
     by_gradient,
     circular,
-    response_of,
     root_of,
 )
 from monitor_core.identification.record import Record
@@ -24,6 +27,20 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.periodic_oracle import periodic_response
 from tests.core.identification.systems import INTERVAL_S, times
+
+
+def response_of(
+    function: Callable[[Floats, Floats], tuple[Complexes, Complexes]],
+    theta: Floats,
+    covariance: Floats,
+    frequency_hz: Floats,
+    n_effective: ArrayLike = np.inf,
+    name: str = "",
+) -> FrequencyResponse:
+    """Of any model  (theta (p,), frequency_hz (F,)) -> G (F,), dG/dtheta (F, p)."""
+    G, dG = function(theta, frequency_hz)
+    return by_gradient(frequency_hz, G, dG, root_of(covariance), n_effective, name)
+
 
 law = settings(deadline=None, max_examples=15)
 seeds = st.integers(0, 2**32 - 1)

@@ -22,13 +22,33 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, NO
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch, start
-from monitor_core.identification.starting.inverse import Chain, chain_of_modes, chain_of_roots, modes_of_chain
+from monitor_core.identification.starting.inverse import Chain, chain_of_modes, modes_of_chain
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
 from monitor_core.identification.starting.response import Target, measure
 from monitor_core.identification.starting.slots import Slots
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass, two_mass
+
+
+def chain_of_roots(inertia: float, poles: Floats, zeros: Floats) -> Chain:
+    """From the whole inertia, resonances and anti-resonances (n - 1,) each, rad/s; these take turns, a zero first.
+
+    Raises:
+        ValueError: they do not take turns.
+    """
+    p2, z2 = poles**2, zeros**2
+    turns = np.column_stack([z2, p2]).ravel()
+    if not (np.diff(np.concatenate([[0.0], turns])) > 0).all():
+        raise ValueError("anti-resonances and resonances must take turns, an anti-resonance first")
+    others = [np.delete(p2, i) - square for i, square in enumerate(p2)]
+    rigid = np.prod(p2 / z2)
+    a = [
+        rigid * np.prod(z2 - square) / (-square * np.prod(other))
+        for square, other in zip(p2, others, strict=True)
+    ]
+    return chain_of_modes(np.concatenate([[0.0], poles]), np.array([1.0, *a]) / inertia)
+
 
 Way = Literal["scratch", "given"]
 R = REFERENCE_VALUES["r"]

@@ -15,8 +15,6 @@ from monitor_core.modeling.modular import (
     PRIMES,
     Point,
     echelon,
-    generic_rank,
-    minimality,
     null_space,
     points_of,
     product,
@@ -24,6 +22,7 @@ from monitor_core.modeling.modular import (
     residue,
 )
 from monitor_core.modeling.statespace import Definition
+from tests.core.modeling.generic_ranks import generic_rank, minimality
 from tests.core.modeling.spaces import Chain, library_three_mass, table
 
 law = settings(deadline=None, max_examples=60)

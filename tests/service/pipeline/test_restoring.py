@@ -148,7 +148,7 @@ def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(
 def test_a_checkpoint_of_another_model_is_quarantined_and_said(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].start_from(np.array([1.1, 0.01, 0.07]))
+    monitors[AXIS].batch.state.theta[:, monitors[AXIS].lane] = np.array([1.1, 0.01, 0.07])
     save(monitors, checkpoints)
     config = demo(tmp_path, 2)
     axis = config.robot[0].axis[0]

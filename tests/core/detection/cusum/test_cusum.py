@@ -37,7 +37,7 @@ def silent(monitor: AxisMonitor, samples: int) -> tuple[list[Alarm], Trace]:
 def displaced(settings: Settings, *relative: float) -> AxisMonitor:
     """A monitor whose theta is off by so much, in nominal values."""
     monitor = AxisMonitor(MODEL, settings)
-    monitor.start_from(MODEL.theta0 * (1 + np.array(relative)))
+    monitor.batch.state.theta[:, monitor.lane] = MODEL.theta0 * (1 + np.array(relative))
     return monitor
 
 
@@ -101,7 +101,7 @@ def test_onset_of_a_deviation_that_was_always_there() -> None:
 def test_onset_is_the_last_time_at_which_g_was_zero() -> None:
     monitor = displaced(CERTAIN, 0.0, 0.0, 0.0)
     silent(monitor, 10)
-    monitor.start_from(MODEL.theta0 * [1.3, 1.0, 1.0])
+    monitor.batch.state.theta[:, monitor.lane] = MODEL.theta0 * [1.3, 1.0, 1.0]
     episodes, _ = silent(monitor, 14)
     assert [(e.onset_us, e.raised_us) for e in episodes] == [(10 * H_US, 17 * H_US)] * 2
 
@@ -110,13 +110,13 @@ def test_episode_ends_after_three_memory_lengths_of_calm_and_a_new_one_may_follo
     monitor = displaced(CERTAIN, -0.3, 0.0, 0.0)
     silent(monitor, 8)
     assert [(e.parameter, e.direction, e.stage) for e in monitor.open_alarms] == [("kT", "down", "changed")]
-    monitor.start_from(MODEL.theta0)
+    monitor.batch.state.theta[:, monitor.lane] = MODEL.theta0
     quiet, _ = silent(monitor, 29)
     assert [e for e in quiet if e.ended_us] == []
     ended, _ = silent(monitor, 1)
     assert [(e.parameter, e.ended_us) for e in ended if e.ended_us] == [("kT", 38 * H_US)]
     assert monitor.open_alarms == ()
-    monitor.start_from(MODEL.theta0 * [1.3, 1.0, 1.0])
+    monitor.batch.state.theta[:, monitor.lane] = MODEL.theta0 * [1.3, 1.0, 1.0]
     again, _ = silent(monitor, 7)
     assert [(e.parameter, e.direction, e.crossings) for e in again] == [("kT", "up", 1)]
 
@@ -125,7 +125,7 @@ def test_a_moment_above_nu_starts_the_calm_anew() -> None:
     monitor = displaced(CERTAIN, 0.3, 0.0, 0.0)
     silent(monitor, 7)
     for part in (29, 1, 29):
-        monitor.start_from(MODEL.theta0 * [1.0 if part > 1 else 1.1, 1.0, 1.0])
+        monitor.batch.state.theta[:, monitor.lane] = MODEL.theta0 * [1.0 if part > 1 else 1.1, 1.0, 1.0]
         episodes, _ = silent(monitor, part)
         assert [e for e in episodes if e.ended_us] == []
     episodes, _ = silent(monitor, 1)
