@@ -18,7 +18,6 @@ from monitor_core.arrays import Floats
 
 LEAST_K = 0.02
 """A test with less drift than that, or the wrong way, alarms all the time."""
-SIEGMUND = 1.166
 _HIGHEST = 1e6
 _LEAST_H = 1e-3
 

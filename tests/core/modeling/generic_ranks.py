@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from monitor_core.drive.structure import Definition
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modular import Seed, krylov_rank, points_of, random_points, rank, residues
-from monitor_core.modeling.statespace import StateSpace
+from monitor_core.modeling.statespace import Definition, StateSpace
 
 
 def generic_rank(
