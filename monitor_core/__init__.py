@@ -63,16 +63,14 @@ if TYPE_CHECKING:
     from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
     from monitor_core.drive.structure import Drive, Parameter
     from monitor_core.excitation.accuracy import Accuracy
-    from monitor_core.excitation.crest import crest_factor
     from monitor_core.excitation.design import plan
-    from monitor_core.excitation.multisine import multisine
+    from monitor_core.excitation.multisine import crest_factor, multisine
     from monitor_core.excitation.reference_experiment import experiment, reference_model
-    from monitor_core.identification.errors import IdentificationError
     from monitor_core.identification.estimate import Estimate
     from monitor_core.identification.greybox import fit
     from monitor_core.identification.identification_result import IdentificationResult
     from monitor_core.identification.identify import IdentificationOptions, identify
-    from monitor_core.identification.problem import Disturbance, Problem
+    from monitor_core.identification.problem import Disturbance, IdentificationError, Problem
     from monitor_core.identification.record import Record
     from monitor_core.identification.record_checks import suspicions as check_record
     from monitor_core.modeling.simulated_axis import SimulatedAxis

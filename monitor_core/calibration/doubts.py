@@ -10,7 +10,7 @@ from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.observability import untold
+from monitor_core.monitoring.axis_status import untold
 from monitor_core.settings import Settings
 
 FEWEST = 20

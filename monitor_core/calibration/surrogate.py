@@ -4,17 +4,19 @@ Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their 
 of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import solve_toeplitz
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.blocks import Blocks
 from monitor_core.calibration.healthy import Samples, untested
-from monitor_core.calibration.own_error import Parts
 from monitor_core.calibration.plants import Plants, innovations
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
@@ -92,7 +94,7 @@ def simulated(
     return watch.found(error)
 
 
-def _own_error(copies: "_Copies", sources: Sequence["Source"], rng: np.random.Generator) -> Floats:
+def _own_error(copies: _Copies, sources: Sequence[Source], rng: np.random.Generator) -> Floats:
     """Of copies with few of the innovations, made as small as it is with all of them (2 p, 2 p)."""
     few = [blocks_of(copies.settings, source, FEW, rng) for source in sources]
     parts = Parts()
@@ -247,3 +249,135 @@ class _Watch:
         nu = self._alpha1 * self._sums[2] / self._counted
         mean, samples = self._sums[0] / self._counted, float(self._tested * self._q)
         return Excursions(nu / self._sigma(), self._sigma(), mean, error, kept, samples)
+
+
+# --- Innovations of a record in another order: in blocks that match where they meet -----------------------------------
+
+
+# The colour of innovations makes a bias of the estimates, and would be lost where any block may follow any other.  So
+# the next one begins where the past promises what it does at the end of the block before (matched blocks: Carlstein
+# et al. 1998).
+
+ALIKE, LEAST_ALIKE = 0.03, 4
+"""Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""
+LONGEST = 500
+"""Samples of the past that promise anything."""
+_TINY = 1e-6
+
+
+class Blocks:
+    """Innovations of copies, without end.
+
+    Each copy has blocks of its own, drawn with replacement, and takes from them again and again.
+
+    Args:
+        eps: of the record (N,), at least two.
+        length: of a block.
+        many: blocks that each copy has.
+        copies: how many there are.
+        rng: of the choice.
+    """
+
+    def __init__(self, eps: Floats, length: int, many: int, copies: int, rng: np.random.Generator) -> None:
+        self._eps, self._length, self._rng = eps, min(length, len(eps) - 1), rng
+        self._near = min(max(LEAST_ALIKE, round(ALIKE * many)), many)
+        promised = to_come(eps, min(max(1, self._length // 2), LONGEST))
+        first = rng.integers(1, len(eps) - self._length + 1, (copies, many))
+        order = np.argsort(promised[first - 1], axis=1)
+        self._first = np.take_along_axis(first, order, axis=1)  # (copies, blocks), by what came before
+        before, at_end = promised[self._first - 1], promised[self._first + self._length - 1]
+        self._next = np.array([np.searchsorted(*of) for of in zip(before, at_end, strict=True)])
+        self._at = rng.integers(0, first.shape[1], copies)
+        self._left = np.zeros((0, copies))
+
+    @property
+    def samples(self) -> int:
+        """That a copy has, one or the other more than once."""
+        return self._length * int(self._first.shape[1])
+
+    def take(self, count: int) -> Floats:
+        """The next (count, copies)."""
+        copies, blocks = np.arange(len(self._at)), self._first.shape[1]
+        while len(self._left) < count:
+            here = self._first[copies, self._at] + np.arange(self._length)[:, np.newaxis]
+            self._left = np.concatenate([self._left, self._eps[here]])
+            after = self._next[copies, self._at] + self._rng.integers(-self._near, self._near, len(copies))
+            after = np.where(after < 0, -1 - after, after)  # what would be beyond an end is as far within
+            self._at = np.where(after < blocks, after, 2 * blocks - 1 - after)
+        out, self._left = self._left[:count], self._left[count:]
+        return out
+
+
+def to_come(eps: Floats, lags: int) -> Floats:
+    """The best linear prediction (N,), at each sample, of the sum of the next ``lags`` from as many last (Wiener)."""
+    N, size = len(eps), next_fast_len(len(eps) + 2 * lags + 1, real=True)
+    F = rfft(eps, size)
+    r = irfft(np.abs(F) ** 2, size)[: 2 * lags + 1]  # autocovariance, by N
+    sums = np.cumsum(np.append(0.0, r))
+    past = np.arange(1, lags + 1)
+    r[0] *= 1 + _TINY
+    weights = solve_toeplitz(r[:lags], sums[past + lags] - sums[past])
+    return np.asarray(irfft(F * rfft(weights, size), size)[:N])
+
+
+# --- What copies of healthy records are off by, because the records are short -----------------------------------------
+
+
+# Copies of which each has only few of the innovations, blocks drawn with replacement, differ all along: by what they
+# have from these blocks by chance.  All the innovations of the records are chance, too, the less the more they are
+# (bootstrap of a bootstrap: Hall 1992; m out of n: Bickel, Goetze and van Zwet 1997).
+
+
+@dataclass
+class Parts:
+    """Sums over parts of the records, of each of W copies and p parameters."""
+
+    _sums: list[Floats] = field(default_factory=list)
+    _counts: list[float] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self._sums)
+
+    def add(self, d: Floats) -> None:
+        """Deviations (n, p, W) of a part."""
+        self._sums.append(np.stack([d.sum(axis=0), (d * d).sum(axis=0)]))
+        self._counts.append(float(len(d)))
+
+    def own_error(self) -> Floats:
+        """Covariance (2 p, 2 p) of what copies have from their blocks: of the means, over sigma, and of log sigma.
+
+        More colour makes more bias and more scatter, of all parameters that it reaches: these errors go together.
+        """
+        x = self._each()
+        R, W = len(x), x.shape[-1]
+        parts, copies = x.mean(axis=-1, keepdims=True), x.mean(axis=0)
+        # An analysis of variance: what copies differ by from part to part is chance.
+        rest = x - parts - copies + parts.mean(axis=0)
+        chance = np.einsum("riw,rjw->ij", rest, rest) / ((R - 1) * (W - 1)) / R
+        return beyond(np.cov(copies), chance, W)
+
+    def _each(self) -> Floats:
+        """What each part makes of both, of each copy (R, 2 p, W); means of these are what the copy has."""
+        sums, n = np.array(self._sums), np.array(self._counts)[:, np.newaxis, np.newaxis]
+        of_copy, square = sums.sum(axis=0) / n.sum()
+        variance = (square - of_copy**2).mean(axis=-1, keepdims=True)
+        one, two = sums[:, 0] / n, sums[:, 1] / n
+        louder = (two - 2 * of_copy * one + of_copy**2) / variance
+        return np.concatenate([one / np.sqrt(variance), louder / 2], axis=1)
+
+
+def beyond(seen: Floats, chance: Floats, times: int) -> Floats:
+    """What a covariance (n, n), seen ``times`` times, has beyond that of chance (n, n), as far as it stands out.
+
+    A spiked covariance (Donoho, Gavish and Johnstone 2018): of eigenvalues, in units of chance, those above what chance
+    alone would make, without what it added to them.
+    """
+    root = np.linalg.cholesky(chance)
+    half = np.linalg.solve(root, seen)
+    values, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+    gamma = len(values) / times
+    sum_ = np.maximum(values + 1 - gamma, 2 * np.sqrt(np.maximum(values, 0.0)))
+    spikes = (sum_ + np.sqrt(np.maximum(sum_**2 - 4 * values, 0.0))) / 2
+    stands_out = values > (1 + math.sqrt(gamma)) ** 2
+    V = root @ vectors
+    return np.asarray((V * np.where(stands_out, spikes - 1, 0.0)) @ V.T)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration.bank_tails import Heights
 from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.heights import Heights
 from monitor_core.calibration.sieve import Sieve
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate import LANES, block_length, copies_of, source_of

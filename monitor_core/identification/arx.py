@@ -18,8 +18,7 @@ from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, by_gradient, on_circle
-from monitor_core.identification.gram import Lags
-from monitor_core.identification.normal import ONES, Criterion, Factor, factor, least_order, solve
+from monitor_core.identification.normal import ONES, Criterion, Factor, Lags, factor, least_order, solve
 from monitor_core.identification.record import Record
 from monitor_core.identification.uniform_grid import Regular, on_grid
 

@@ -24,9 +24,8 @@ from monitor_core.identification.frequency import (
     on_circle,
     root_of,
 )
-from monitor_core.identification.held_drive import hold_late
+from monitor_core.identification.held_drive import Linear, Structure, hold_late
 from monitor_core.identification.record import Bools
-from monitor_core.identification.term_derivatives import Linear, Structure
 from monitor_core.kernel.tables import TORQUE
 
 

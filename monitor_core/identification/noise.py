@@ -22,9 +22,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import held_disturbance, prediction_variance
-from monitor_core.identification.held_drive import hold
-from monitor_core.identification.mean_speed import averaged
-from monitor_core.identification.term_derivatives import Linear
+from monitor_core.identification.held_drive import Linear, averaged, hold
 
 
 class Levels(NamedTuple):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.structure import Drive, split_name
-from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.schedule import Schedule
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import StateSpace

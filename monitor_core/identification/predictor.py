@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
-from monitor_core.identification.held_drive import hold, hold_late
-from monitor_core.identification.mean_speed import hold_mean
+from monitor_core.identification.held_drive import Linear, Structure, hold, hold_late, hold_mean
 from monitor_core.identification.noise import Gain, Levels, gain
 from monitor_core.identification.parameter_vector import Layout, Point, whole_intervals
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.record_intervals import Series, series
-from monitor_core.identification.term_derivatives import Linear, Structure
 from monitor_core.kernel.fixed import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
 from monitor_core.kernel.tables import COULOMB, TORQUE
 

@@ -133,3 +133,10 @@ class Problem:
         for name, (lower, upper) in self.bounds.items():
             if not lower < upper:
                 raise ValueError(f"bounds of {name} = {lower}, {upper}: the first must be below the second")
+
+
+# --- The error that an identification raises where a user can mend the cause ------------------------------------------
+
+
+class IdentificationError(Exception):
+    """Nothing can be identified in this way; the text says why, with the number that shows it."""

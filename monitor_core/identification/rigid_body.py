@@ -24,9 +24,8 @@ from scipy.signal import oaconvolve
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive, Output
-from monitor_core.identification.record import Record
+from monitor_core.identification.record import Record, segments
 from monitor_core.identification.resampling import mean_torque
-from monitor_core.identification.segments import segments
 from monitor_core.kernel.tables import TORQUE
 
 _WINDOWS = 4

@@ -17,7 +17,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.operating_conditions import Term
-from monitor_core.identification.errors import IdentificationError
+from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.record import Record
 
 _CONSTANT = 1e-6

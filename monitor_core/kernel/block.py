@@ -16,21 +16,29 @@ from monitor_core.kernel.admission import (
     SKIP,
     TRACK,
     admit,
+    close,
+    follow,
     hold,
     innovate,
     rest,
 )
 from monitor_core.kernel.columns import columns, copy, floats, ints, marks, most, put_back, table, times
 from monitor_core.kernel.compile import aside, entry, kernel
-from monitor_core.kernel.conditions import close, follow
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
-from monitor_core.kernel.delay import delayed, switch
 from monitor_core.kernel.evidence import Noted, gather, until_kept
-from monitor_core.kernel.interval import corrected_ago, for_interval, walk
-from monitor_core.kernel.laurent import evaluate
-from monitor_core.kernel.mean import begin_again, mean, own_interval, sampled
+from monitor_core.kernel.interval import (
+    begin_again,
+    corrected_ago,
+    delayed,
+    for_interval,
+    mean,
+    own_interval,
+    sampled,
+    switch,
+    walk,
+)
 from monitor_core.kernel.outliers import doubt_the_start, running_variance, sift
-from monitor_core.kernel.propagate import drive, propagate, split
+from monitor_core.kernel.propagate import drive, evaluate, propagate, split
 from monitor_core.kernel.recursion import (
     carry,
     correct,

@@ -28,3 +28,44 @@ def excursions(
                                 largest[way, i, found[way, i]] = top[way, i, a]
                             found[way, i] += 1
                         top[way, i, a] = 0.0
+
+
+# --- How high g of each hypothesis of a bank goes before it is back at zero, and when ---------------------------------
+
+
+START, PEAK, PLACE, ORIGIN = range(4)
+"""Rows of times: an excursion's first sample, that of its largest g, which part of the record that lies in, and which
+part its innovation is of."""
+
+
+@entry
+def heights(
+    g: Floats, clock: int, place: Ints, origin: Ints, least: Floats, top: Floats, now: Ints, largest: Floats,
+    times: Ints, found: Ints
+) -> None:  # fmt: skip
+    """Put each excursion of g (N, H) that ends, and went above ``least`` (H,), into a row of ``largest`` (H, room).
+
+    ``clock`` is the time of the first sample, in samples; ``place`` (N,) the part of the record that each belongs to,
+    and ``origin`` (N,) the part that its innovation is of.  ``top`` (H,) and ``now`` (4, H) are what a piece before
+    left: of the excursion that goes on.  ``times`` (4, H, room) and ``found`` (H,) as the excursions are found; there
+    is to be room for N / 2.
+    """
+    N, H = g.shape
+    for k in range(N):
+        for i in range(H):
+            if g[k, i] > 0.0:
+                if top[i] == 0.0:
+                    now[START, i] = clock + k
+                if g[k, i] > top[i]:
+                    top[i] = g[k, i]
+                    now[PEAK, i] = clock + k
+                    now[PLACE, i] = place[k]
+                    now[ORIGIN, i] = origin[k]
+            elif top[i] > 0.0:
+                if top[i] > least[i]:
+                    j = found[i]
+                    largest[i, j] = top[i]
+                    for row in range(4):
+                        times[row, i, j] = now[row, i]
+                    found[i] = j + 1
+                top[i] = 0.0

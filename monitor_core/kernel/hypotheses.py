@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.admission import DOUBTED, RESTART, SETTLE, SKIP, TRACK, admit, hold, rest
+from monitor_core.kernel.admission import DOUBTED, RESTART, SETTLE, SKIP, TRACK, admit, close, hold, rest
 from monitor_core.kernel.admission import GATED as CLOSED
 from monitor_core.kernel.columns import floats, ints, table
 from monitor_core.kernel.compile import aside, entry, kernel
-from monitor_core.kernel.conditions import close
+from monitor_core.kernel.interval import begin_again, mean
 from monitor_core.kernel.likelihood import G, accumulate, begin, likelihoods
-from monitor_core.kernel.mean import begin_again, mean
 from monitor_core.kernel.outliers import doubt_the_start, sift
 from monitor_core.kernel.predictors import (
     FARTHEST,

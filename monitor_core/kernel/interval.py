@@ -4,9 +4,10 @@ import math
 from typing import Any
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.admission import SETTLE
+from monitor_core.kernel.compile import aside, kernel
 from monitor_core.kernel.outliers import SURELY
-from monitor_core.kernel.tables import GAINS
+from monitor_core.kernel.tables import GAINS, TORQUE
 
 _EQUAL_S = 1e-9
 """Intervals that differ by less than a microsecond, in which they are counted, are equal."""
@@ -58,3 +59,118 @@ def for_interval(
         for i in range(n):
             before = K[k * n + i, a]
             K_h[i, a] = before + part * (K[(k + 1) * n + i, a] - before) if part > 0.0 else before
+
+
+# --- The torque acts later than its sample says: an interval in two parts, and what a later step would have changed ---
+
+
+@kernel
+def delayed(
+    lanes: Any,
+    kind: Ints,
+    delay: Floats,
+    torque_before: Floats,
+    u: Floats,
+    h: Floats,
+    h_first: Floats,
+    u_first: Floats,
+) -> bool:
+    """Split the interval where the torque acts late: h_first with the torque before, then h.  True if any does."""
+    late = False
+    for a in range(len(lanes)):
+        h_first[a] = min(max(delay[a], 0.0), h[a])
+        h[a] -= h_first[a]
+        late |= h_first[a] > 0.0
+    for c in range(kind.size):
+        for a in range(len(lanes)):
+            u_first[c, a] = torque_before[a] if kind[c] == TORQUE else u[c, a]
+    return late
+
+
+@aside
+def switch(
+    lanes: Any,
+    row: Ints,
+    slot: Ints,
+    col: Ints,
+    kind: Ints,
+    late: int,
+    p: int,
+    V: Floats,
+    delay: Floats,
+    u_first: Floats,
+    u: Floats,
+    h_first: Floats,
+    h: Floats,
+    X: Floats,
+) -> None:
+    """The torque steps from u_first to u; where its delay is a parameter, what a later step would have changed.
+
+    dx/d(delay) = B (u_first - u), from here on propagated like the other z_i.  A torque that acts before its sample
+    (delay < 0) has moved x by that much in the time before, to first order.
+    """
+    z = p * (X.shape[0] // (p + 1))
+    n = X.shape[0] - z
+    for q in range(row.size):
+        if kind[col[q]] == TORQUE:
+            for a in range(len(lanes)):
+                kick = V[slot[q], a] * (u_first[col[q], a] - u[col[q], a]) if h[a] + h_first[a] > 0.0 else 0.0
+                X[row[q], a] += min(delay[a], 0.0) * kick
+                if row[q] >= z:
+                    X[late * n + row[q] - z, a] += kick
+
+
+# --- A speed that the drive averages over its sampling interval: s' = speed, s = 0 at each sample, yhat = s / h -------
+
+
+# The drive averages over its own interval.  After lost samples that is the last one of several: s begins again where it
+# begins.  The correction by K leaves s alone, as s begins again after it.
+
+LOST = 1.75
+"""Intervals: from so many on samples are missing in between, and the drive's own interval is the nominal one."""
+
+
+@kernel
+def own_interval(
+    lanes: Any, interval: Floats, h_first: Floats, h: Floats, h_before: Floats, over: Floats, lost: Ints
+) -> bool:
+    """Cut what comes before the drive's own interval off h (W,): h_before; True if there is any.
+
+    h is what is left of the interval after h_first, during which the torque before acts.  ``over`` (W,) is what the
+    drive averages over.  A torque that comes late in an interval of which the beginning is to be cut off, which for
+    whole numbers of intervals does not happen, takes its beginning with it.
+    """
+    any_lost = False
+    for a in range(len(lanes)):
+        whole = h_first[a] + h[a]
+        lost[a] = whole > LOST * interval[a]
+        h_before[a] = max(h[a] - interval[a], 0.0) if lost[a] else 0.0
+        h[a] -= h_before[a]
+        over[a] = h[a] if lost[a] else whole
+        any_lost |= lost[a] != 0
+    return any_lost
+
+
+@kernel
+def begin_again(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
+    """s = 0 and its derivatives, in the z_i and in x of X."""
+    for r in range(s, X.shape[0], n):
+        for a in range(len(lanes)):
+            X[r, a] = 0.0 if on[a] else X[r, a]
+
+
+@kernel
+def sampled(lanes: Any, does: Ints, on: Ints) -> None:
+    """Where the drive has sampled (W,): also where the predictor passed its sample over."""
+    for a in range(len(lanes)):
+        on[a] = does[a] >= SETTLE
+
+
+@kernel
+def mean(lanes: Any, over: Floats, yhat: Floats, psi: Floats) -> None:
+    """Yhat = s / h and psi_i = z_is / h.  A lane that does not move has h = 0."""
+    for a in range(len(lanes)):
+        yhat[a] = yhat[a] / over[a] if over[a] > 0.0 else 0.0
+    for i in range(psi.shape[0]):
+        for a in range(len(lanes)):
+            psi[i, a] = psi[i, a] / over[a] if over[a] > 0.0 else 0.0

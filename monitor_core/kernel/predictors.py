@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.columns import floats, ints, table, times
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.interval import for_interval
-from monitor_core.kernel.mean import begin_again, own_interval
+from monitor_core.kernel.interval import begin_again, for_interval, own_interval
 from monitor_core.kernel.propagate import drive, propagate, split
 from monitor_core.kernel.series import SECTIONS
 from monitor_core.kernel.tables import TORQUE, Tables

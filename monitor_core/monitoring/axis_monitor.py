@@ -30,8 +30,9 @@ from monitor_core.monitoring.axis_status import (
     Observation,
     ParameterStatus,
     Status,
+    confounded,
+    untold,
 )
-from monitor_core.monitoring.observability import confounded, untold
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading

@@ -8,8 +8,7 @@
 """
 
 from monitor_core.trend.entries import Entry, Reading
-from monitor_core.trend.forecast import Forecast, forecast
-from monitor_core.trend.forecast_band import quantiles
+from monitor_core.trend.forecast import Forecast, forecast, quantiles
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend, trend_of
 

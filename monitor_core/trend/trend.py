@@ -11,8 +11,18 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.trend.entries import Entry, thinned
-from monitor_core.trend.scatter_models import Noises, possible, whitened
-from monitor_core.trend.trend_models import AFTER, BEFORE, KINDS, Shapes, Weighed, shapes, weigh
+from monitor_core.trend.trend_models import (
+    AFTER,
+    BEFORE,
+    KINDS,
+    Noises,
+    Shapes,
+    Weighed,
+    possible,
+    shapes,
+    weigh,
+    whitened,
+)
 
 FEWEST = 24
 """Entries that are needed to tell anything."""

@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from service.commands.configuration import ConfigPath, configuration
+from service.commands.configuration import ConfigPath, OptionalValueCommand, configuration
 from service.commands.exits import explained
 from service.commands.identify_arguments import Axis, Force, JsonFile, Records, Report
-from service.commands.identify_files import Files
-from service.commands.optional_value import OptionalValueCommand
+from service.commands.identify_files import STDOUT, Files, write
 from service.commands.progress import steps_bar
 from service.commands.which_drive import axis_named
-from service.commands.writing import STDOUT, write
-from service.config.durations import seconds_in
+from service.config.base_table import seconds_in
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -123,8 +121,7 @@ def calibrate_axis(
     from service.config.axis_settings import axis_model, axis_settings
     from service.config.detector_choice import alarm_source_of
     from service.ingest.calibration_records import read
-    from service.reports.calibration_report import Calibration
-    from service.reports.calibration_words import warnings
+    from service.reports.calibration_report import Calibration, warnings
 
     model = axis_model(axis.config)
     settings = axis_settings(axis, model)

@@ -12,8 +12,8 @@ from rich.console import Console
 
 from service.commands.configuration import configuration
 from service.commands.exits import explained
-from service.commands.faults import FaultAfter, FaultAxis, FaultOption, axis_id, factors, in_words
 from service.commands.run import Port
+from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, axis_id, factors, in_words
 from service.config import Config
 from service.config.resources import shipped
 from service.simulation.demonstration import usual_fault, watching, with_drive

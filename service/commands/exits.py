@@ -1,8 +1,11 @@
 """Exit codes, and what becomes of an error: one message, never a traceback for a mistake."""
 
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 import typer
 
@@ -35,7 +38,7 @@ def explained() -> Iterator[None]:
 def _code(error: Exception) -> int | None:
     # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
     from monitor_core.calibration.doubts import CalibrationError
-    from monitor_core.identification.errors import IdentificationError
+    from monitor_core.identification.problem import IdentificationError
     from monitor_core.modeling.flat import ModelError
     from service.can.dbc import DbcError
     from service.can.user_errors import BusError, IngestError
@@ -55,3 +58,20 @@ def _code(error: Exception) -> int | None:
         ((DaemonFailedError,), FAULT),
     ]
     return next((code for kinds, code in codes if isinstance(error, kinds)), None)
+
+
+# --- Commands that run until Ctrl-C or SIGTERM, which is a regular end: exit code 0 -----------------------------------
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that SIGINT and SIGTERM set; the second one ends the process at once."""
+    stop = threading.Event()
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        stop.set()
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    signal.signal(signal.SIGINT, on_signal)
+    signal.signal(signal.SIGTERM, on_signal)
+    return stop

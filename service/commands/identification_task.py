@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, split_name
-from monitor_core.identification.errors import IdentificationError
 from monitor_core.identification.identify import IdentificationOptions, Progress, Start, identify
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
     select_parameters,
     with_schedule,
 )
-from monitor_core.identification.problem import Disturbance, Predictor, Problem
+from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
 from monitor_core.identification.schedule import Schedule, scheduled_terms, with_terms

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from service.commands.configuration import ConfigPath, configuration
+from service.commands.configuration import ConfigPath, OptionalValueCommand, configuration
 from service.commands.exits import MISTAKE, explained
 from service.commands.identify_arguments import (
     Axis,
@@ -35,7 +35,6 @@ from service.commands.identify_arguments import (
     Varying,
 )
 from service.commands.identify_files import Files
-from service.commands.optional_value import OptionalValueCommand
 from service.commands.progress import steps_bar
 from service.commands.which_drive import axis_named
 

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from service.commands.configuration import OptionalValueCommand
 from service.commands.exits import MISTAKE, explained
-from service.commands.optional_value import OptionalValueCommand
-from service.commands.which_drive import FoundDrive, Quantity, found_drive
-from service.commands.which_experiment import experiment_of
+from service.commands.which_drive import FoundDrive, Quantity, experiment_of, found_drive
 from service.config.drive_sources import LIBRARY, SUFFIX
 
 if TYPE_CHECKING:
-    from monitor_core.excitation.local_identifiability import Experiment
+    from monitor_core.excitation.sensitivity import Experiment
 
 
 class Command(OptionalValueCommand):

@@ -9,9 +9,8 @@ from typing import Annotated
 import typer
 
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import explained
+from service.commands.exits import explained, stop_on_signals
 from service.commands.progress import progress_bar
-from service.commands.stopping import stop_on_signals
 from service.config import Config
 
 RecordPath = Annotated[

@@ -11,9 +11,9 @@ from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exits import explained
+from service.commands.identify_files import STDOUT, write
 from service.commands.progress import progress_bar
 from service.commands.replay_report import Report, as_json, doubts, stamp_remarks, tables, trends
-from service.commands.writing import STDOUT, write
 from service.config import Config
 
 if TYPE_CHECKING:

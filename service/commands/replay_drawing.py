@@ -14,8 +14,8 @@ import typer
 from monitor_core.monitoring import AxisMonitor, AxisTrace
 from monitor_core.samples import SampleBlock
 from service.commands.exits import MISTAKE
+from service.commands.identify_files import page_in, write
 from service.commands.replay_report import Report, remarks_of
-from service.commands.writing import page_in, write
 from service.config import NamedAxis
 from service.reports.course import Course
 from service.reports.replayed import Replayed, ReplayedAxis

@@ -2,9 +2,8 @@
 
 from service.config.conditions import conditions_of, in_words, needed, unsaid
 from service.config.drives import drive_of, given_values
-from service.config.encoder import step_noise
 from service.config.loading import load
-from service.config.nominal import Predictor, nominal_file_of, predictor_of
+from service.config.nominal import Predictor, nominal_file_of, predictor_of, step_noise
 from service.config.problems import ConfigErrors, Problem
 from service.config.schema import (
     AxisConfig,

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator
 
 from monitor_core.kernel.tables import COSINE, SINE
 from monitor_core.monitoring.recommended_settings import MIN_MEMORY_SAMPLES
-from service.config.encoder import step_noise
 from service.config.model_rules import usable_drive
-from service.config.nominal import nominal_file_of
+from service.config.nominal import nominal_file_of, step_noise
 from service.config.schema import AxisConfig
 from service.config.skew import watched_values
 from service.config.validation_messages import Finding

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.observability import untold
+from monitor_core.monitoring.axis_status import untold
 from monitor_core.monitoring.recommended_settings import MonitoringOptions, recommended_settings, short_memory
 from monitor_core.settings import Settings
 from service.config import (

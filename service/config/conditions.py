@@ -11,8 +11,7 @@ from monitor_core.suggestions import did_you_mean
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
-from service.config.schema_signals import GateConfig
-from service.config.sources import Source
+from service.config.schema_signals import GateConfig, Source
 
 
 class Varying(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from service.can.dbc import find_message, find_signal, read_dbc
 from service.config import AxisConfig, Config, NamedAxis, predictor_of, step_noise
-from service.config.encoder import rounded
+from service.config.nominal import rounded
 
 _NEARLY = 1e-3
 _EXACT = 1e-7

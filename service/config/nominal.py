@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from service.config.base_table import Undecidable
-from service.config.encoder import step_noise
 from service.config.nominal_file import NominalError, NominalFile, read_nominal
 from service.config.schema import AxisConfig
 from service.config.schema_watching import EstimatorConfig
@@ -58,3 +58,22 @@ def predictor_of(axis: AxisConfig) -> Predictor:
 
 def _noises(e: EstimatorConfig, found: NominalFile) -> tuple[float | None, float | None]:
     return e.torque_noise or found.noise.torque or None, e.output_noise or found.noise.output or None
+
+
+# --- What the steps of an encoder are to the estimator: noise ---------------------------------------------------------
+
+
+def step_noise(axis: AxisConfig) -> float | None:
+    """Standard deviation of the angle or speed from its resolution alone [rad, rad/s]; None: it is not given.
+
+    A value anywhere within a step, each as likely: resolution / sqrt(12).
+    """
+    motion = axis.angle or axis.speed
+    if motion is None or motion.resolution is None:
+        return None
+    return rounded(motion.resolution * motion.factor)
+
+
+def rounded(step: float) -> float:
+    """Standard deviation of what rounding to that step leaves."""
+    return abs(step) / math.sqrt(12)

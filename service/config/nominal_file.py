@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from monitor_core.drive.structure import Drive, Output, split_name
+from service.config.base_table import NotNegative, Positive, Real
 from service.config.found_file import FoundTable, content_of, unchanged, validated
-from service.config.value_types import NotNegative, Positive, Real
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
 """Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is

@@ -10,23 +10,23 @@ from pydantic import Field
 
 from monitor_core.drive.structure import Output
 from monitor_core.monitoring.recommended_settings import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
-from service.config.base_table import Table, Undecidable
+from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.schema_model import ModelConfig
 from service.config.schema_signals import (
     AngleConfig,
     FurtherConfig,
     GateConfig,
     SignalConfig,
+    Source,
     SpeedConfig,
     TimeConfig,
+    sources_of,
 )
 from service.config.schema_watching import (
     DetectorConfig,
     EstimatorConfig,
     TrendConfig,
 )
-from service.config.sources import Source, sources_of
-from service.config.value_types import FilePath, Name, Positive, Real, Text, intervals
 
 
 class ServiceConfig(Table):

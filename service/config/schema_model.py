@@ -4,8 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from service.config.base_table import Table
-from service.config.value_types import DriveName, FilePath, Positive, Real, Text
+from service.config.base_table import DriveName, FilePath, Positive, Real, Table, Text
 
 
 class ScheduleConfig(Table):

@@ -1,11 +1,16 @@
 """The keys of an axis that say where its samples come from: signals, their time, gates."""
 
-from typing import Literal
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import Field
 
-from service.config.base_table import Table
-from service.config.value_types import Name, Positive, Real, Text
+from service.config.base_table import Name, Positive, Real, Table, Text
+
+if TYPE_CHECKING:
+    from service.config.schema import AxisConfig
 
 
 class SignalConfig(Table):
@@ -87,3 +92,35 @@ class TimeConfig(Table):
         description='without a counter: "receipt", the times of receipt, or "cyclic", the controller sends every'
         " sample_interval_s by its own clock, which is fitted to them",
     )
+
+
+# --- Where the further signals of an axis come from: a message, a column, or the motion of another axis ---------------
+
+
+class Source(NamedTuple):
+    """A further signal: value = factor * signal + offset."""
+
+    name: str
+    message: str | None
+    signal: str | None
+    column: str | None
+    factor: float
+    offset: float
+    max_age_s: float
+    axis: str | None = None
+    """The other axis of the robot whose motion it is"""
+
+
+def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
+    """The further signals of an axis, those that are the motion of another axis of its robot among them."""
+    axes = {other.name: other for other in robot}
+    for s in axis.signal:
+        if s.axis is None:
+            yield Source(s.name, s.message, s.signal, s.column, s.factor, s.offset, s.max_age_s)
+            continue
+        other = axes[s.axis].motion
+        factor, offset = s.factor * other.factor, s.factor * other.offset + s.offset
+        column = s.column if s.column is not None else other.column
+        # Without a bus a motion has no message.
+        message, signal = other.message or None, other.signal or None
+        yield Source(s.name, message, signal, column, factor, offset, s.max_age_s, s.axis)

@@ -4,9 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from service.config.base_table import Table
-from service.config.durations import seconds_in
-from service.config.value_types import Positive, Real
+from service.config.base_table import Positive, Real, Table, seconds_in
 
 
 def _none_or_three(value: float) -> float:

@@ -9,10 +9,9 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.config.base_table import Undecidable
+from service.config.base_table import NotNegative, Positive, Real, Undecidable
 from service.config.found_file import FoundTable, content_of, unchanged, validated
 from service.config.schema import AxisConfig
-from service.config.value_types import NotNegative, Positive, Real
 
 FORMAT = 1
 """Of the file; a later one may mean something else."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from service.can.decode import FrameKey
-from service.config.sources import Source
+from service.config.schema_signals import Source
 from service.ingest.rows import Floats
 
 

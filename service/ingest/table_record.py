@@ -14,8 +14,7 @@ from service.can.frames import Sample
 from service.can.user_errors import RecordError
 from service.config.conditions import needed
 from service.config.schema import AxisConfig, Config
-from service.config.schema_signals import SignalConfig
-from service.config.sources import Source
+from service.config.schema_signals import SignalConfig, Source
 from service.ingest.assemble import REASONS
 from service.ingest.auxiliary_signals import HeldColumns
 from service.ingest.rows import Floats, Rows

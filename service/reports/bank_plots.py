@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor_core.arrays import Floats
-from service.reports.bank_course import BankCourse, Group
-from service.reports.bins import zigzag
-from service.reports.course import Course
+from service.reports.course import BankCourse, Course, Group
 from service.reports.plot_style import ALARM, BEFORE, FOUND, INK, OTHER, QUIET, SIMULATED
-from service.reports.replay_words import TimeUnit
+from service.reports.replayed import TimeUnit
+from service.reports.timeline import zigzag
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,11 +8,11 @@ from monitor_core.calibration.doubts import duration
 from monitor_core.calibration.result import DetectorResult
 from monitor_core.detection import DetectorName
 from service.reports.calibration_plots import power_picture
-from service.reports.calibration_report import Calibration
-from service.reports.calibration_words import (
+from service.reports.calibration_report import (
     DETECTORS,
     HYPOTHESIS_TITLES,
     THRESHOLD_TITLES,
+    Calibration,
     confusion_rows,
     confusion_titles,
     fault_rows,

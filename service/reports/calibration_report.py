@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from monitor_core.calibration.catch import Caught
+from monitor_core.calibration.doubts import duration
 from monitor_core.calibration.result import CalibrationResult, DetectorResult
 from monitor_core.detection import DetectorName
 from service.config import NamedAxis
 from service.ingest.calibration_records import Source
+from service.reports.text_format import percent, plain
 
 
 @dataclass(frozen=True)
@@ -36,3 +42,165 @@ class Calibration:
         """Performance of each detector, first of the one that will raise the alarms."""
         results = [d for d in (self.result.by_bank, self.result.tests) if d is not None]
         return tuple(sorted(results, key=lambda d: d.detector != self.alarms))
+
+
+# --- The tables of a calibration as text, for the terminal and the page -----------------------------------------------
+
+
+THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate")
+HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")
+DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "multimodel": "bank of hypotheses"}
+_SHORT: dict[DetectorName, str] = {"cusum": "CUSUM", "multimodel": "models"}
+_VERB: dict[DetectorName, tuple[str, str]] = {
+    "cusum": ("alarm", "look on"),
+    "multimodel": ("alarms", "looks on"),
+}
+_SELDOM = 0.05
+
+
+def promises(calibration: Calibration) -> Iterator[str]:
+    """False alarms of each detector, in one sentence; why there is no bank."""
+    for one in calibration.detectors:
+        yield f"The {DETECTORS[one.detector]}, {part(calibration, one)}: {one.promise}."
+    if calibration.result.bank is None:
+        yield "No bank of hypotheses: the axis can have none."
+
+
+def part(calibration: Calibration, one: DetectorResult) -> str:
+    """What a detector will do with these thresholds."""
+    return f"which {_VERB[one.detector][one.detector != calibration.alarms]}"
+
+
+def threshold_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
+    """One for each parameter."""
+    for i, name in enumerate(calibration.result.model.monitored):
+        own = calibration.result.settings.thresholds[i]
+        yield (
+            name,
+            plain(own.alpha1, 3),
+            plain(own.alpha2, 3),
+            percent(own.allowance) if own.allowance else "0",
+            percent(float(calibration.result.scatter.sigma[i])),
+        )
+
+
+def hypothesis_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
+    """One for each cause."""
+    own = calibration.result.bank.limits.own if calibration.result.bank else ()
+    for cause in dict.fromkeys(one.cause for one in own):
+        mine = [one for one in own if one.cause == cause]
+        low, high = (f"{of_all(one.h for one in mine):.1f}" for of_all in (min, max))
+        allowed = max(one.allowance for one in mine)
+        between = low if low == high else f"{low} to {high}"
+        yield cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"
+
+
+def smallest_titles(calibration: Calibration) -> tuple[str, ...]:
+    """Up and down by each detector, in the order in which they are told."""
+    return (
+        "",
+        *(f"{_SHORT[one.detector]}: {way}" for one in calibration.detectors for way in ("up", "down")),
+    )
+
+
+def smallest_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
+    """One for each parameter: the smallest changes that each detector finds in time."""
+    for name in calibration.result.model.monitored:
+        yield name, *(_smallest(size) for one in calibration.detectors for size in one.smallest(name))
+
+
+def _smallest(size: float | None) -> str:
+    return "none" if size is None else percent(size, signed=True)
+
+
+def fault_titles(calibration: Calibration, told: DetectorResult) -> tuple[str, ...]:
+    """Over the columns of ``fault_rows``; the last is the delay of the other detector."""
+    named = "named" if told.detector == "multimodel" else "named first"
+    others = (f"{_SHORT[one.detector]}: median" for one in _others(calibration, told))
+    return ("fault", "how", "found in time", "median delay", "in 9 of 10 by", *others, named)
+
+
+def fault_rows(calibration: Calibration, told: DetectorResult) -> Iterator[tuple[str, ...]]:
+    """One for each fault, as a detector found it."""
+    beside = _others(calibration, told)
+    for k, one in enumerate(told.caught):
+        yield (
+            f"{one.fault.parameter} {percent(one.fault.size, signed=True)}",
+            "exact" if one.exact else "simulated",
+            percent(one.found_within(told.within_s)),
+            _seconds(one.delay(0.5)),
+            _seconds(one.delay(0.9)),
+            *(_seconds(other.caught[k].delay(0.5)) for other in beside),
+            _names(one),
+        )
+
+
+def _others(calibration: Calibration, told: DetectorResult) -> list[DetectorResult]:
+    """Which found the same faults."""
+    return [one for one in calibration.detectors if one.detector != told.detector and one.caught]
+
+
+def _seconds(delay: float) -> str:
+    return f"{plain(delay, 3)} s" if math.isfinite(delay) else "later"
+
+
+def _names(one: Caught) -> str:
+    """What its alarms were called, the most frequent first; what was seldom is counted together."""
+    counts = sorted(((one.first.count(name), name) for name in set(one.first) if name), reverse=True)
+    whole = sum(n for n, _ in counts)
+    often = [(n, name) for n, name in counts if n == counts[0][0] or n >= _SELDOM * whole]
+    if rest := whole - sum(n for n, _ in often):
+        often.append((rest, "others"))
+    return ", ".join(name if n == whole else f"{name} {percent(n / whole)}" for n, name in often)
+
+
+def confusion_titles(told: DetectorResult) -> tuple[str, ...]:
+    """Over the columns."""
+    names = next(iter(told.confusion().values()), {})
+    return ("fault in", *(name or "none yet" for name in names))
+
+
+def confusion_rows(told: DetectorResult) -> Iterator[tuple[str, ...]]:
+    """One for each parameter: how its faults, of all sizes, were called."""
+    for name, row in told.confusion().items():
+        total = sum(row.values())
+        yield (name, *(percent(n / total) if total else "" for n in row.values()))
+
+
+_DOUBTFUL_SCATTER, _FAR_EXTRAPOLATION = 2.0, 30.0
+"""Scatter relative to P, and extrapolation of the rate beyond the simulation, above which a caution is given."""
+
+
+def warnings(result: CalibrationResult) -> Iterator[str]:
+    """Cautions about a result, as sentences."""
+    _, low, high = result.tests.between_s
+    if result.rates.beyond > _FAR_EXTRAPOLATION:
+        yield (
+            f"CUSUM tests: one false alarm in {duration(result.budget_s)} cannot be observed in"
+            f" {duration(result.records_s)} of records: the rate is extrapolated by a factor of"
+            f" {float(f'{result.rates.beyond:.1g}'):,.0f} beyond what was simulated, and the interval, one in"
+            f" {duration(low)} to one in {duration(high)}, is that wide."
+        )
+    p_says = result.scatter.mean_s / np.sqrt(result.settings.divisor)
+    for name, ratio in zip(result.model.monitored, result.scatter.sigma / p_says, strict=True):
+        if ratio > _DOUBTFUL_SCATTER:
+            yield (
+                f"{name} scatters {ratio:.2g} times as much as P says (innovations that are not white, or a model that"
+                " is not the axis): alpha_1 makes up for it."
+            )
+    beyond = result.scatter.beyond
+    rows = zip(result.model.monitored, result.scatter.mean_d, beyond, strict=True)
+    if off := [f"{name} by {100 * mean:+.2g} %" for name, mean, more in rows if more > 0]:
+        yield (
+            f"Off its nominal value all along, in parts of its size: {', '.join(off)}. nu allows for it. Nominal values"
+            " from these records, by `axiswatch identify` with `--start values --free"
+            f" {','.join(result.model.monitored)}`, let smaller faults be found."
+        )
+    for name, allowed in zip(result.model.monitored, result.allowance - beyond, strict=True):
+        if allowed > 0:
+            yield (
+                f"{name} differs between parts of the records beyond chance: nu allows for {100 * allowed:.2g} % of"
+                " its size."
+            )
+    if not result.caught:
+        yield "The records are too short to let faults begin in them: what would be found was not tried."

@@ -10,11 +10,11 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.reports.calibration_report import Calibration
-from service.reports.calibration_words import (
+from service.reports.calibration_report import (
     DETECTORS,
     HYPOTHESIS_TITLES,
     THRESHOLD_TITLES,
+    Calibration,
     confusion_rows,
     confusion_titles,
     fault_rows,

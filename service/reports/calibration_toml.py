@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 
 from monitor_core.calibration.result import DetectorResult, MultiModelCalibration
 from service.config.threshold_match import made_with
 from service.config.thresholds_file import FORMAT, KIND
-from service.reports.calibration_report import Calibration
-from service.reports.calibration_words import promises
-from service.reports.toml_words import toml_key, toml_value
+from service.reports.calibration_report import Calibration, promises
 
 
 def as_toml(calibration: Calibration) -> str:
@@ -106,3 +105,28 @@ def _provenance(calibration: Calibration) -> Iterator[str]:
         yield f"file = {toml_value(source.text)}"
         yield f"sha256 = {toml_value(source.sha256)}"
         yield f"samples = {source.samples}"
+
+
+# --- Values as TOML writes them ---------------------------------------------------------------------------------------
+
+
+_DIGITS = 10
+
+
+def toml_value(value: bool | float | str | list[float] | list[str]) -> str:
+    """A value; numbers with ten digits."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml_value, value))}]"
+    if isinstance(value, str):
+        # JSON's escapes are TOML's, too, but for the delete character, which TOML wants escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    text = f"{float(value):.{_DIGITS}g}"
+    return text if any(letter in text for letter in ".en") else f"{text}.0"
+
+
+def toml_key(name: str) -> str:
+    """A key, in quotes where it must be."""
+    plain = name.replace("_", "")
+    return name if plain.isascii() and plain.isalnum() else toml_value(name)

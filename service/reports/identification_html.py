@@ -14,8 +14,7 @@ from service.reports.identification_pages import (
     slope_table,
 )
 from service.reports.identification_plots import bode_picture, residual_picture, trace_picture
-from service.reports.identification_report import IdentificationReport
-from service.reports.identification_words import predictor_words, residual_words
+from service.reports.identification_report import IdentificationReport, predictor_words, residual_words
 from service.reports.page import document, legend, section, sentences, tiles, verdict
 from service.reports.text_format import escaped, percent
 

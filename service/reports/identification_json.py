@@ -14,8 +14,7 @@ from monitor_core.identification.schedule import Slope
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.traces import Trace
 from service.ingest.identification_records import Source
-from service.reports.identification_report import IdentificationReport
-from service.reports.identification_words import residual_words
+from service.reports.identification_report import IdentificationReport, residual_words
 
 Json = dict[str, Any]
 

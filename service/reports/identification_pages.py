@@ -10,8 +10,14 @@ from monitor_core.identification.identification_result import ParameterRow
 from monitor_core.identification.schedule import Slope
 from monitor_core.identification.starting import Growth
 from service.ingest.identification_records import Source
-from service.reports.identification_report import IdentificationReport
-from service.reports.identification_words import MASSES_TITLES, deviation, masses_rows, number, relative
+from service.reports.identification_report import (
+    MASSES_TITLES,
+    IdentificationReport,
+    deviation,
+    masses_rows,
+    number,
+    relative,
+)
 from service.reports.page import heads, legend, listed, number_cell, table
 from service.reports.text_format import escaped, percent, plain
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from monitor_core.identification.identification_result import IdentificationResult, Rejection
+from monitor_core.identification.identification_result import IdentificationResult, ParameterRow, Rejection
+from monitor_core.identification.residuals import LEVEL
+from monitor_core.identification.starting import Growth
 from monitor_core.identification.traces import Trace
 from service.ingest.identification_records import Source
+from service.reports.text_format import percent, plain
 
 _MOST_NAMED = 3
 
@@ -92,3 +96,111 @@ class IdentificationReport:
                 f"The records ask for {masses} in a row, and the drive {result.start.drive.name} has {result.masses}:"
                 " identify a drive that has as many, from the library or your own."
             )
+
+
+# --- The result of an identification in the words that all its reports use --------------------------------------------
+
+
+def number(value: float | None, sd: float | None = None) -> str:
+    """Five digits; two where the standard deviation is larger than the value."""
+    if value is None:
+        return ""
+    return plain(value, 5 if sd is None or sd < abs(value) else 2)
+
+
+def relative(row: ParameterRow) -> str:
+    """The standard deviation as part of the value, where that makes sense."""
+    return "about 0" if row.is_about_zero else percent(row.relative_sd)
+
+
+def deviation(row: ParameterRow) -> str:
+    """The standard deviation, or why there is none."""
+    return plain(row.sd, 2) if row.sd is not None else f"held: {row.held}"
+
+
+class Tested(NamedTuple):
+    """One test of the prediction errors."""
+
+    passed: bool
+    words: str
+
+
+def residual_words(report: IdentificationReport) -> Iterator[Tested]:
+    """The two tests of the prediction errors; output error need not be white."""
+    e = report.result.estimate
+    white, p = e.whiteness.p_value >= 1 - LEVEL, e.whiteness.p_value
+    if e.problem.predictor == "innovations":
+        verdict = (
+            "look like white noise, as they should"
+            if white
+            else "are not white: the noise model is not right"
+        )
+    else:
+        verdict = (
+            "are white"
+            if white
+            else "are not white, which output error allows: what disturbs the axis is slow"
+        )
+    fine = white or e.problem.predictor == "output-error"
+    yield Tested(fine, f"The prediction errors {verdict} (p = {p:.2g}).")
+    independent, p = e.independence.p_value >= 1 - LEVEL, e.independence.p_value
+    if independent:
+        verdict = "do not depend on past torque: the drive explains all that the torque does"
+    else:
+        verdict = "depend on past torque: the drive does not describe all that the record shows"
+    yield Tested(independent, f"The prediction errors {verdict} (p = {p:.2g}).")
+
+
+def slope_words(report: IdentificationReport) -> Iterator[str]:
+    """One sentence on each signal that a parameter follows."""
+    for s in report.result.slopes():
+        f, unit = s.scheduled, report.result.estimate.drive.parameter(s.scheduled.parameter).unit
+        ends = " and ".join(f"{number(s.at(x))} where it is {x:.4g}" for x in (f.low, f.high))
+        doubt = "" if s.is_significant else ", which cannot be told from none"
+        slope = f"by {number(s.slope, s.sd)} {unit} for each 1 of it (sd {plain(s.sd, 2)}){doubt}"
+        yield f"{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
+
+
+class MassesRow(NamedTuple):
+    """One row of masses in the comparison, in words; ``wanted``: the records ask for it."""
+
+    masses: str
+    cost: str
+    aic: str
+    bic: str
+    fit: str
+    simulated: str
+    aside: str
+    wanted: bool
+
+
+MASSES_TITLES = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "simulated", "kept aside")
+
+
+def masses_rows(growth: Growth) -> Iterator[MassesRow]:
+    """The comparison; AIC and BIC above those of the best."""
+    least = [min(getattr(one, name) for one in growth.models) for name in ("aic", "bic")]
+    for one in growth.models:
+        e = one.estimate
+        yield MassesRow(
+            str(one.masses),
+            plain(e.cost, 5),
+            f"{one.aic - least[0]:+.0f}",
+            f"{one.bic - least[1]:+.0f}",
+            f"{min(e.fit):.2f} %",
+            f"{min(e.fit_simulation):.2f} %",
+            f"{min(one.validation):.2f} %" if one.validation else "",
+            one.masses == growth.recommended,
+        )
+
+
+def predictor_words(report: IdentificationReport) -> str:
+    """One line about the predictor."""
+    e = report.result.estimate
+    unit = "rad" if e.drive.output == "angle" else "rad/s"
+    kind = "innovations form" if e.problem.predictor == "innovations" else "output error"
+    delay = f", torque {1e3 * e.delay_s:.3g} ms late" if e.delay_s else ""
+    return (
+        f"{kind}, every {1e3 * e.interval_s:g} ms{delay}; prediction errors of {e.lam0**0.5:.3g} {unit} (standard"
+        f" deviation), {e.iterations} evaluations"
+    )

@@ -9,9 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from monitor_core.identification.starting import Growth
-from service.reports.identification_report import IdentificationReport
-from service.reports.identification_words import (
+from service.reports.identification_report import (
     MASSES_TITLES,
+    IdentificationReport,
     deviation,
     masses_rows,
     number,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
-from monitor_core.kernel.tables import TORQUE
+from monitor_core.excitation.sensitivity import Local
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.modeling.flat import FlatInput, FlatSensor
 from monitor_core.modeling.statespace import StateSpace
 
 if TYPE_CHECKING:
-    from monitor_core.excitation.local_identifiability import Experiment, Local
+    from monitor_core.excitation.sensitivity import Experiment, Local
     from monitor_core.modeling.resonances import Resonances
 
 _MOST_STATES = 100
@@ -67,7 +70,7 @@ def facts_of(
 def _local(
     space: StateSpace, values: Mapping[str, float] | None, experiment: Experiment | None, speed_scale: float
 ) -> tuple[Local | None, str]:
-    from monitor_core.excitation.local_identifiability import local, usual_experiment
+    from monitor_core.excitation.sensitivity import local, usual_experiment
 
     torques = sum(u.kind == TORQUE for u in space.inputs)
     if _not_examined(space) or len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:
@@ -94,3 +97,86 @@ def _not_examined(space: StateSpace) -> str:
     if len(merged) > _MOST_MERGED:
         return f"more than {_MOST_MERGED} parameters are merged into others"
     return ""
+
+
+# --- Words for what goes into a drive and comes out, the same in all reports ------------------------------------------
+
+
+INPUT_KINDS = MappingProxyType(
+    {TORQUE: "torque", COULOMB: "direction", ONE: "one", COSINE: "cosine", SINE: "sine"}
+)
+"""Kinds of input by name."""
+
+OUTPUT_UNITS = MappingProxyType({"speed": "rad/s", "angle": "rad"})
+
+_INPUTS = MappingProxyType(
+    {
+        TORQUE: "motor torque, N m",
+        COULOMB: "direction of motion, tanh(speed/scale)",
+        ONE: "constant 1",
+        COSINE: "cosine of the angle",
+        SINE: "sine of the angle",
+    }
+)
+
+
+def input_words(given: FlatInput) -> str:
+    """``torque.tau: motor torque, N m``."""
+    words = _INPUTS[given.kind]
+    return words if given.kind == ONE else f"{given.name}: {words}"
+
+
+def output_words(sensor: FlatSensor) -> str:
+    """``encoder: speed, rad/s``."""
+    return f"{sensor.name}: {sensor.quantity}, {OUTPUT_UNITS[sensor.quantity]}"
+
+
+# --- Words and numbers for what a record tells of the parameters of a drive -------------------------------------------
+
+
+_MODEST = 10
+"""Condition of the scaled sensitivities below which nothing is said of it."""
+
+
+def experiment_words(local: Local) -> str:
+    """What the figures stand on."""
+    return f"{local.experiment.words}; noise {local.noise:.3g}{_unit(local)}; standard deviation of each parameter:"
+
+
+def _unit(local: Local) -> str:
+    return f" {OUTPUT_UNITS[local.quantity]}"
+
+
+def deviation_cells(local: Local) -> Iterator[str]:
+    """``Jm 0.3 %`` for each parameter."""
+    for name, sd in zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True):
+        yield f"{name} {100 * sd:.2g} %" if sd < float("inf") else f"{name}: not told"
+
+
+def local_words(local: Local) -> tuple[str, ...]:
+    """What is not told, what was assumed."""
+    words = local.accuracy.words()
+    if local.accuracy.condition > _MODEST:
+        words += (f"Condition of the scaled sensitivities: {local.accuracy.condition:.3g}.",)
+    if local.held:
+        words += (f"Held known: {', '.join(local.held)}.",)
+    if local.left_out:
+        words += (f"Zero at nominal, left out: {', '.join(local.left_out)}.",)
+    return words
+
+
+def as_dict(local: Local) -> dict[str, Any]:
+    """For JSON; null where a parameter is not told at all."""
+    deviations = zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True)
+    pairs = [{"names": [one, other], "correlation": r} for one, other, r in local.accuracy.pairs()]
+    condition = local.accuracy.condition
+    return {
+        "experiment": local.experiment.words,
+        "noise": local.noise,
+        "held_known": list(local.held),
+        "left_out": list(local.left_out),
+        "relative_standard_deviations": {n: sd if sd < float("inf") else None for n, sd in deviations},
+        "condition": condition if condition < float("inf") else None,
+        "correlated_pairs": pairs,
+        "words": list(local.accuracy.words()),
+    }

@@ -11,9 +11,7 @@ from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.resonances import Mode
 from monitor_core.modeling.statespace import Entries
 from monitor_core.modeling.symbolic import shapes
-from service.reports.model_facts import Facts
-from service.reports.model_local import as_dict
-from service.reports.model_words import INPUT_KINDS, OUTPUT_UNITS
+from service.reports.model_facts import INPUT_KINDS, OUTPUT_UNITS, Facts, as_dict
 
 Json = dict[str, Any]
 

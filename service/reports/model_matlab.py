@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import StateSpace
 from monitor_core.modeling.symbolic import shapes
-from service.reports.model_words import input_words, output_words
+from service.reports.model_facts import input_words, output_words
 
 KEYWORDS = frozenset(
     {

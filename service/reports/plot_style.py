@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from service.reports.page_style import COLOURS as COLOURS_OF_PAGES
+from service.reports.page import COLOURS as COLOURS_OF_PAGES
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -10,8 +10,7 @@ from service.reports.course import SIGMAS
 from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
 from service.reports.replay_plots import axis_pictures
 from service.reports.replay_tables import alarm_table, counter_table, frame_table, parameter_table
-from service.reports.replay_words import dated, duration
-from service.reports.replayed import Replayed, ReplayedAxis
+from service.reports.replayed import Replayed, ReplayedAxis, dated, duration
 from service.reports.text_format import escaped
 from service.reports.trend_plots import trend_picture
 from service.texts.trend_texts import reach_words, trend_words

@@ -13,10 +13,8 @@ from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TR
 from monitor_core.monitoring import ParameterStatus
 from service.reports import bank_plots
 from service.reports import course as rows
-from service.reports.bank_course import Group
 from service.reports.bank_plots import DECREASE, INCREASE, H
-from service.reports.bins import zigzag
-from service.reports.course import SIGMAS, Course
+from service.reports.course import SIGMAS, Course, Group
 from service.reports.plot_style import (
     ALARM,
     BEFORE,
@@ -31,8 +29,8 @@ from service.reports.plot_style import (
     legend_of,
     with_unit,
 )
-from service.reports.replay_words import TimeUnit, duration, time_unit
-from service.reports.replayed import ReplayedAxis
+from service.reports.replayed import ReplayedAxis, TimeUnit, duration, time_unit
+from service.reports.timeline import zigzag
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

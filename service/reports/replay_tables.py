@@ -8,8 +8,7 @@ from collections.abc import Iterator, Mapping
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import ParameterStatus, Status
 from service.reports.page import NUMBER, heads, legend, number_cell, sentences, table
-from service.reports.replay_words import REASONS, dated, time_unit
-from service.reports.replayed import Replayed, ReplayedAxis
+from service.reports.replayed import REASONS, Replayed, ReplayedAxis, dated, time_unit
 from service.reports.text_format import escaped, percent, plain
 from service.texts.alarm_texts import episode_words
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterTrend
-from monitor_core.trend.forecast import COVERED
-from monitor_core.trend.forecast_band import quantiles
+from monitor_core.trend.forecast import COVERED, quantiles
 from monitor_core.trend.trend import Trend
 from service.reports.plot_style import (
     ALARM,
@@ -24,7 +23,7 @@ from service.reports.plot_style import (
     legend_of,
     with_unit,
 )
-from service.reports.replay_words import TimeUnit, time_unit
+from service.reports.replayed import TimeUnit, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

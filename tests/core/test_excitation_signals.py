@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.excitation import Lines, Multisine, lines_in, multisine
-from monitor_core.excitation.crest import _log_norm, crest_factor, flattened
-from monitor_core.excitation.multisine import Complex
+from monitor_core.excitation.multisine import Complex, _log_norm, crest_factor, flattened
 
 WHICH: st.SearchStrategy[Lines] = st.sampled_from(["all", "odd"])
 

@@ -12,6 +12,7 @@ from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.monitoring.recommended_settings import SETTLING_TIME_CONSTANTS
 from service.config import NamedAxis
 from service.config.axis_settings import AxisError, axis_model, axis_settings
+from service.config.schema_signals import SpeedConfig
 from tests.service.pipeline.robots import demo
 
 
@@ -22,8 +23,8 @@ def changed(tmp_path: Path, estimator: dict[str, Any], **axis: Any) -> NamedAxis
 
 
 def speed(tmp_path: Path, estimator: dict[str, Any]) -> NamedAxis:
-    axis = demo(tmp_path, 1).axes[0]
-    return changed(tmp_path, estimator, angle=None, speed=axis.config.angle)
+    measured = SpeedConfig(message="Axis1State", signal="Angle")
+    return changed(tmp_path, estimator, angle=None, speed=measured)
 
 
 def test_gain_and_innovation_variance_come_from_the_noises(tmp_path: Path) -> None:

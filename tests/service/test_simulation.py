@@ -12,6 +12,7 @@ import pytest
 
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
+from service.config.schema_signals import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault, Moment, SimulatedRobot
@@ -26,17 +27,17 @@ def axis(tmp_path: Path, estimator: dict[str, Any], **changes: Any) -> NamedAxis
 
 
 def kinds(tmp_path: Path) -> dict[str, NamedAxis]:
-    torque = demo(tmp_path, 1).axes[0].config.torque
+    measured = SpeedConfig(message="Axis1State", signal="Angle")
     return {
         "angle": axis(tmp_path, {}),
         "late torque": axis(tmp_path, {}, torque_delay_s=0.002),
         "torque late by a whole interval": axis(tmp_path, {}, torque_delay_s=0.005),
-        "speed": axis(tmp_path, {"output_noise": 0.02}, angle=None, speed=torque),
+        "speed": axis(tmp_path, {"output_noise": 0.02}, angle=None, speed=measured),
         "output error": axis(
             tmp_path,
             {"predictor": "output-error", "output_noise": 0.2, "torque_noise": None},
             angle=None,
-            speed=torque,
+            speed=measured,
         ),
         "slow samples": axis(tmp_path, {}, sample_interval_s=0.01, max_gap_s=0.1),
     }

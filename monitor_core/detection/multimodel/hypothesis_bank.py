@@ -10,11 +10,10 @@ from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
-from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
+from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis, moved_model, steps
 from monitor_core.detection.multimodel.isolability import told_apart
 from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
 from monitor_core.detection.multimodel.naming import Causes, Share
-from monitor_core.detection.multimodel.scheduled_hypotheses import moved_model, steps
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.kernel.hypotheses import (

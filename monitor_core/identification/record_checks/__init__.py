@@ -4,8 +4,7 @@ A finding that refuses says that no fit to this record can be trusted; one that 
 at.  Thresholds are set so that a healthy record gives no finding: each constant says why it is what it is.
 """
 
-from monitor_core.identification.record_checks.all_checks import suspicions
-from monitor_core.identification.record_checks.expectations import known_of
+from monitor_core.identification.record_checks.all_checks import known_of, suspicions
 from monitor_core.identification.record_checks.finding import Finding, Known, Severity
 from monitor_core.identification.record_checks.outlier_checks import outliers
 

@@ -9,10 +9,8 @@ Where nobody knows how many masses the drive has, ``grow`` fits one, two, three,
 for.
 """
 
-from monitor_core.identification.starting.candidates import Candidate
-from monitor_core.identification.starting.grow import grow
-from monitor_core.identification.starting.grown import Grown, Growth
-from monitor_core.identification.starting.search_progress import Progress
-from monitor_core.identification.starting.starting_fits import fit_from, fit_from_scratch, start
+from monitor_core.identification.starting.grow import Grown, Growth, grow
+from monitor_core.identification.starting.search import Progress
+from monitor_core.identification.starting.starting_fits import Candidate, fit_from, fit_from_scratch, start
 
 __all__ = ["Candidate", "Grown", "Growth", "Progress", "fit_from", "fit_from_scratch", "grow", "start"]

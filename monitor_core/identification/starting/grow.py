@@ -6,22 +6,20 @@ Every model's estimates start the next one (growth.py).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import Estimate, Problem, compare
 from monitor_core.identification.record import Record
-from monitor_core.identification.starting.candidates import FITTING, best_fit, candidate
-from monitor_core.identification.starting.chains import FRICTION, chain, names
-from monitor_core.identification.starting.grown import Grown, Growth, asked, doubt_of, judged, verdict
+from monitor_core.identification.starting.chains import FRICTION, Chain, chain, modes_of_chain, names
 from monitor_core.identification.starting.growth import Stem, longer, rigid
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.response import Measured, measure
-from monitor_core.identification.starting.search import Found
-from monitor_core.identification.starting.search_progress import Progress, Steps
+from monitor_core.identification.starting.search import Found, Progress, Steps
 from monitor_core.identification.starting.slots import Slots
+from monitor_core.identification.starting.starting_fits import FITTING, best_fit, candidate
 
 
 def grow(
@@ -114,3 +112,145 @@ def _fitted(
     origin = "a chain that grew mass by mass"
     found = [candidate(stem.response, stem.end, measured, origin) for stem in stems]
     return best_fit(problem, records, found, reached)
+
+
+# --- Chains of different length compared ------------------------------------------------------------------------------
+
+
+# What decides is Schwarz' criterion,
+# BIC = N ln(V / samples) + p ln N + 2 s,        N = samples / (1 + 2 sum_l r_l^2),
+# with the autocorrelation r of the errors, since samples whose errors hang together tell no more than these fewer
+# (Bartlett).  The s initial states count as in Akaike's: a longer record tells no more of them.  On records that are
+# kept aside the longer chain must predict better, too.
+
+_LIGHTEST = 1e-3
+"""Part of the whole inertia below which a mass is none, but a place for what friction and disturbances leave."""
+_WHITE = 0.01
+"""A p-value below which errors are not white."""
+_PLAIN = 0.25
+"""Part of the squared error of the smaller chain: a larger one that leaves less has one more mass, odd or not."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grown:
+    """A chain of some masses, fitted.
+
+    Attributes:
+        masses: how many.
+        estimate: all values as the motor sees them, J1, k1, .. outwards.
+        samples: N of the criteria.
+        aic: Akaike's criterion.
+        bic: Schwarz' criterion.
+        validation: NRMSE in per cent of each record kept aside, one step ahead.
+        doubt: why one of the masses is none, in words; empty: there is no doubt.
+    """
+
+    masses: int
+    estimate: Estimate
+    samples: float
+    aic: float
+    bic: float
+    validation: tuple[float, ...]
+    doubt: str
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Chains of one, two, .. masses.
+
+    Attributes:
+        models: the last may be one that is not asked for.
+        recommended: the number of masses that the records ask for.
+        words: why, in sentences.
+    """
+
+    models: tuple[Grown, ...]
+    recommended: int
+    words: tuple[str, ...]
+
+    @property
+    def best(self) -> Grown:
+        """The recommended one."""
+        return self.models[self.recommended - 1]
+
+
+def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
+    """The models with their criteria, all for the same N: that of the model whose errors are whitest."""
+    count = sum(int(record.measured.sum()) for record in records)
+    N = max(count / (1 + 2 * float(np.sum(one.estimate.whiteness.values**2))) for one in models)
+    out = []
+    for one in models:
+        initial = one.estimate.problem.initial == "free"
+        states = initial * len(one.estimate.drive.states) * len(records)
+        fit, p = float(N * np.log(one.estimate.cost / count)) + 2 * states, len(one.estimate.names)
+        out.append(replace(one, samples=N, aic=fit + 2 * p, bic=fit + p * float(np.log(N))))
+    return out
+
+
+def doubt_of(chain: Chain, lowest_hz: float) -> str:
+    """Why a chain (seen from the motor) whose response is known from some frequency on has a mass that is none."""
+    lightest = float(chain.J.min() / chain.J.sum())
+    if lightest < _LIGHTEST:
+        return f"one of them is only {lightest:.1g} of the whole inertia, which is no mass of a drive"
+    slowest = float(modes_of_chain(chain)[0][1:].min(initial=np.inf)) / (2 * np.pi)
+    if slowest < lowest_hz:
+        return f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, from where on the records tell any"
+    return ""
+
+
+def asked(smaller: Grown, larger: Grown) -> bool:
+    """Whether the records ask for the larger one; that a mass is odd weighs little where most of the error goes."""
+    odd = larger.doubt and larger.estimate.cost > _PLAIN * smaller.estimate.cost
+    if odd or not larger.bic < smaller.bic:
+        return False
+    return not larger.validation or sum(larger.validation) > sum(smaller.validation)
+
+
+def verdict(models: Sequence[Grown], failed: str) -> Growth:
+    """What is recommended.
+
+    Args:
+        models: of one mass, two, ..
+        failed: why the next could not be fitted, if so.
+    """
+    enough = len(models) > 1 and not asked(*models[-2:])
+    recommended = len(models) - enough
+    if enough:
+        why = _notasked(*models[-2:])
+    elif failed:
+        why = f"No chain of {recommended + 1} masses could be fitted: {failed}."
+    else:
+        why = "That is the most that was tried; the records ask for no fewer."
+    words = (
+        f"{_masses(recommended).capitalize()} suffice{'s' if recommended == 1 else ''}. {why}",
+        _white(models[recommended - 1]),
+    )
+    return Growth(tuple(models), recommended, words)
+
+
+def _notasked(smaller: Grown, larger: Grown) -> str:
+    gain = 100 * (1 - larger.estimate.cost / smaller.estimate.cost)
+    more = f"With {_masses(larger.masses)} the squared errors are {gain:.2g} % less"
+    if larger.bic < smaller.bic and larger.doubt:
+        return f"{more}, but {larger.doubt}."
+    if larger.bic < smaller.bic:
+        a, b = (float(np.mean(one.validation)) for one in (smaller, larger))
+        return f"{more}, but the records kept aside are predicted with {b:.4g} % instead of {a:.4g} %."
+    return (
+        f"{more}: no more than chance makes of so many further parameters (BIC rises by"
+        f" {larger.bic - smaller.bic:.3g})."
+    )
+
+
+def _white(model: Grown) -> str:
+    p = model.estimate.whiteness.p_value
+    if p >= _WHITE:
+        return f"Its errors are white (p = {p:.2g}): the record holds nothing that this model leaves out."
+    return (
+        f"Its errors are not white (p = {p:.2g}): they hold what no further mass in a row explains, such as friction"
+        " that depends on the direction, backlash, or a disturbance."
+    )
+
+
+def _masses(count: int) -> str:
+    return "one mass" if count == 1 else f"{count} masses"

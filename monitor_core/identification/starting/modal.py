@@ -13,10 +13,9 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DAMPING, STIFFNESS, split_name
 from monitor_core.identification.frequency import Complexes
-from monitor_core.identification.held_drive import hold
+from monitor_core.identification.held_drive import Linear, Structure, hold
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting.response import Target
-from monitor_core.identification.term_derivatives import Linear, Structure
 from monitor_core.kernel.tables import TORQUE
 
 

@@ -16,7 +16,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DAMPING, Drive, split_name
 from monitor_core.identification.frequency import Complexes
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.starting.inverse import Chain, chain_of_modes
+from monitor_core.identification.starting.chains import Chain, chain_of_modes
 from monitor_core.kernel.tables import TORQUE
 
 _LITTLE = 0.1

@@ -6,12 +6,13 @@ A parameter is a string (a name, or an expression such as "1/r" or "m*l^2") or a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import TypeAlias
 
 from monitor_core.modeling.components import KINDS, Kind
-from monitor_core.modeling.flat import Origin
+from monitor_core.modeling.flat import ModelError, Origin
 
 Value: TypeAlias = str | float
 
@@ -97,3 +98,76 @@ def AngleSensor(name: str, node: str) -> Part:
 def _part(kind: str, name: str, nodes: tuple[str | None, ...], **parameters: Value | None) -> Part:
     given = {role: value for role, value in parameters.items() if value is not None}
     return Part(KINDS[kind], name, tuple(node for node in nodes if node is not None), given, Origin(name))
+
+
+# --- Components from the tables of a configuration file ---------------------------------------------------------------
+
+
+TYPES = tuple(name for name, kind in KINDS.items() if kind.flanges)
+
+
+def parts_of(tables: Sequence[Mapping[str, object]], origins: Sequence[Origin]) -> Iterator[Part]:
+    """One component for each table ``{type = "inertia", name = "motor", at = "shaft", J = "Jm"}``.
+
+    Args:
+        tables: keys ``type``, ``name``, ``at`` (a node, or a list of them), and the component's parameters.
+        origins: where each table stands.
+
+    Raises:
+        ModelError: a key is missing, unknown, or not of the right kind; the type is unknown.
+    """
+    for number, (table, origin) in enumerate(zip(tables, origins, strict=True), 1):
+        named = replace(origin, component=f"component {number}")
+        name = _text(table, "name", named)
+        named = replace(origin, component=name)
+        kind = _kind(_text(table, "type", named), named)
+        roles = {role.name for role in kind.roles}
+        for key in table.keys() - roles - {"name", "type", "at"}:
+            raise ModelError(_unknown(f"key {key!r}", key, ["type", "name", "at", *sorted(roles)]), named)
+        given = {role: _value(table[role], role, named) for role in sorted(roles & table.keys())}
+        yield Part(kind, name, _nodes(table, kind, named), given, named)
+
+
+def similar(name: str, known: Iterable[str]) -> str:
+    """``did you mean 'Jm'?  It has Jm, Ja``, or only the list."""
+    names = list(known)
+    close = get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}there {'are' if len(names) != 1 else 'is'} {', '.join(names) or 'none'}"
+
+
+def _unknown(what: str, name: str, known: Iterable[str]) -> str:
+    return f"unknown {what}: {similar(name, known)}"
+
+
+def _text(table: Mapping[str, object], key: str, origin: Origin) -> str:
+    value = table.get(key)
+    if not isinstance(value, str) or not value:
+        example = {"name": "motor", "type": "inertia"}[key]
+        problem = "is missing" if value is None else f"is {value!r}, not a word"
+        raise ModelError(f'its {key} {problem}: write {key} = "{example}"', origin)
+    return value
+
+
+def _kind(name: str, origin: Origin) -> Kind:
+    if name not in TYPES:
+        raise ModelError(_unknown(f"type {name!r}", name, TYPES), origin)
+    return KINDS[name]
+
+
+def _nodes(table: Mapping[str, object], kind: Kind, origin: Origin) -> tuple[str, ...]:
+    at = table.get("at")
+    nodes = [at] if isinstance(at, str) else at
+    if isinstance(nodes, list | tuple) and all(isinstance(node, str) for node in nodes):
+        return tuple(nodes)
+    right = '"shaft"' if len(kind.flanges) == 1 or kind.name == "inertia" else '["shaft", "load"]'
+    problem = "is missing" if at is None else f"is {at!r}"
+    raise ModelError(f"at, where it is connected, {problem}: write at = {right}, in names of nodes", origin)
+
+
+def _value(value: object, role: str, origin: Origin) -> Value:
+    if isinstance(value, str | int | float) and not isinstance(value, bool):
+        return value
+    raise ModelError(
+        f'its {role} is {value!r}: write a name ("Jm"), an expression ("m*l^2") or a number', origin
+    )

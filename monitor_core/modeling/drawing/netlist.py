@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 
 from monitor_core.modeling.components import Fragment, fragment, join
 from monitor_core.modeling.components.connections import End, Joint, connect
-from monitor_core.modeling.drawing.component_tables import parts_of
-from monitor_core.modeling.drawing.drawn_components import Fixed, Part
+from monitor_core.modeling.drawing.drawn_components import Fixed, Part, parts_of
 from monitor_core.modeling.drawing.parameter_table import Entry, entries, parameters
 from monitor_core.modeling.flat import FlatComponent, FlatModel, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.modeling.elimination.merged import parameters_of
+from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.elimination.minimal import Dense, Reduction
+from monitor_core.modeling.elimination.operators import Coefficient
 from monitor_core.modeling.elimination.rational import merge, needed
-from monitor_core.modeling.elimination.rigid_motion import ratio, rest, rigid_angles
-from monitor_core.modeling.flat import ModelError
+from monitor_core.modeling.elimination.states import Angles
+from monitor_core.modeling.flat import FlatParameter, ModelError
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
 
@@ -145,3 +146,100 @@ def _notes(
         ("merged, since its parts cannot be told apart", [name for name in definitions if name in occurring]),
     ]
     return tuple(f"{what}: {', '.join(names)}" for what, names in lines if names)
+
+
+# --- The parameters of a state space: the user's own that occur, and merged ones with unit, meaning and value ---------
+
+
+_TOGETHER = "taken together: "
+
+
+def parameters_of(
+    drawn: Sequence[FlatParameter], definitions: Mapping[str, Laurent], occurring: Collection[str]
+) -> tuple[FlatParameter, ...]:
+    """The occurring parameters in the order in which they were drawn, a merged one where its first part stood."""
+    known = {p.name: p for p in drawn}
+    for name, value in definitions.items():
+        known[name] = _merged(name, value, known)
+    rank = {p.name: k for k, p in enumerate(drawn)}
+    for name, value in definitions.items():
+        rank[name] = min(rank[part] for part in value.names)
+    return tuple(known[name] for name in sorted(occurring, key=lambda name: (rank[name], name)))
+
+
+def _merged(name: str, value: Laurent, known: Mapping[str, FlatParameter]) -> FlatParameter:
+    parts = [p for p in known.values() if p.name in value.names]
+    meanings = [(p.meaning or p.name).removeprefix(_TOGETHER) for p in parts]
+    said = dict.fromkeys(meaning for listed in meanings for meaning in listed.split(", "))
+    numbers = {p.name: p.value for p in parts if p.value is not None}
+    return FlatParameter(
+        name=name,
+        unit=_unit(value, known),
+        meaning=_TOGETHER + ", ".join(said),
+        value=float(value.value(numbers)) if len(numbers) == len(parts) else None,
+        positive=all(p.positive for p in parts) and all(c > 0 for _, c in value),
+        origin=parts[0].origin,
+    )
+
+
+def _unit(value: Laurent, known: Mapping[str, FlatParameter]) -> str:
+    """The unit of the first term; that all terms agree is checked when the drive is read."""
+    monomial, _ = next(iter(value))
+    units = [known[name].unit for name, _ in monomial]
+    if not all(units):
+        return ""
+    total = parse("1")
+    for unit, (_, power) in zip(units, monomial, strict=True):
+        total = total * parse(unit) ** power
+    return str(total)
+
+
+# --- The drive moving rigidly: what every angle is while the first sensor's angle is 1 and no spring is deflected -----
+
+
+def rigid_angles(reduction: Reduction) -> Angles:
+    """Angle -> its value; what is not joined to the sensor by springs or dampers is missing."""
+    sensor = reduction.angle_of(reduction.sensors[0].angle)
+    if len(sensor) != 1:
+        return {}
+    ((name, c),) = sensor.items()
+    found: Angles = {name: reduction.one / c}
+    links = [reduction.angle_of(v.name) for v in reduction.flat.variables if v.relative]
+    return _spread(found, [link for link in links if len(link) == 2])
+
+
+def _spread(found: Angles, links: Sequence[Angles]) -> Angles:
+    changed = True
+    while changed:
+        changed = False
+        for link in links:
+            for near, far in (tuple(link), tuple(link)[::-1]):
+                if near in found and far not in found:
+                    found[far] = -(found[near] * link[near] / link[far])
+                    changed = True
+    return found
+
+
+def total(angles: Angles, rigid: Angles) -> Coefficient | None:
+    """A combination of angles while the drive moves rigidly; None where that is zero or not known."""
+    terms = [c * rigid[name] for name, c in angles.items() if name in rigid]
+    if len(terms) < len(angles) or not terms:
+        return None
+    value = sum(terms[1:], start=terms[0])
+    return value or None
+
+
+def rest(reduction: Reduction, rigid: Angles) -> Dense:
+    """The state (n, 1) at rest at angle 1, or moving at speed 1, as the first sensor measures it."""
+    if reduction.sensors[0].quantity == "speed":
+        values = {column: rigid.get(name) for name, column in reduction.columns.items()}
+    else:
+        rows = enumerate(reduction.positions.rows)
+        values = {reduction.position_state(k): total(row, rigid) for k, row in rows}
+    return {(state, 0): c for state, c in values.items() if c}
+
+
+def ratio(reduction: Reduction, rigid: Angles) -> Dense:
+    """The angle (m, 1) at the flange of each input that depends on the motion."""
+    values = {k: total(reduction.angle_of(u.angle), rigid) for k, u in enumerate(reduction.inputs) if u.angle}
+    return {(k, 0): c for k, c in values.items() if c}

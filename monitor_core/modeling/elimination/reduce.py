@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from monitor_core.arrays import Ints
 from monitor_core.drive.structure import Output
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.elimination.balances import balances_of
@@ -13,9 +14,9 @@ from monitor_core.modeling.elimination.operators import Operator, Row
 from monitor_core.modeling.elimination.pruning import pruned
 from monitor_core.modeling.elimination.rational import Field
 from monitor_core.modeling.elimination.substitution import Line, System, distances, orders_of
-from monitor_core.modeling.elimination.unseen import hidden
 from monitor_core.modeling.flat import FlatModel, FlatSensor, ModelError, Symbol
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.modeling.modular import krylov_basis, null_space, points_of, residues
 from monitor_core.modeling.statespace import StateSpace
 
 MOST_RATIONAL = 120
@@ -124,3 +125,37 @@ def _stiff(flat: FlatModel, rows: list[Row]) -> tuple[str, ...]:
 
 def _differentiated(rows: list[Row]) -> int:
     return len({name for row in rows for name, operator in row.items() if max(operator) > 0})
+
+
+# --- What is left of the states that no input moves or no sensor sees, for whatever values of the parameters ----------
+
+
+# An example: a part that is coupled to a grounded one by a damper only.  Its momentum and the angle that the damper
+# has turned by add up to a constant, so an angle sensor there measures a state that no torque can change.
+
+MOST_STATES = 60
+"""The check takes time with the cube of the states."""
+
+_SEED = 2439  # any will do: a wrong rank needs a coincidence modulo primes near 2^31
+
+
+def hidden(ss: StateSpace) -> tuple[str, ...]:
+    """One sentence for each kind of defect, naming the states that take part in it; none if the form is minimal."""
+    if len(ss.states) > MOST_STATES:
+        return (f"more than {MOST_STATES} states: not checked whether all of them are moved and seen",)
+    n, m, q = len(ss.states), len(ss.inputs), len(ss.sensors)
+    point = next(points_of(ss, _SEED))
+    A, B, C = (residues(e, s, point) for e, s in ((ss.A, (n, n)), (ss.B, (n, m)), (ss.C, (q, n))))
+    unmoved = null_space(krylov_basis(A, B, point.prime), point.prime)
+    unseen = null_space(krylov_basis(A.T, C.T, point.prime), point.prime)
+    found = (("no input changes", unmoved), ("no sensor sees", unseen))
+    return tuple(
+        f"{what} a certain combination of the states {_names(ss, vectors)}"
+        for what, vectors in found
+        if len(vectors)
+    )
+
+
+def _names(ss: StateSpace, vectors: Ints) -> str:
+    taking_part = (vectors != 0).any(axis=0)
+    return ", ".join(state.name for state, part in zip(ss.states, taking_part, strict=True) if part)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 
 from monitor_core.modeling.components.linear import Linear
@@ -99,3 +100,24 @@ def _is_small(exponent: Fraction) -> bool:
 
 
 _HIGHEST, _MOST_TERMS = 12, 1000
+
+
+# --- The functions that may be applied to numbers in a Modelica text --------------------------------------------------
+
+
+FUNCTIONS: Mapping[str, Callable[..., float]] = {
+    "abs": abs,
+    "sqrt": math.sqrt,
+    "exp": math.exp,
+    "log": math.log,
+    "log10": math.log10,
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "atan2": math.atan2,
+    "min": min,
+    "max": max,
+}

@@ -20,11 +20,9 @@ from monitor_core.modeling.flat import (
 )
 from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.connecting import Wiring
-from monitor_core.modeling.modelica.flat_parameters import flat_parameters
-from monitor_core.modeling.modelica.inferred_units import own_units, variable_unit
-from monitor_core.modeling.modelica.instances import Instance, unit_of
+from monitor_core.modeling.modelica.flat_parameters import flat_parameters, own_units, variable_unit
+from monitor_core.modeling.modelica.instances import Instance, about, unit_of
 from monitor_core.modeling.modelica.leaves import Part, bearing_joint, parts
-from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.signal_connections import is_given, measured_torque, outputs
 from monitor_core.modeling.modelica.standard_library import BEARING
 from monitor_core.modeling.modelica.syntax import Connect, Equation

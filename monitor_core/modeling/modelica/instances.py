@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 
 from monitor_core.modeling.components.units import parse
-from monitor_core.modeling.flat import Origin
+from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.modelica.changes import Bound, Changes, Scope
 from monitor_core.modeling.modelica.standard_library import Leaf
 from monitor_core.modeling.modelica.syntax import ClassDef, Component, Literal, Statement
@@ -78,3 +79,18 @@ def unit_of(instance: Instance) -> str:
     if not isinstance(value, Literal) or not isinstance(value.value, str) or not value.value:
         return ""
     return str(parse(value.value, instance.origin))
+
+
+# --- Errors in a user's text that name the component ------------------------------------------------------------------
+
+
+@contextmanager
+def about(component: str) -> Iterator[None]:
+    """An error from inside that names no component, or one that this one is in, is about this one."""
+    try:
+        yield
+    except ModelError as error:
+        named = error.origin.component
+        if named and not component.startswith(f"{named}."):
+            raise
+        raise ModelError(error.problem, replace(error.origin, component=component)) from None

@@ -7,12 +7,16 @@ from dataclasses import replace
 from monitor_core.modeling.components.linear import Linear, der
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modelica.arithmetic import constant, number_of, operation, without_variables
+from monitor_core.modeling.modelica.arithmetic import (
+    FUNCTIONS,
+    constant,
+    number_of,
+    operation,
+    without_variables,
+)
 from monitor_core.modeling.modelica.changes import Scope
-from monitor_core.modeling.modelica.functions import FUNCTIONS
-from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.instances import Instance, about
 from monitor_core.modeling.modelica.lookup import component, constant_outside
-from monitor_core.modeling.modelica.mistakes import about
 from monitor_core.modeling.modelica.names import Names
 from monitor_core.modeling.modelica.syntax import (
     Array,

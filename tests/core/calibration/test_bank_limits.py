@@ -10,10 +10,10 @@ import pytest
 from scipy.stats import poisson
 
 from monitor_core.calibration import hypotheses, watched
+from monitor_core.calibration.bank_tails import Heights
 from monitor_core.calibration.catch import Fault, catch
 from monitor_core.calibration.catch_by_bank import catch_by_bank
 from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.heights import Heights
 from monitor_core.calibration.hypotheses import BankLimits, bank_limits
 from monitor_core.calibration.surrogate import LANES
 from monitor_core.calibration.watched import PARTS, allowances

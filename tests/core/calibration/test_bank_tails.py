@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.bank_tails import ALIKE, BankTails, bank_tails
-from monitor_core.calibration.heights import LEAST_HEIGHT, TOP, Heights
+from monitor_core.calibration.bank_tails import ALIKE, LEAST_HEIGHT, TOP, BankTails, Heights, bank_tails
 
 PLACES, MANY = 500, 40
 FAR = 8.0

@@ -12,9 +12,8 @@ from scipy.signal import freqz
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.arx import Arx, fit_arx
-from monitor_core.identification.gram import Lags, gram, regressors
-from monitor_core.identification.record import Record
-from monitor_core.identification.segments import split
+from monitor_core.identification.normal import Lags, gram, regressors
+from monitor_core.identification.record import Record, split
 from tests.core.identification.systems import INTERVAL_S, arx_record, bench_drive, bench_record, decibels
 
 law = settings(deadline=None, max_examples=25)

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from monitor_core.excitation import multisine
 from monitor_core.identification.blackbox import Data, System, fit_blackbox
 from monitor_core.identification.innovations import Innovations
-from monitor_core.identification.record import Record
-from monitor_core.identification.segments import split
+from monitor_core.identification.record import Record, split
 from monitor_core.identification.subspace import fit_subspace
 from monitor_core.identification.uniform_grid import on_grid
 from tests.core.identification.systems import (

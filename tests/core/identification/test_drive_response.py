@@ -21,8 +21,8 @@ from monitor_core.identification.frequency import (
     circular,
     root_of,
 )
+from monitor_core.identification.held_drive import Linear
 from monitor_core.identification.record import Record
-from monitor_core.identification.term_derivatives import Linear
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.periodic_oracle import periodic_response

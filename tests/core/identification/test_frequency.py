@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from monitor_core.excitation import multisine
 from monitor_core.identification.frequency import DECIBEL, Complexes, FrequencyResponse
 from monitor_core.identification.local_polynomial import local_response
-from monitor_core.identification.record import Record
-from monitor_core.identification.segments import split
+from monitor_core.identification.record import Record, split
 from monitor_core.identification.spectral import spectral_response
 from tests.core.identification.systems import (
     INTERVAL_S,

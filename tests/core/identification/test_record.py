@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.identification.record import Record
-from monitor_core.identification.segments import between, join, segments, split
+from monitor_core.identification.record import Record, between, join, segments, split
 from tests.core.identification.record_cases import H, records, same
 
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.record import Record
+from monitor_core.identification.record_checks.motion_checks import averaging, mean_speed
 from monitor_core.identification.resampling import PASS, decimate, is_regular, mean_torque, resample
-from monitor_core.identification.speed import averaging, mean_speed
 from tests.core.identification.record_cases import records
 
 

@@ -7,8 +7,7 @@ from scipy.signal import lfilter
 from scipy.stats import kstest
 
 from monitor_core.identification.covariance import information
-from monitor_core.identification.residual_spectrum import autoregression, scores_covariance
-from monitor_core.identification.residuals import independence, whiteness
+from monitor_core.identification.residuals import autoregression, independence, scores_covariance, whiteness
 
 N = 3000
 

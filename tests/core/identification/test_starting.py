@@ -22,7 +22,7 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, NO
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch, start
-from monitor_core.identification.starting.inverse import Chain, chain_of_modes, modes_of_chain
+from monitor_core.identification.starting.chains import Chain, chain_of_modes, modes_of_chain
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
 from monitor_core.identification.starting.response import Target, measure

@@ -12,13 +12,11 @@ from monitor_core.identification.greybox import fit
 from monitor_core.identification.starting import Growth, grow, start
 from monitor_core.identification.starting import growth as growing
 from monitor_core.identification.starting import starting_fits as api
-from monitor_core.identification.starting.chains import chain
-from monitor_core.identification.starting.grown import asked, doubt_of, verdict
-from monitor_core.identification.starting.growth import bare, longer, rigid, stems
-from monitor_core.identification.starting.inverse import Chain
+from monitor_core.identification.starting.chains import Chain, chain
+from monitor_core.identification.starting.grow import asked, doubt_of, verdict
+from monitor_core.identification.starting.growth import Mode, bare, joined, lacking, longer, rigid, stems
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import Modal, shape
-from monitor_core.identification.starting.pursuit import Mode, joined, lacking
 from monitor_core.identification.starting.response import measure
 from monitor_core.identification.starting.search import errors, polish
 from monitor_core.identification.starting.slots import Slots

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from monitor_core.identification.starting import fit_from, fit_from_scratch, start
-from monitor_core.identification.starting.search_progress import Steps
+from monitor_core.identification.starting.search import Steps
 from tests.core.identification.test_starting import TWO
 
 Told = list[tuple[int, int]]

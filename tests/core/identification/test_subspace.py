@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
 from monitor_core.identification.innovations import reflected
-from monitor_core.identification.record import Record
-from monitor_core.identification.segments import split
-from monitor_core.identification.splines import _cost, smooth_predictor
-from monitor_core.identification.subspace import fit_subspace
+from monitor_core.identification.record import Record, split
+from monitor_core.identification.subspace import _cost, fit_subspace, smooth_predictor
 from tests.core.identification.systems import (
     INTERVAL_S,
     Discrete,

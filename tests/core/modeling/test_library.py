@@ -6,7 +6,7 @@ from typing import Literal
 import pytest
 
 from monitor_core.modeling.drawing import Drawing
-from monitor_core.modeling.drawing.expressions import parse
+from monitor_core.modeling.drawing.parameter_table import parse
 from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent

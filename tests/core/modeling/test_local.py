@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.excitation.local_identifiability import (
+from monitor_core.excitation.sensitivity import (
     NOISE_SHARE,
     Experiment,
     Local,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from monitor_core.modeling.components.unit_algebra import BASE, ONE, Dimension
 from monitor_core.modeling.components.units import Use, infer, parse, unit_of
-from monitor_core.modeling.drawing import expressions
+from monitor_core.modeling.drawing import parameter_table
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 
@@ -109,7 +109,7 @@ def use(text: str, unit: str, place: str) -> Use:
     """``place``: "J (inertia) of motor"."""
     what, _, component = place.partition(" of ")
     role, _, meaning = what.rstrip(")").partition(" (")
-    return Use(expressions.parse(text), unit, Origin(component, "drive.mo", 3), role, meaning)
+    return Use(parameter_table.parse(text), unit, Origin(component, "drive.mo", 3), role, meaning)
 
 
 MOTOR, BELT, DAMPING = "J (inertia) of motor", "c (stiffness) of belt", "d (damping) of belt"
@@ -211,7 +211,7 @@ def test_unit_of_an_expression() -> None:
         "new": "",
         "3": "1",
     }.items():
-        assert unit_of(expressions.parse(text), units) == unit
+        assert unit_of(parameter_table.parse(text), units) == unit
     with pytest.raises(ModelError, match="Jm \\+ k is in kg m\\^2, but k is in N m/rad"):
-        unit_of(expressions.parse("Jm + k"), units)
+        unit_of(parameter_table.parse("Jm + k"), units)
     assert unit_of(Laurent.number(Fraction(1, 2)), units) == "1"

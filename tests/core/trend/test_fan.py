@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from monitor_core.trend.forecast import forecast
-from monitor_core.trend.forecast_band import quantiles
+from monitor_core.trend.forecast import forecast, quantiles
 from monitor_core.trend.trend import Mixture, Trend, trend_of
 from tests.core.trend.courses_of_months import SIZE, months
 

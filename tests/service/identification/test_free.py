@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from monitor_core.identification.errors import IdentificationError
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
+from monitor_core.identification.problem import IdentificationError
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from service.config.drive_sources import model_of_library
 

@@ -21,10 +21,9 @@ from service.commands.identification_task import Request, prepare
 from service.config.nominal_file import read_nominal, structure_of
 from service.reports.identification_html import as_html
 from service.reports.identification_json import as_json
-from service.reports.identification_report import IdentificationReport
+from service.reports.identification_report import IdentificationReport, residual_words
 from service.reports.identification_text import print_text
 from service.reports.identification_toml import as_toml
-from service.reports.identification_words import residual_words
 from service.reports.plot_style import thinned
 from service.reports.text_format import percent, plain
 from tests.service.identification.conftest import PROVENANCE, with_estimate

@@ -10,13 +10,12 @@ import pytest
 from scipy.stats import chi2
 
 from monitor_core.identification.bode import band
+from monitor_core.identification.covariance import colour_of
 from monitor_core.identification.drive_response import drive_response
-from monitor_core.identification.errors import IdentificationError
-from monitor_core.identification.estimate_scatter import colour_of
 from monitor_core.identification.greybox import compare
 from monitor_core.identification.identification_result import ParameterRow
 from monitor_core.identification.identify import Start
-from monitor_core.identification.problem import Problem
+from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.traces import traces_of
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass

@@ -16,10 +16,8 @@ from monitor_core.detection import DetectorName
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from service.reports.calibration_html import as_html
 from service.reports.calibration_json import as_json
-from service.reports.calibration_report import Calibration
-from service.reports.calibration_text import print_text
-from service.reports.calibration_toml import as_toml
-from service.reports.calibration_words import (
+from service.reports.calibration_report import (
+    Calibration,
     confusion_rows,
     confusion_titles,
     fault_rows,
@@ -29,6 +27,8 @@ from service.reports.calibration_words import (
     smallest_titles,
     threshold_rows,
 )
+from service.reports.calibration_text import print_text
+from service.reports.calibration_toml import as_toml
 from tests.service.reports.calibrations import OWN, WITHIN_S, by_hand
 
 BOTH: list[DetectorName] = ["multimodel", "cusum"]

@@ -18,8 +18,7 @@ from monitor_core.monitoring import AxisMonitor, Fleet, standard_deviation
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from service.reports import course as rows
-from service.reports.bank_course import BankCourse
-from service.reports.course import SIGMAS, Course
+from service.reports.course import SIGMAS, BankCourse, Course
 from service.reports.timeline import Timeline
 from tests.core.cases import BY_NAME, record
 

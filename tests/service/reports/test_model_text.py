@@ -15,8 +15,7 @@ from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Entries, StateSpace
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import facts_of
-from service.reports.model_matrices import equations, matrix, matrix_lines
-from service.reports.model_text import elimination_words, print_text
+from service.reports.model_text import elimination_words, equations, matrix, matrix_lines, print_text
 from tests.service.reports.drives import merged, space
 
 

@@ -9,9 +9,9 @@ from monitor_core.calibration.catch_by_bank import catch_by_bank
 from monitor_core.calibration.healthy import Samples
 from monitor_core.calibration.hypotheses import bank_limits
 from monitor_core.detection.multimodel.events import Changed, Named
+from monitor_core.detection.multimodel.hypothesis import FOLLOWED
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
-from monitor_core.detection.multimodel.scheduled_hypotheses import FOLLOWED
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
