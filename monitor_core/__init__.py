@@ -53,8 +53,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from monitor_core.calibration.calibrate import CalibrationOptions, calibrate
-    from monitor_core.calibration.doubts import CalibrationError
-    from monitor_core.calibration.healthy import Samples as HealthyRecord
+    from monitor_core.calibration.healthy_records import Samples as HealthyRecord
+    from monitor_core.calibration.record_doubts import CalibrationError
     from monitor_core.calibration.result import CalibrationResult
     from monitor_core.detection import Alarm
     from monitor_core.detection.multimodel.detection_limit import least_delay
@@ -167,7 +167,7 @@ _HOME = {
     "Gate": "drive.operating_conditions",
     "Operating": "drive.operating_conditions",
     "multisine": "excitation.multisine",
-    "crest_factor": "excitation.crest",
+    "crest_factor": "excitation.multisine",
     "plan": "excitation.design",
     "Accuracy": "excitation.accuracy",
     "Record": "identification.record",
@@ -177,7 +177,7 @@ _HOME = {
     "identify": "identification.identify",
     "IdentificationOptions": "identification.identify",
     "IdentificationResult": "identification.identification_result",
-    "IdentificationError": "identification.errors",
+    "IdentificationError": "identification.problem",
     "fit": "identification.greybox",
     "Estimate": "identification.estimate",
     "Settings": "settings",
@@ -200,11 +200,11 @@ _HOME = {
     "SlowHistory": "trend.slow_history",
     "trend_of": "trend.trend",
     "forecast": "trend.forecast",
-    "HealthyRecord": "calibration.healthy:Samples",
+    "HealthyRecord": "calibration.healthy_records:Samples",
     "CalibrationOptions": "calibration.calibrate",
     "calibrate": "calibration.calibrate",
     "CalibrationResult": "calibration.result",
-    "CalibrationError": "calibration.doubts",
+    "CalibrationError": "calibration.record_doubts",
 }
 """Module of each name, and the name there where it is another one."""
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration.false_alarm_tail import Tail
 from monitor_core.calibration.run_length import root
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.calibration.tail import Tail
 from monitor_core.settings import Threshold
 
 CONFIDENCE = 0.90

@@ -17,22 +17,22 @@ from typing import Protocol
 import numpy as np
 
 from monitor_core.calibration.budget import Rates, rates, thresholds
-from monitor_core.calibration.catch import Caught, Fault, catch
-from monitor_core.calibration.catch_by_bank import catch_by_bank
-from monitor_core.calibration.doubts import (
+from monitor_core.calibration.fault_trials import Caught, Fault, catch
+from monitor_core.calibration.healthy_records import Samples, deviations
+from monitor_core.calibration.healthy_statistics import Learned, learned
+from monitor_core.calibration.injection import changed
+from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
+from monitor_core.calibration.multimodel_healthy import COPIES
+from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
+from monitor_core.calibration.record_doubts import (
     CalibrationError,
     check_healthy,
     check_promise,
     check_records,
     check_settings,
 )
-from monitor_core.calibration.healthy import Samples, deviations
-from monitor_core.calibration.hypotheses import BankLimits, bank_limits
-from monitor_core.calibration.injection import changed
-from monitor_core.calibration.learned import Learned, learned
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
-from monitor_core.calibration.surrogate import SAMPLES
-from monitor_core.calibration.watched import COPIES
+from monitor_core.calibration.surrogate_records import SAMPLES
 from monitor_core.detection.multimodel.multimodel_detector import unfit
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings, Threshold
@@ -149,7 +149,7 @@ def calibrate(
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
         calibrated = replace(settings, thresholds=own)
         caught, onsets = _trials(model, calibrated, records, options, within_s, progress)
-        limits = pending.result(partial(_step, progress, "bank of hypotheses"))
+        limits = pending.result(partial(_step, progress, "multi-model detector"))
     faults = [trial.fault for trial in caught]
     bank = _multimodel(model, calibrated, records, limits, faults, options, within_s) if limits else None
     return CalibrationResult(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.healthy_records import Samples
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.catch import Caught
-from monitor_core.calibration.doubts import duration
-from monitor_core.calibration.hypotheses import BankLimits
+from monitor_core.calibration.fault_trials import Caught
+from monitor_core.calibration.multimodel_thresholds import BankLimits
+from monitor_core.calibration.record_doubts import duration
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection import DetectorName
 from monitor_core.drive.axis_model import AxisModel

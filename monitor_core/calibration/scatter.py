@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy import Deviations
+from monitor_core.calibration.healthy_records import Deviations
 
 BINS = 50
 """In a memory: of so many samples one is looked at."""
 OFFSET = 0.3
 """Standard deviations: a mean that is farther off the nominal value would leave a test no threshold."""
-_TINY = 1e-12
+_SMALL = 1e-12
 LONGEST, MOST_BLOCKS = 5, 30
 """Memories in a block, and how many blocks there are at least, where the record is long enough for both."""
 
@@ -89,7 +89,7 @@ def binned(one: Deviations, q: int) -> Floats:
 
 def _correlation(values: Floats) -> Floats:
     """Of the columns of values (B, p)."""
-    z = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), _TINY)
+    z = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), _SMALL)
     return np.asarray(z.T @ z / len(z))
 
 
@@ -100,7 +100,7 @@ def _turned(resampled: Floats, memories: float) -> Floats:
     """
     log = np.log(resampled)
     return np.asarray(
-        np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _TINY)))
+        np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _SMALL)))
     )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Drive, Term, split_name
+from monitor_core.kernel.llvm_vectors import FOUR
 from monitor_core.kernel.tables import COULOMB, Constants, Tables
-from monitor_core.kernel.vector import FOUR
 
 _ROWS_OF = {"A": 0, "B": 1, "C": 2}
 

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
-from monitor_core.kernel.exponential import hold_intervals
+from monitor_core.kernel.matrix_exponential import hold_intervals
 
 
 def zero_order_hold(A: Floats, B: Floats, interval_s: float) -> tuple[Floats, Floats]:

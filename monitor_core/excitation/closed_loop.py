@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Complex, Multisine
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant
-from monitor_core.excitation.schedule import Schedule
+from monitor_core.excitation.record_phases import Schedule
 
 _BANDWIDTH = 2.0
 """rad/s, of the controller that stands for a good one: it only keeps the drive from drifting away."""

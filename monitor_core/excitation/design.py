@@ -19,7 +19,7 @@ from monitor_core.excitation.open_loop import ExcitationError, OpenLoop
 from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant
 from monitor_core.excitation.prediction import Estimation, linear_part, told_apart
-from monitor_core.excitation.schedule import Schedule
+from monitor_core.excitation.record_phases import Schedule
 
 Command = Literal["torque", "speed", "angle"]
 

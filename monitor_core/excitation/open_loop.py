@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Multisine
 from monitor_core.excitation.planned_drive import Motion, Plant
-from monitor_core.excitation.schedule import Schedule
+from monitor_core.excitation.record_phases import Schedule
 
 _STEPS = 7
 _CLOSE = 1e-3

@@ -18,7 +18,15 @@ from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, by_gradient, on_circle
-from monitor_core.identification.normal import ONES, Criterion, Factor, Lags, factor, least_order, solve
+from monitor_core.identification.least_squares import (
+    ONES,
+    Criterion,
+    Factor,
+    Lags,
+    factor,
+    least_order,
+    solve,
+)
 from monitor_core.identification.record import Record
 from monitor_core.identification.uniform_grid import Regular, on_grid
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.innovations import Innovations, Start, reflected
-from monitor_core.identification.pem import residuals, slopes
+from monitor_core.identification.innovations_errors import residuals, slopes
 from monitor_core.identification.record import Record
 from monitor_core.identification.subspace import Rule, subspace_of
 from monitor_core.identification.uniform_grid import Regular, of_size_one, on_grid

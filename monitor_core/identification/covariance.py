@@ -11,8 +11,8 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.excitation.accuracy import Accuracy
+from monitor_core.identification.criterion import fit_starts
 from monitor_core.identification.estimate import Estimate
-from monitor_core.identification.fit import fit_starts
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.record import Record
 from monitor_core.identification.residuals import scores_covariance

@@ -11,8 +11,9 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, split_name
 from monitor_core.identification.covariance import Information, information
+from monitor_core.identification.criterion import choose_disturbance, fit_starts, settled, solve
 from monitor_core.identification.estimate import Estimate
-from monitor_core.identification.fit import choose_disturbance, fit_starts, settled, solve
+from monitor_core.identification.estimate_doubts import sentences
 from monitor_core.identification.levenberg_marquardt import End
 from monitor_core.identification.outlier_removal import without_gross
 from monitor_core.identification.parameter_vector import Layout
@@ -20,7 +21,6 @@ from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.residuals import independence, whiteness
-from monitor_core.identification.sentences import sentences
 from monitor_core.kernel.tables import OF_MOTION
 
 __all__ = ["DELAY", "Comparison", "Disturbance", "Estimate", "Problem", "compare", "fit"]

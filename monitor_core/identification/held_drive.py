@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold_slopes
 from monitor_core.drive.structure import Drive, Matrix, split_name
-from monitor_core.kernel.interval import LOST
+from monitor_core.kernel.sample_interval import LOST
 
 
 class Held(NamedTuple):

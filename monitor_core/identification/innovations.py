@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.frequency import Complexes, FrequencyResponse, by_gradient, on_circle
-from monitor_core.identification.pem import residuals
+from monitor_core.identification.innovations_errors import residuals
 
 
 class Start(NamedTuple):

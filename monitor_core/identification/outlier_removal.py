@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.fit import HUBER, Progress, settled, solve
+from monitor_core.identification.criterion import HUBER, Progress, settled, solve
 from monitor_core.identification.levenberg_marquardt import End
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.record import Bools, Record

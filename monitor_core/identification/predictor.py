@@ -18,7 +18,7 @@ from monitor_core.identification.parameter_vector import Layout, Point, whole_in
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.record_intervals import Series, series
-from monitor_core.kernel.fixed import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
+from monitor_core.kernel.fixed_predictor import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
 from monitor_core.kernel.tables import COULOMB, TORQUE
 
 

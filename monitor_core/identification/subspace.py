@@ -19,8 +19,8 @@ from scipy.optimize import minimize
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.innovations import Innovations, reflected
-from monitor_core.identification.normal import ONES, Criterion, Lags, factor
-from monitor_core.identification.pem import residuals
+from monitor_core.identification.innovations_errors import residuals
+from monitor_core.identification.least_squares import ONES, Criterion, Lags, factor
 from monitor_core.identification.record import Record
 from monitor_core.identification.uniform_grid import Regular, of_size_one, on_grid
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.fit import fit_starts
+from monitor_core.identification.criterion import fit_starts
 from monitor_core.identification.predictor import Predictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record import Record

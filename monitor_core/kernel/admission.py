@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.llvm_vectors import power_of_two
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.kernel.vector import power_of_two
 
 SKIP, RESTART, SETTLE, GATED, DOUBTED, IDLE, SEED, TRACK = 0, 1, 2, 3, 4, 5, 6, 7
 """What a lane does: nothing; start its predictor anew; predict only, as it has just started, as its gate is closed, as

@@ -22,21 +22,10 @@ from monitor_core.kernel.admission import (
     innovate,
     rest,
 )
-from monitor_core.kernel.columns import columns, copy, floats, ints, marks, most, put_back, table, times
 from monitor_core.kernel.compile import aside, entry, kernel
 from monitor_core.kernel.cusum import Events, accumulate, alarm, calm_down, deviate
 from monitor_core.kernel.evidence import Noted, gather, until_kept
-from monitor_core.kernel.interval import (
-    begin_again,
-    corrected_ago,
-    delayed,
-    for_interval,
-    mean,
-    own_interval,
-    sampled,
-    switch,
-    walk,
-)
+from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import doubt_the_start, running_variance, sift
 from monitor_core.kernel.propagate import drive, evaluate, propagate, split
 from monitor_core.kernel.recursion import (
@@ -49,7 +38,17 @@ from monitor_core.kernel.recursion import (
     update_P,
     update_theta,
 )
-from monitor_core.kernel.series import SECTIONS
+from monitor_core.kernel.sample_interval import (
+    begin_again,
+    corrected_ago,
+    delayed,
+    for_interval,
+    mean,
+    own_interval,
+    sampled,
+    switch,
+    walk,
+)
 from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
     OUTLIER,
@@ -63,7 +62,8 @@ from monitor_core.kernel.state import (
 )
 from monitor_core.kernel.supervision import admit_to_tests, excite, look
 from monitor_core.kernel.tables import Tables
-from monitor_core.kernel.vector import EIGHT
+from monitor_core.kernel.taylor_series import SECTIONS
+from monitor_core.kernel.work_arrays import columns, copy, floats, ints, marks, most, put_back, table, times
 
 
 class Samples(NamedTuple):

@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import DOUBTED, RESTART, SETTLE, SKIP, TRACK, admit, close, hold, rest
 from monitor_core.kernel.admission import GATED as CLOSED
-from monitor_core.kernel.columns import floats, ints, table
 from monitor_core.kernel.compile import aside, entry, kernel
-from monitor_core.kernel.interval import begin_again, mean
 from monitor_core.kernel.likelihood import G, accumulate, begin, likelihoods
 from monitor_core.kernel.outliers import doubt_the_start, sift
 from monitor_core.kernel.predictors import (
@@ -43,9 +41,11 @@ from monitor_core.kernel.predictors import (
     rejoin,
 )
 from monitor_core.kernel.recursion import predict
+from monitor_core.kernel.sample_interval import begin_again, mean
 from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
 from monitor_core.kernel.state import OUTLIER as OUTLIER_COUNT
 from monitor_core.kernel.tables import Tables
+from monitor_core.kernel.work_arrays import floats, ints, table
 
 _SAME_S = 1e-6
 """An interval that differs from the nominal one by less is taken for it."""

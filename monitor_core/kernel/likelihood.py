@@ -1,4 +1,4 @@
-"""Likelihood ratios of a bank of hypotheses, their CUSUMs, and since when these have been rising."""
+"""Likelihood ratios of a multi-model detector, their CUSUMs, and since when these have been rising."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""The predictors of a bank of hypotheses, side by side: over an interval, their errors, their corrections."""
+"""The predictors of a multi-model detector, side by side: over an interval, their errors, their corrections."""
 
 import math
 from typing import Any, NamedTuple
@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.columns import floats, ints, table, times
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.interval import begin_again, for_interval, own_interval
+from monitor_core.kernel.llvm_vectors import EIGHT, load8, spread8, store
 from monitor_core.kernel.propagate import drive, propagate, split
-from monitor_core.kernel.series import SECTIONS
+from monitor_core.kernel.sample_interval import begin_again, for_interval, own_interval
 from monitor_core.kernel.tables import TORQUE, Tables
-from monitor_core.kernel.vector import EIGHT, load8, spread8, store
+from monitor_core.kernel.taylor_series import SECTIONS
+from monitor_core.kernel.work_arrays import floats, ints, table, times
 
 DELAY, TORQUE_SCALE, TORQUE_OFFSET, SCALE, OFFSET, FROZEN, STILL, PRECISION, LEVEL, LIMIT = range(10)
 """Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +

@@ -17,9 +17,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.kernel.compile import kernel
-from monitor_core.kernel.series import advance_one
-from monitor_core.kernel.series_of_eight import advance_eight
-from monitor_core.kernel.vector import EIGHT, larger, load8, magnitude, spread8, store
+from monitor_core.kernel.llvm_vectors import EIGHT, larger, load8, magnitude, spread8, store
+from monitor_core.kernel.taylor_series import advance_one
+from monitor_core.kernel.taylor_series_lanes import advance_eight
 
 _TAIL = 1e-13
 _RATES = np.array([0.0] + [(_TAIL * math.factorial(k)) ** (1 / k) for k in range(1, 18)])

@@ -16,10 +16,10 @@ from monitor_core.drive.stability import stable_limits
 from monitor_core.kernel.block import Samples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
 from monitor_core.kernel.evidence import KEPT, NAMING, Noted, kept_numbers, noted_numbers
+from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
 from monitor_core.kernel.tables import constant_rows
-from monitor_core.kernel.vector import EIGHT
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from service.commands.configuration import ConfigPath, OptionalValueCommand, configuration
-from service.commands.exits import explained
+from service.commands.drive_choice import axis_named
+from service.commands.exit_codes import explained
 from service.commands.identify_arguments import Axis, Force, JsonFile, Records, Report
-from service.commands.identify_files import STDOUT, Files, write
+from service.commands.output_files import STDOUT, Files, write
 from service.commands.progress import steps_bar
-from service.commands.which_drive import axis_named
 from service.config.base_table import seconds_in
 
 if TYPE_CHECKING:

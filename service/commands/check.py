@@ -8,7 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import explained
+from service.commands.exit_codes import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
 from service.config.axis_settings import doubtful_nominals, short_memories
 from service.config.detector_choice import in_words as detectors_in_words

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from service.commands.configuration import configuration
-from service.commands.exits import explained
+from service.commands.exit_codes import explained
 from service.commands.run import Port
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, axis_id, factors, in_words
 from service.config import Config

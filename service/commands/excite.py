@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from service.commands.exits import MISTAKE, explained
-from service.commands.which_drive import axis_of
+from service.commands.drive_choice import axis_of
+from service.commands.exit_codes import MISTAKE, explained
 
 if TYPE_CHECKING:
     from monitor_core.excitation.design import Experiment

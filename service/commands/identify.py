@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from service.commands.configuration import ConfigPath, OptionalValueCommand, configuration
-from service.commands.exits import MISTAKE, explained
+from service.commands.drive_choice import axis_named
+from service.commands.exit_codes import MISTAKE, explained
 from service.commands.identify_arguments import (
     Axis,
     Beginning,
@@ -34,9 +35,8 @@ from service.commands.identify_arguments import (
     Validate,
     Varying,
 )
-from service.commands.identify_files import Files
+from service.commands.output_files import Files
 from service.commands.progress import steps_bar
-from service.commands.which_drive import axis_named
 
 if TYPE_CHECKING:
     from monitor_core.identification.identify import Start

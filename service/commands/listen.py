@@ -17,7 +17,7 @@ from rich.table import Table
 
 from service.can.bus_reader import CanReader
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import explained, stop_on_signals
+from service.commands.exit_codes import explained, stop_on_signals
 from service.config import Config, needed
 from service.ingest.bus_samples import Ingest, Value
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from monitor_core.suggestions import did_you_mean
-from service.commands.exits import EXIT_CODES
+from service.commands.exit_codes import EXIT_CODES
 from service.pipeline.kernel_cache import choose
 
 COMMANDS = (

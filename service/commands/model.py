@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from service.commands.configuration import OptionalValueCommand
-from service.commands.exits import MISTAKE, explained
-from service.commands.which_drive import FoundDrive, Quantity, experiment_of, found_drive
+from service.commands.drive_choice import FoundDrive, Quantity, experiment_of, found_drive
+from service.commands.exit_codes import MISTAKE, explained
 from service.config.drive_sources import LIBRARY, SUFFIX
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import explained, stop_on_signals
+from service.commands.exit_codes import explained, stop_on_signals
 from service.commands.progress import progress_bar
 from service.config import Config
 

@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import explained
-from service.commands.identify_files import STDOUT, write
+from service.commands.exit_codes import explained
+from service.commands.output_files import STDOUT, write
 from service.commands.progress import progress_bar
 from service.commands.replay_report import Report, as_json, doubts, stamp_remarks, tables, trends
 from service.config import Config

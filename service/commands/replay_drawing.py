@@ -13,12 +13,12 @@ import typer
 
 from monitor_core.monitoring import AxisMonitor, AxisTrace
 from monitor_core.samples import SampleBlock
-from service.commands.exits import MISTAKE
-from service.commands.identify_files import page_in, write
+from service.commands.exit_codes import MISTAKE
+from service.commands.output_files import page_in, write
 from service.commands.replay_report import Report, remarks_of
 from service.config import NamedAxis
-from service.reports.course import Course
-from service.reports.replayed import Replayed, ReplayedAxis
+from service.reports.replay_course import Course
+from service.reports.replay_result import Replayed, ReplayedAxis
 
 
 class Drawing:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import explained
+from service.commands.exit_codes import explained
 
 Record = Annotated[
     Path | None,

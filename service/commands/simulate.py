@@ -9,7 +9,7 @@ from rich.console import Console
 
 from monitor_core.drive.structure import DELAY
 from service.commands.configuration import ConfigPath, configuration
-from service.commands.exits import explained, stop_on_signals
+from service.commands.exit_codes import explained, stop_on_signals
 from service.simulation.robot import Fault, SimulatedRobot
 from service.simulation.sending import open_buses, run_robot
 

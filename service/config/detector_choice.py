@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from monitor_core.calibration.doubts import duration
+from monitor_core.calibration.record_doubts import duration
 from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, unfit
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings

@@ -36,17 +36,19 @@ def told_apart(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
-    """A file of thresholds that was made without the bank has none for it."""
+    """A file of thresholds that was made without the multi-model detector has none for it."""
     found = thresholds_file_of(axis)
     if found is None:
         if axis.model.thresholds_file is not None:
             raise Undecidable("thresholds_file")
         return
     if axis.detector.alarm_source == "multimodel" and not found.hypothesis:
-        message = f"{found.path.name} has no thresholds of the bank: calibrate again, or {INSTEAD}"
+        message = (
+            f"{found.path.name} has no thresholds of the multi-model detector: calibrate again, or {INSTEAD}"
+        )
         yield Finding(SOURCE, message)
     if found.hypothesis and "budget_s" in axis.detector.model_fields_set:
-        message = f"{found.path.name} has thresholds of the bank: remove this, or"
+        message = f"{found.path.name} has thresholds of the multi-model detector: remove this, or"
         yield Finding(("detector", "budget_s"), message, ("model", "thresholds_file"))
 
 

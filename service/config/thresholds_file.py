@@ -32,7 +32,7 @@ class ThresholdTable(FoundTable):
 
 
 class HypothesisTable(FoundTable):
-    """[[hypothesis]]: one of the bank; alarm when its g exceeds h.  Without a size it has none."""
+    """[[hypothesis]]: one of the multi-model detector; alarm when its g exceeds h.  Without a size it has none."""
 
     cause: str
     size: Real | None = None
@@ -42,7 +42,7 @@ class HypothesisTable(FoundTable):
 
     @property
     def size_or_nan(self) -> float:
-        """The size as the bank has it."""
+        """The size as the multi-model detector has it."""
         return math.nan if self.size is None else self.size
 
 
@@ -58,7 +58,7 @@ class ThresholdsFile(FoundTable):
     nominal: dict[str, Real]
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
     hypothesis: tuple[HypothesisTable, ...] = ()
-    """Of the bank, where it was calibrated, too"""
+    """Of the multi-model detector, where it was calibrated, too"""
 
 
 def thresholds_file_of(axis: AxisConfig) -> ThresholdsFile | None:

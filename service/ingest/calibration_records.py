@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.healthy_records import Samples
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Operating
 from monitor_core.samples import SampleBlock

@@ -95,7 +95,7 @@ class AxisMonitors:
 
     @property
     def shapes(self) -> list[int]:
-        """Shapes of the kernel that are needed: how many axes share each batch, and HYPOTHESES if a bank runs."""
+        """Shapes of the kernel that are needed: axes in each batch, and HYPOTHESES if a multi-model detector runs."""
         hypotheses = any(monitor.multimodel is not None for monitor in self.by_id.values())
         return [*self._fleet.batch_sizes, *([HYPOTHESES] if hypotheses else [])]
 

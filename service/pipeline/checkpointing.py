@@ -15,7 +15,7 @@ log = structlog.get_logger(__name__)
 
 def multimodel_id(axis_id: str) -> str:
     """Name under which the state of the multi-model detector of an axis is saved."""
-    return f"{axis_id} (bank of hypotheses)"
+    return f"{axis_id} (multi-model detector)"
 
 
 class Checkpointer:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from monitor_core.calibration.doubts import duration
+from monitor_core.calibration.record_doubts import duration
 from monitor_core.calibration.result import DetectorResult
 from monitor_core.detection import DetectorName
 from service.reports.calibration_plots import power_picture
@@ -70,13 +70,13 @@ def _content(calibration: Calibration) -> Iterator[str]:
     )
     if calibration.result.bank is not None:
         hypotheses = _rows(HYPOTHESIS_TITLES, hypothesis_rows(calibration))
-        yield section("Thresholds of the bank of hypotheses", hypotheses, legend(_BANK))
+        yield section("Thresholds of the multi-model detector", hypotheses, legend(_BANK))
     yield section("Where it comes from", _provenance(calibration))
 
 
 _KIND = (
-    "Both run; the alarms of one count, and the page tells what the other would say. <code>kind</code> in the table"
-    " <code>[robot.axis.detector]</code> of the configuration says which."
+    "Both run. The alarms come from one of them, <code>alarm_source</code> in the table"
+    " <code>[robot.axis.detector]</code> of the configuration; the other runs in shadow mode."
 )
 _THRESHOLDS = (
     "nu = alpha_1 sqrt(lambda_0 P_ii) + allowance &times; size, h = alpha_2 &times; size. All tests have the same"
@@ -95,7 +95,7 @@ _NAMES: dict[DetectorName, str] = {
 _BANK = (
     "Predictors side by side, one for each cause and size of a change, faults of the sensors among them. g is the sum"
     " of log-likelihood ratios, less the allowance; alarm when g &gt; h. Each has the same share of the budget, and the"
-    " bank keeps it with a certainty of 95 %."
+    " multi-model detector keeps it with a certainty of 95 %."
 )
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monitor_core.calibration.catch import Caught
-from monitor_core.calibration.doubts import duration
+from monitor_core.calibration.fault_trials import Caught
+from monitor_core.calibration.record_doubts import duration
 from monitor_core.calibration.result import CalibrationResult, DetectorResult
 from monitor_core.detection import DetectorName
 from service.config import NamedAxis
@@ -49,7 +49,7 @@ class Calibration:
 
 THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate")
 HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")
-DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "multimodel": "bank of hypotheses"}
+DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "multimodel": "multi-model detector"}
 _SHORT: dict[DetectorName, str] = {"cusum": "CUSUM", "multimodel": "models"}
 _VERB: dict[DetectorName, tuple[str, str]] = {
     "cusum": ("alarm", "look on"),
@@ -59,11 +59,11 @@ _SELDOM = 0.05
 
 
 def promises(calibration: Calibration) -> Iterator[str]:
-    """False alarms of each detector, in one sentence; why there is no bank."""
+    """False alarms of each detector, in one sentence; why there is no multi-model detector."""
     for one in calibration.detectors:
         yield f"The {DETECTORS[one.detector]}, {part(calibration, one)}: {one.promise}."
     if calibration.result.bank is None:
-        yield "No bank of hypotheses: the axis can have none."
+        yield "No multi-model detector: the axis can have none."
 
 
 def part(calibration: Calibration, one: DetectorResult) -> str:

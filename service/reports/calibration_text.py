@@ -46,7 +46,7 @@ def print_text(calibration: Calibration, console: Console) -> None:
     console.print(_table("Thresholds of the CUSUM tests", THRESHOLD_TITLES, threshold_rows(calibration)))
     if calibration.result.bank is not None:
         console.print(
-            _table("Thresholds of the bank of hypotheses", HYPOTHESIS_TITLES, hypothesis_rows(calibration))
+            _table("Thresholds of the multi-model detector", HYPOTHESIS_TITLES, hypothesis_rows(calibration))
         )
     for words in calibration.warnings:
         console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)

@@ -64,7 +64,7 @@ def _bank(calibration: Calibration) -> Iterator[Iterator[str]]:
 
 
 def _hypotheses(multimodel: MultiModelCalibration) -> Iterator[str]:
-    yield "# Of the bank of hypotheses: alarm when g, the sum of log-likelihood ratios less the allowance, exceeds h."
+    yield "# Of the multi-model detector: alarm when g, the sum of log-likelihood ratios less the allowance, exceeds h."
     for one in multimodel.limits.own:
         yield "[[hypothesis]]"
         yield f"cause = {toml_value(one.cause)}"

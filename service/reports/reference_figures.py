@@ -22,8 +22,8 @@ from monitor_core.excitation.reference_experiment import (
 from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import AxisBatch, standard_deviation
 from monitor_core.settings import Settings
-from service.reports.course import SIGMAS
 from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_document, figure
+from service.reports.replay_course import SIGMAS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 
 from monitor_core.monitoring import ParameterTrend
 from monitor_core.trend.forecast import COVERED
-from service.reports.course import SIGMAS
 from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
+from service.reports.replay_course import SIGMAS
 from service.reports.replay_plots import axis_pictures
+from service.reports.replay_result import Replayed, ReplayedAxis, dated, duration
 from service.reports.replay_tables import alarm_table, counter_table, frame_table, parameter_table
-from service.reports.replayed import Replayed, ReplayedAxis, dated, duration
 from service.reports.text_format import escaped
 from service.reports.trend_plots import trend_picture
 from service.texts.trend_texts import reach_words, trend_words
@@ -25,7 +25,7 @@ _LEGEND = (
 )
 
 _BANK_LEGEND = (
-    " Of the bank of hypotheses each line is the largest g / h among the sizes of a cause. The alarm is raised where"
+    " Of the multi-model detector each line is the largest g / h among the sizes of a cause. The alarm is raised where"
     " one crosses h; then they grow on until the cause is named, and start again around what has changed: beyond h"
     " their scale is logarithmic."
 )

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK
 from monitor_core.monitoring import ParameterStatus
-from service.reports import bank_plots
-from service.reports import course as rows
-from service.reports.bank_plots import DECREASE, INCREASE, H
-from service.reports.course import SIGMAS, Course, Group
+from service.reports import multimodel_plots as bank_plots
+from service.reports import replay_course as rows
+from service.reports.multimodel_plots import DECREASE, INCREASE, H
 from service.reports.plot_style import (
     ALARM,
     BEFORE,
@@ -29,7 +28,8 @@ from service.reports.plot_style import (
     legend_of,
     with_unit,
 )
-from service.reports.replayed import ReplayedAxis, TimeUnit, duration, time_unit
+from service.reports.replay_course import SIGMAS, Course, Group
+from service.reports.replay_result import ReplayedAxis, TimeUnit, duration, time_unit
 from service.reports.timeline import zigzag
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _others(axis: ReplayedAxis) -> list[Group]:
 
 
 def _draw_parameter(panels: Sequence[Axes], axis: ReplayedAxis, i: int, unit: TimeUnit) -> None:
-    """The estimate, g of its tests, and that of the bank where there is one."""
+    """The estimate, g of its tests, and that of the multi-model detector where there is one."""
     course, p = axis.course, axis.status.parameters[i]
     _draw_estimate(panels[0], course, i, p, unit)
     _draw_g(panels[1], course, i, unit)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import ParameterStatus, Status
 from service.reports.page import NUMBER, heads, legend, number_cell, sentences, table
-from service.reports.replayed import REASONS, Replayed, ReplayedAxis, dated, time_unit
+from service.reports.replay_result import REASONS, Replayed, ReplayedAxis, dated, time_unit
 from service.reports.text_format import escaped, percent, plain
 from service.texts.alarm_texts import episode_words
 
@@ -58,7 +58,7 @@ def _time(axis: ReplayedAxis, t_us: int | None) -> str:
 
 def parameter_table(axis: ReplayedAxis) -> str:
     """The monitored parameters at the end of the record."""
-    of_bank = ("of the bank",) if axis.course.beside is not None else ()
+    of_bank = ("of the multi-model detector",) if axis.course.beside is not None else ()
     numbers = ("estimate", "sd", "change", "largest g / h", *of_bank, "alarms")
     rows = "".join(_parameter(axis, i, p) for i, p in enumerate(axis.status.parameters))
     return table(heads(("", "nominal", "unit", *numbers, "at the end"), ("nominal", *numbers)), rows)

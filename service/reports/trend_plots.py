@@ -23,7 +23,7 @@ from service.reports.plot_style import (
     legend_of,
     with_unit,
 )
-from service.reports.replayed import TimeUnit, time_unit
+from service.reports.replay_result import TimeUnit, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""Faults of sensors, which the bank of hypotheses may name, as an operator would say them."""
+"""Faults of sensors, which the multi-model detector may name, as an operator would say them."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType

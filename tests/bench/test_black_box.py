@@ -17,8 +17,8 @@ from monitor_core.arrays import Floats
 from monitor_core.identification.arx import fit_arx
 from monitor_core.identification.blackbox import fit_blackbox
 from monitor_core.identification.frequency import FrequencyResponse
+from monitor_core.identification.least_squares import Lags, regressors
 from monitor_core.identification.local_polynomial import local_response
-from monitor_core.identification.normal import Lags, regressors
 from monitor_core.identification.record import Record
 from monitor_core.identification.subspace import fit_subspace
 from tests.bench.measure import Say, in_turns

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.calibrate import OBSERVED_SHARE, WITHIN_MEMORIES, CalibrationOptions
-from monitor_core.calibration.surrogate import LANES, SAMPLES
+from monitor_core.calibration.surrogate_records import LANES, SAMPLES
 from monitor_core.monitoring import AxisBatch
 from service.commands.calibrate import calibrate_axis
 from service.config import load

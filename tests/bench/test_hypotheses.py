@@ -1,4 +1,4 @@
-"""The bank of hypotheses and the paper's detector on the reference experiment, beside the limit; the costs."""
+"""The multi-model detector and the paper's detector on the reference experiment, beside the limit; the costs."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_what_a_sample_costs(irregular: bool, seed: int, say: Say) -> None:
     times = in_turns({n: _run(bank, t_us, u, y) for n, bank in banks.items()}, 7)
     rows = [(n, f"{1e6 * time / samples:.2f}") for n, time in times.items()]
     say(
-        f"A bank of hypotheses, {'every interval another' if irregular else 'equal intervals'}",
+        f"A multi-model detector, {'every interval another' if irregular else 'equal intervals'}",
         ("lanes", "us/sample"),
         rows,
     )

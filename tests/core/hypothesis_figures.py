@@ -1,4 +1,4 @@
-"""The reference experiment seen by the bank of hypotheses: how fast, and how often named right."""
+"""The reference experiment seen by the multi-model detector: how fast, and how often named right."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.plants import Plants
+from monitor_core.calibration.simulated_copies import Plants
 from monitor_core.detection.multimodel.detection_limit import least_delay
 from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank

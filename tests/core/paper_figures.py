@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.calibration.budget import rates, thresholds
-from monitor_core.calibration.healthy import Samples, deviations
-from monitor_core.calibration.learned import learned
+from monitor_core.calibration.healthy_records import Samples, deviations
+from monitor_core.calibration.healthy_statistics import learned
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import FAULT_AT, INTERVAL_S
 from monitor_core.monitoring import AxisBatch, AxisMonitor

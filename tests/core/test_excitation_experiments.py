@@ -24,7 +24,7 @@ from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant
 from monitor_core.excitation.prediction import Estimation, told_apart
-from monitor_core.excitation.schedule import Schedule
+from monitor_core.excitation.record_phases import Schedule
 from monitor_core.excitation.sensitivity import sensitivities, sensitivity_responses
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass

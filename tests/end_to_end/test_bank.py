@@ -1,4 +1,4 @@
-"""The bank of hypotheses in the daemon, from outside: named, on the page's API and in the metrics, over a restart."""
+"""The multi-model detector in the daemon, from outside: named, on the page's API and in the metrics, over a restart."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.calibration.calibrate import CalibrationOptions
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.healthy_records import Samples
 from monitor_core.calibration.injection import load_of, torque
 from monitor_core.detection import Alarm
 from monitor_core.drive.assembly import Assembly

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import pytest
 
-from monitor_core.calibration.doubts import CalibrationError
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
 from service.reports.calibration_report import Calibration
 from tests.real.emps_cart import (

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from monitor_core.calibration.calibrate import CalibrationOptions
-from monitor_core.calibration.doubts import CalibrationError
+from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

@@ -1,12 +1,12 @@
-"""The bank of hypotheses on the record of a real robot axis, with thresholds from it: quiet, and faults found."""
+"""The multi-model detector on the record of a real robot axis, with thresholds from it: quiet, and faults found."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.hypotheses import bank_limits
+from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.events import Changed, Event, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.budget import Rates, rates, thresholds
-from monitor_core.calibration.healthy import deviations
-from monitor_core.calibration.learned import learned
+from monitor_core.calibration.healthy_records import deviations
+from monitor_core.calibration.healthy_statistics import learned
 from monitor_core.settings import Threshold
 from tests.core.calibration.healthy_axes import Plant, count, plant, record
 from tests.soak.promise import BUDGETS, CALIBRATIONS, HOUR, SAMPLES, kept

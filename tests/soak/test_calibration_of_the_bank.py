@@ -1,4 +1,4 @@
-"""The promise of the bank of hypotheses is kept: of calibrations on fresh records its interval holds the true rate.
+"""The promise of the multi-model detector is kept: of calibrations on fresh records its interval holds the true rate.
 
 The truth is counted: healthy axes, watched for hundreds of hours by each of the banks that were found.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core.calibration.hypotheses import BankLimits, limits
-from monitor_core.calibration.watched import watched
+from monitor_core.calibration.multimodel_healthy import watched
+from monitor_core.calibration.multimodel_thresholds import BankLimits, limits
 from tests.core.calibration.healthy_axes import Plant, plant, record
 from tests.core.calibration.healthy_bank import count
 from tests.soak.promise import BUDGETS, CALIBRATIONS, HOUR, SAMPLES, kept

@@ -1,4 +1,4 @@
-"""What a bank of hypotheses has to say: something has changed; it is this; it is over.  Times in us since 1970.
+"""What a multi-model detector has to say: something has changed; it is this; it is over.  Times in us since 1970.
 
 ``since_us`` is the time of the ``Changed`` that an event belongs to.
 """

@@ -1,4 +1,4 @@
-"""A bank of hypotheses of one axis: samples in; something changed, it is this, it is over: out."""
+"""A multi-model detector of one axis: samples in; something changed, it is this, it is over: out."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -14,11 +14,11 @@ from monitor_core.drive.structure import DELAY as DELAY_PARAMETER
 from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel import likelihood, predictors
 from monitor_core.kernel.hypotheses import Memory
+from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.predictors import Predictors
 from monitor_core.kernel.state import COUNTERS, NEVER
 from monitor_core.kernel.tables import GAINS, OF_MOTION, ONE, TORQUE, Tables
-from monitor_core.kernel.vector import EIGHT
 from monitor_core.settings import Settings
 
 

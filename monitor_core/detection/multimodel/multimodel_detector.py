@@ -1,4 +1,4 @@
-"""Multi-model detector of one axis: a bank of hypotheses, and the alarms that are made of what it finds.
+"""Multi-model detector of one axis: a multi-model detector, and the alarms that are made of what it finds.
 
 A change raises one alarm.  The alarm is named when the evidence is in, may be renamed once when the size is known well,
 and ends when its cause is over.  A further change of a cause with an open alarm belongs to that alarm.
@@ -116,7 +116,7 @@ def _default(axis: _Axis) -> tuple[Hypothesis, ...]:
 
 
 class MultiModelDetector:
-    """The bank of hypotheses of one axis.
+    """The multi-model detector of one axis.
 
     The bank is created when it is needed first, as the compiled kernel decides which hypotheses can be told apart.
 

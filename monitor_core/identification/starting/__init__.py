@@ -9,7 +9,7 @@ Where nobody knows how many masses the drive has, ``grow`` fits one, two, three,
 for.
 """
 
-from monitor_core.identification.starting.grow import Grown, Growth, grow
+from monitor_core.identification.starting.mass_count import Grown, Growth, grow
 from monitor_core.identification.starting.search import Progress
 from monitor_core.identification.starting.starting_fits import Candidate, fit_from, fit_from_scratch, start
 

@@ -11,7 +11,7 @@ from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting.chains import chain_of_modes
-from monitor_core.identification.starting.growth import longer, stems
+from monitor_core.identification.starting.growing_chains import longer, stems
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
 from monitor_core.identification.starting.response import Measured, measure

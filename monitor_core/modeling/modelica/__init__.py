@@ -1,9 +1,14 @@
-"""Modelica texts (drawn in OpenModelica, or written by hand) -> flat model.
+"""Modelica texts (drawn in OpenModelica, or written by hand) to the flat model of a drive.
 
-text -> parse tree (parsing.py, pymoca's grammar) -> classes (declarations.py, syntax.py)
--> names (names.py, library.py) -> tree of instances (instantiation.py, changes.py)
--> values of parameters (values.py), connections (connecting.py, signals.py), library components (leaves.py)
--> flat model (flattening.py)
+text -> parse tree (parsing, with pymoca's grammar) -> classes (declarations, syntax) -> names (names, lookup)
+-> tree of instances (instantiation, changes) -> values of parameters (values), connections (connecting), components of
+the library (leaves) -> flat model (flattening)
+
+Why pymoca is only the parser here.  Its flattener (tried: pymoca 0.12, with a small rotational library) gives the right
+equations of a plain drive.  But it accepts silently what means another drive: a component whose condition is false
+stays, an array of components becomes one component, algorithms and text behind the last class vanish.  Its tree holds
+neither conditions nor line numbers.  So these texts could be refused, with name and line, only by a second walk over
+the parse tree; and its own errors name no line (an unknown flange is a KeyError).
 """
 
 from __future__ import annotations

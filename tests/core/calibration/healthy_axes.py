@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy import Samples, untested
+from monitor_core.calibration.healthy_records import Samples, untested
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine

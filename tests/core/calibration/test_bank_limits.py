@@ -1,4 +1,4 @@
-"""Thresholds of the bank of hypotheses from healthy records: a budget kept, also where innovations are coloured."""
+"""Thresholds of the multi-model detector from healthy records: a budget kept, also where innovations are coloured."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from monitor_core.calibration import hypotheses, watched
-from monitor_core.calibration.bank_tails import Heights
-from monitor_core.calibration.catch import Fault, catch
-from monitor_core.calibration.catch_by_bank import catch_by_bank
-from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.hypotheses import BankLimits, bank_limits
-from monitor_core.calibration.surrogate import LANES
-from monitor_core.calibration.watched import PARTS, allowances
+from monitor_core.calibration import multimodel_healthy as watched
+from monitor_core.calibration import multimodel_thresholds as hypotheses
+from monitor_core.calibration.fault_trials import Fault, catch
+from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
+from monitor_core.calibration.multimodel_healthy import PARTS, allowances
+from monitor_core.calibration.multimodel_tails import Heights
+from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
+from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection.multimodel.events import Changed
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.bank_tails import ALIKE, LEAST_HEIGHT, TOP, BankTails, Heights, bank_tails
+from monitor_core.calibration.multimodel_tails import ALIKE, LEAST_HEIGHT, TOP, BankTails, Heights, bank_tails
 
 PLACES, MANY = 500, 40
 FAR = 8.0

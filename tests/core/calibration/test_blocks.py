@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.surrogate import Blocks, to_come
+from monitor_core.calibration.surrogate_records import Blocks, to_come
 
 N, COPIES, LENGTH, MANY = 60_000, 16, 100, 600
 

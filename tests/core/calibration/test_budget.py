@@ -15,13 +15,12 @@ from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
-from monitor_core.calibration.healthy import Deviations
-from monitor_core.calibration.informed import informed
+from monitor_core.calibration.false_alarm_tail import Tail, tails
+from monitor_core.calibration.healthy_records import Deviations
+from monitor_core.calibration.healthy_statistics import allowance, informed
 from monitor_core.calibration.run_length import log_mean_time
 from monitor_core.calibration.scatter import OFFSET, scatter
-from monitor_core.calibration.spread import allowance
-from monitor_core.calibration.surrogate import Excursions
-from monitor_core.calibration.tail import Tail, tails
+from monitor_core.calibration.surrogate_records import Excursions
 from monitor_core.settings import Threshold
 
 MEMORY = 50

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.calibration.catch import Fault, catch
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.fault_trials import Fault, catch
+from monitor_core.calibration.healthy_records import Samples
 from monitor_core.calibration.injection import changed, load_of, torque
-from monitor_core.calibration.plants import Plants, innovations
+from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.excitation.reference_experiment import INTERVAL_S
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.monitoring import AxisMonitor

@@ -8,7 +8,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.doubts import (
+from monitor_core.calibration.healthy_records import Deviations
+from monitor_core.calibration.record_doubts import (
     CalibrationError,
     check_healthy,
     check_promise,
@@ -16,7 +17,6 @@ from monitor_core.calibration.doubts import (
     check_settings,
     duration,
 )
-from monitor_core.calibration.healthy import Deviations
 from monitor_core.calibration.scatter import scatter
 from monitor_core.excitation.reference_experiment import reference_model
 from monitor_core.settings import Settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.bank_tails import LEAST_HEIGHT, TOP, Heights
+from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, Heights
 
 PLACES = 500
 EVEN = np.ones((1, PLACES))

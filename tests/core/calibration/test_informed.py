@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.informed import informed
+from monitor_core.calibration.healthy_statistics import informed
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.calibration.surrogate import Excursions
+from monitor_core.calibration.surrogate_records import Excursions
 
 P = 3
 

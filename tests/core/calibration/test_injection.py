@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.healthy_records import Samples
 from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Output, split_name

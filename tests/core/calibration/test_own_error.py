@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.surrogate import Parts, beyond
+from monitor_core.calibration.surrogate_records import Parts, beyond
 
 P, PARTS, COPIES, SAMPLES = 2, 30, 64, 200
 REPEATED = 5

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.sieve import Sieve, autoregression
+from monitor_core.calibration.synthetic_innovations import Sieve, autoregression
 
 N, COPIES = 40_000, 16
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monitor_core.calibration.surrogate import simulated
+from monitor_core.calibration.surrogate_records import simulated
 from tests.core.calibration.healthy_axes import plant, record
 
 MINUTES_5 = 60_000

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.bank_tails import Heights
-from monitor_core.calibration.hypotheses import log_share
+from monitor_core.calibration.multimodel_tails import Heights
+from monitor_core.calibration.multimodel_thresholds import log_share
 
 N, SIZES = 400_000, (0.25, 0.35, 0.5, 0.7)
 

@@ -12,7 +12,7 @@ from scipy.signal import freqz
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.arx import Arx, fit_arx
-from monitor_core.identification.normal import Lags, gram, regressors
+from monitor_core.identification.least_squares import Lags, gram, regressors
 from monitor_core.identification.record import Record, split
 from tests.core.identification.systems import INTERVAL_S, arx_record, bench_drive, bench_record, decibels
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monitor_core.identification.fit import choose_disturbance
+from monitor_core.identification.criterion import choose_disturbance
 from monitor_core.identification.greybox import Disturbance
 from monitor_core.identification.outlier_removal import outliers
 from monitor_core.identification.predictor import Predictor

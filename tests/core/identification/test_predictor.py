@@ -8,7 +8,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY
-from monitor_core.identification.fit import fit_starts
+from monitor_core.identification.criterion import fit_starts
 from monitor_core.identification.predictor import Errors, Predictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.record import Record

@@ -12,7 +12,7 @@ from monitor_core.excitation.reference_experiment import BAND_HZ
 from monitor_core.identification.greybox import Problem, fit
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch
-from monitor_core.identification.starting.growth import bare
+from monitor_core.identification.starting.growing_chains import bare
 from monitor_core.identification.starting.response import measure
 from tests.core.identification import monte_carlo
 from tests.core.identification.test_starting import AT_OPTIMUM, THREE, TWO, Case, Way

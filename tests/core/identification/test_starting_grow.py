@@ -10,11 +10,19 @@ import pytest
 from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.starting import Growth, grow, start
-from monitor_core.identification.starting import growth as growing
+from monitor_core.identification.starting import growing_chains as growing
 from monitor_core.identification.starting import starting_fits as api
 from monitor_core.identification.starting.chains import Chain, chain
-from monitor_core.identification.starting.grow import asked, doubt_of, verdict
-from monitor_core.identification.starting.growth import Mode, bare, joined, lacking, longer, rigid, stems
+from monitor_core.identification.starting.growing_chains import (
+    Mode,
+    bare,
+    joined,
+    lacking,
+    longer,
+    rigid,
+    stems,
+)
+from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
 from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import Modal, shape
 from monitor_core.identification.starting.response import measure

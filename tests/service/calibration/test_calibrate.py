@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from monitor_core.calibration.calibrate import CalibrationOptions
-from monitor_core.calibration.doubts import CalibrationError
+from monitor_core.calibration.record_doubts import CalibrationError
 from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
 from service.config.axis_settings import axis_model, axis_settings

@@ -109,7 +109,7 @@ def test_the_picture_shows_what_there_is(page: str) -> None:
         assert f">{words}</text>" in page, words
     assert page.count(">change [%]</text>") == 3
     assert page.count(">CUSUM</text>") == 3
-    assert page.count(">bank</text>") == 4
+    assert page.count(">multi-model</text>") == 4
     assert ">other causes</text>" in page
     assert "Slow course" not in page
     for absent in ("finding P(0)", "clock set back"):

@@ -7,7 +7,7 @@ from importlib.metadata import version
 import pytest
 from typer.testing import CliRunner
 
-from service.commands.exits import EXIT_CODES
+from service.commands.exit_codes import EXIT_CODES
 from service.commands.main import COMMANDS, app
 
 

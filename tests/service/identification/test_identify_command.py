@@ -181,7 +181,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(here: Path, monkeypatch: py
     def full(path: Path, _: str) -> None:
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("service.commands.identify_files.replace_text", full)
+    monkeypatch.setattr("service.commands.output_files.replace_text", full)
     assert "cannot write nominal.toml: No space left on device" in refused("second.csv", "--free", "Jm")
 
 

@@ -1,4 +1,4 @@
-"""The bank of hypotheses in the daemon: faults of axes and of sensors named, in the journal, over a restart."""
+"""The multi-model detector in the daemon: faults of axes and of sensors named, in the journal, over a restart."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SWAPPED = "demo.axis3"
 
 
 def watched(folder: Path, axes: int = 3, **detector: object) -> Config:
-    """The demo, whose axes alarm by the bank of hypotheses."""
+    """The demo, whose axes alarm by the multi-model detector."""
     config = demo(folder, axes)
     own = DetectorConfig.model_validate({"alarm_source": "multimodel", "budget_s": 86400.0, **detector})
     changed = tuple(axis.model_copy(update={"detector": own}) for axis in config.robot[0].axis)

@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.catch import Caught, Fault
-from monitor_core.calibration.hypotheses import BankLimits
+from monitor_core.calibration.fault_trials import Caught, Fault
+from monitor_core.calibration.multimodel_thresholds import BankLimits
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection.multimodel.multimodel_detector import Limit

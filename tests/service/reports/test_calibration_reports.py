@@ -121,7 +121,7 @@ def test_thresholds_of_each_detector() -> None:
     ]
     for words in (as_html(of), printed(of)):
         assert "Thresholds of the CUSUM tests" in words
-        assert "Thresholds of the bank of hypotheses" in words
+        assert "Thresholds of the multi-model detector" in words
         assert "11.0 to 12.0" in words
 
 
@@ -137,8 +137,8 @@ def test_thresholds_that_look_alike_are_said_once() -> None:
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        ("multimodel", ["bank of hypotheses, which alarms", "CUSUM tests, which look on"]),
-        ("cusum", ["CUSUM tests, which alarm", "bank of hypotheses, which looks on"]),
+        ("multimodel", ["multi-model detector, which alarms", "CUSUM tests, which look on"]),
+        ("cusum", ["CUSUM tests, which alarm", "multi-model detector, which looks on"]),
     ],
 )
 def test_what_will_alarm_is_told_first(kind: DetectorName, told: list[str]) -> None:
@@ -213,7 +213,7 @@ def test_the_files_for_programs_have_both() -> None:
 def test_an_axis_without_a_bank() -> None:
     of = replace(by_hand(), result=replace(by_hand().result, bank=None), alarms="cusum")
     for words in (as_html(of), printed(of)):
-        assert "No bank of hypotheses" in words
+        assert "No multi-model detector" in words
         assert "models: up" not in words
         assert "Thresholds of the bank" not in words
     assert json.loads(as_json(of))["multimodel"] is None

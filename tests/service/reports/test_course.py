@@ -17,8 +17,8 @@ from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import AxisMonitor, Fleet, standard_deviation
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
-from service.reports import course as rows
-from service.reports.course import SIGMAS, BankCourse, Course
+from service.reports import replay_course as rows
+from service.reports.replay_course import SIGMAS, BankCourse, Course
 from service.reports.timeline import Timeline
 from tests.core.cases import BY_NAME, record
 

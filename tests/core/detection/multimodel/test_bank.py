@@ -1,4 +1,4 @@
-"""The bank of hypotheses as the detector of an axis: from samples to alarms, saved, restored, adopted, looking on."""
+"""The multi-model detector as the detector of an axis: from samples to alarms, saved, restored, adopted, looking on."""
 
 from dataclasses import replace
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.catch import Fault
-from monitor_core.calibration.catch_by_bank import catch_by_bank
-from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.hypotheses import bank_limits
+from monitor_core.calibration.fault_trials import Fault
+from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
+from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis import FOLLOWED
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank

@@ -1,4 +1,4 @@
-"""The bank of hypotheses: each predicts as the recursion does at its parameters; blocks, saving, gates, outliers."""
+"""The multi-model detector: each predicts as the recursion does at its parameters; blocks, saving, gates, outliers."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""What the bank of hypotheses says on the reference experiment, with fresh seeds: when, what, how much, since when."""
+"""The multi-model detector on the reference experiment: when it alarms, and which cause, size and onset it names."""
 
 import math
 from collections.abc import Callable

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisStatus, ParameterTrend
 from service.pipeline.alarms import Quantity
-from service.reports.course import Course
+from service.reports.replay_course import Course
 from service.reports.text_format import plain
 from service.texts.timestamps import iso
 

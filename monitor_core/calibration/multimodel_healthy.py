@@ -1,4 +1,4 @@
-"""What a bank of hypotheses does on healthy records, and on copies of them, which are as many as its tails need.
+"""What a multi-model detector does on healthy records, and on copies of them, which are as many as its tails need.
 
 The copies have the motion of the records, as what a model lacks goes with it, and innovations that never were
 (sieve.py).
@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.bank_tails import Heights
-from monitor_core.calibration.healthy import Samples
-from monitor_core.calibration.sieve import Sieve
+from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.multimodel_tails import Heights
 from monitor_core.calibration.spectra import Spectra
-from monitor_core.calibration.surrogate import LANES, block_length, copies_of, source_of
+from monitor_core.calibration.surrogate_records import LANES, block_length, copies_of, source_of
+from monitor_core.calibration.synthetic_innovations import Sieve
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
 from monitor_core.drive.axis_model import AxisModel

@@ -4,8 +4,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.series import INVERSE
-from monitor_core.kernel.vector import EIGHT, FOUR, fused, load8, spread8, store, where_at_least
+from monitor_core.kernel.llvm_vectors import EIGHT, FOUR, fused, load8, spread8, store, where_at_least
+from monitor_core.kernel.taylor_series import INVERSE
 
 _ZERO, _ONE, _TWO, _EIGHT = (np.uint64(k) for k in (0, 1, 2, EIGHT))
 _GROUP = np.uint64(FOUR * EIGHT)

@@ -44,7 +44,7 @@ class Course:
         self.h: Floats = monitor.batch.thresholds[:, monitor.lane].copy()
         """Thresholds (p,)"""
         self.beside: BankCourse | None = None
-        """Of the bank of hypotheses; None: there is none, or it has taken no sample"""
+        """Of the multi-model detector; None: there is none, or it has taken no sample"""
         self.timeline = Timeline()
         self._width = max(1, round(s.interval_s * 1e6))
         self._low, self._high = (
@@ -61,7 +61,7 @@ class Course:
     def take(
         self, t_us: Times, trace: Trace, crossings: Iterable[Crossing], beside: BankTrace | None = None
     ) -> None:
-        """Samples of the axis (N,) with what the recursion did at each, their crossings of h, and what the bank did."""
+        """Samples of the axis (N,), crossings of h, and the traces of the recursion and of the multi-model detector."""
         took = trace.does != SKIP
         if not took.any():
             return
@@ -98,7 +98,7 @@ class Course:
         return np.stack([row.T for row in rows])
 
     def _of_the_bank(self) -> BankCourse:
-        """Made with the first samples: by then there is a bank."""
+        """Made with the first samples: by then there is a multi-model detector."""
         if self.beside is None:
             assert self._monitor.multimodel is not None
             self.beside = BankCourse(self._monitor.multimodel.bank, self._names, self._most)
@@ -170,7 +170,7 @@ class Course:
         return self._gaps[: self.used]
 
 
-# --- The course of the bank of hypotheses over a record: of each cause the least and the largest g / h, bin by bin ----
+# --- The multi-model detector: the least and the largest g / h of each cause, bin by bin -----------------------------
 
 
 EITHER = 0

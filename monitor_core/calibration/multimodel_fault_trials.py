@@ -1,4 +1,4 @@
-"""What the bank of hypotheses would have found of faults that begin anywhere in a healthy record."""
+"""What the multi-model detector would have found of faults that begin anywhere in a healthy record."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.catch import Caught, Fault, injected, places
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.fault_trials import Caught, Fault, injected, places
+from monitor_core.calibration.healthy_records import Samples
 from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of

@@ -16,8 +16,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy import Samples, untested
-from monitor_core.calibration.plants import Plants, innovations
+from monitor_core.calibration.healthy_records import Samples, untested
+from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
 from monitor_core.monitoring import AxisBatch, AxisMonitor

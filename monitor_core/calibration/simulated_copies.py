@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy import Samples, untested
+from monitor_core.calibration.healthy_records import Samples, untested
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY
-from monitor_core.kernel.plant import measured
+from monitor_core.kernel.innovations_plant import measured
 from monitor_core.kernel.tables import COULOMB
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

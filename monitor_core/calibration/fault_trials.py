@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.healthy_records import Samples
 from monitor_core.calibration.injection import Load, changed, load_of, torque
-from monitor_core.calibration.plants import Plants, innovations
+from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection import Crossing
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel

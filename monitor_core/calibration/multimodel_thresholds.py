@@ -1,4 +1,4 @@
-"""Thresholds of a bank of hypotheses from healthy records and a false-alarm budget.
+"""Thresholds of a multi-model detector from healthy records and a false-alarm budget.
 
 For an exact model g goes beyond h about as often as exp(-h) says.  Of a real axis it is exp(-r h), with an r of each
 hypothesis (bank_tails.py): of the records themselves, as what the model lacks goes with their motion, and of copies of
@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.bank_tails import LEAST_HEIGHT, TOP, Heights, bank_tails
 from monitor_core.calibration.budget import LOWER, UPPER
-from monitor_core.calibration.healthy import Samples
+from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.multimodel_healthy import COPIES, Watched, watched
+from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, Heights, bank_tails
 from monitor_core.calibration.run_length import root
-from monitor_core.calibration.watched import COPIES, Watched, watched
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings

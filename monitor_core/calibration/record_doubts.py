@@ -7,7 +7,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy import Deviations
+from monitor_core.calibration.healthy_records import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.axis_status import untold

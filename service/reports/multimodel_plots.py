@@ -1,4 +1,4 @@
-"""The g of the bank of hypotheses over h: of a parameter beside that of the paper's tests, of other causes together."""
+"""Plots of g / h of the multi-model detector: beside the CUSUM tests of a parameter, and of the other causes."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor_core.arrays import Floats
-from service.reports.course import BankCourse, Course, Group
 from service.reports.plot_style import ALARM, BEFORE, FOUND, INK, OTHER, QUIET, SIMULATED
-from service.reports.replayed import TimeUnit
+from service.reports.replay_course import BankCourse, Course, Group
+from service.reports.replay_result import TimeUnit
 from service.reports.timeline import zigzag
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _line(course: Course, bank: BankCourse, group: Group, unit: TimeUnit) -> tup
 
 def _finish(axes: Axes, top: float) -> None:
     axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
-    axes.set(ylabel="bank\ng / h")
+    axes.set(ylabel="multi-model\ng / h")
     if top <= _LINEAR:
         axes.set(ylim=(0, 1.15 * max(top, 1.0)))
         return

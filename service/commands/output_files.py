@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import typer
 
-from service.commands.exits import MISTAKE
+from service.commands.exit_codes import MISTAKE
 from service.store.atomic_files import replace_text
 
 if TYPE_CHECKING:

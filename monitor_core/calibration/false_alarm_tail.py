@@ -10,7 +10,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration.run_length import log_mean_time, log_single
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.calibration.surrogate import Excursions
+from monitor_core.calibration.surrogate_records import Excursions
 
 ENOUGH, FEW = 300, 15
 """Excursions that go farthest, which tell how often; a rate of which there were fewer than the second is not known

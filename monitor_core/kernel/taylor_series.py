@@ -16,7 +16,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Indices
 from monitor_core.kernel.compile import aside, kernel
-from monitor_core.kernel.vector import FOUR, fused, load4, spread4, store
+from monitor_core.kernel.llvm_vectors import FOUR, fused, load4, spread4, store
 
 MOST_TERMS = 19
 INVERSE = np.array([0.0] + [1.0 / k for k in range(1, MOST_TERMS + 1)])

@@ -1,0 +1,209 @@
+"""All that healthy records say before a budget is asked for: from deviations to the tails of the tests' sums."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaincinv  # not scipy.stats: to import that takes seconds
+
+from monitor_core.arrays import Floats
+from monitor_core.calibration.budget import nu_over_sigma
+from monitor_core.calibration.false_alarm_tail import Tail, tails
+from monitor_core.calibration.healthy_records import Deviations, Samples
+from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
+from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulated
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.settings import Settings
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Of p parameters: how their estimates scatter, what their tests are to allow for, and how far the sums go."""
+
+    scatter: Scatter
+    alone: Scatter
+    """As uncertain as the records alone leave it, whatever copies of them know"""
+    allowance: Floats  # (p,), in sizes
+    tails: tuple[Tail, ...]
+
+
+def learned(
+    model: AxisModel,
+    settings: Settings,
+    records: Sequence[Samples],
+    found: Sequence[Deviations],
+    budget: float,
+    within: float,
+    rng: np.random.Generator,
+    copies: int = SAMPLES,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Learned:
+    """What thresholds are made from.
+
+    ``found`` is what the recursion made of the records.  nu is best for a ``budget`` of so many samples between two
+    false alarms of the axis, and faults that are to be found ``within`` so many memories.  ``copies``: samples of
+    healthy records that are simulated.
+
+    Raises:
+        ValueError: nothing was tested, or learned, in any record.
+    """
+    memory = settings.memory
+    k = nu_over_sigma(len(model.scale), memory, budget, within)
+    excursions = simulated(model, settings, records, k, rng, copies, progress)
+    seen = scatter(found, memory, rng)
+    told = informed(seen, excursions, rng)
+    alone = replace(told, off=seen.off, power=seen.power)
+    return Learned(told, alone, allowance(found, told), tails(told, excursions))
+
+
+# --- What records and their copies say together of the scatter of healthy estimates -----------------------------------
+
+
+# The copies say it much more sharply than a record, which is short, and as the very recursion runs over them they know
+# its own bias under coloured innovations; but they know nothing of what the model lacks.  So what a record differs by
+# from its copies is taken for chance as far as chance explains it, and where it does not, for what it is
+# (``horseshoe``).  The copies are themselves off, by what was chance in the innovations that they are made of
+# (``own_error``).
+
+MOST_OWN = 0.5
+"""Of the chance of a record, what copies of it are off by themselves."""
+
+
+def informed(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Scatter:
+    """The scatter of the records, with what the copies know of its mean and its size."""
+    p, times = len(scatter.sigma), len(scatter.power)
+    own = rng.multivariate_normal(np.zeros(2 * p), found.error, size=times)
+    differs = [(scatter.mean_d - found.mean) / found.sigma, np.log(scatter.sigma / found.sigma)]
+    chance = [scatter.off / found.sigma, np.log(scatter.power) / 2]
+    centre, apart = _told(np.concatenate(differs), np.hstack(chance), own, rng)
+    return replace(
+        scatter,
+        mean_d=found.mean + found.sigma * centre[:p],
+        off=found.sigma * apart[:, :p],
+        sigma=found.sigma * np.exp(centre[p:]),
+        power=np.exp(2 * apart[:, p:]),
+    )
+
+
+def _told(differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """What to add to the copies' numbers (n,), and how far off the truth may be then (B, n).
+
+    A record has the copies' own error in its chance, as it is of the same innovations.  So that is no part of what they
+    differ by, and stays.
+
+    Args:
+        differs: what the record's numbers differ by (n,).
+        chance: of the record (B, n).
+        own: error of the copies (B, n).
+        rng: of what is drawn.
+    """
+    sd, sd_own = chance.std(axis=0), own.std(axis=0)
+    most = np.minimum(sd_own, MOST_OWN * sd)
+    rest = np.sqrt(sd**2 - most**2)
+    lacks = rest * drawn(differs / rest, chance / sd, rng)
+    centre = lacks.mean(axis=0)
+    return centre, lacks - centre + own * most / np.maximum(sd_own, _TINY)
+
+
+# --- What healthy records differ by, beside what chance makes of it: the allowance in nu ------------------------------
+
+
+SHORTEST, MOST = 20, 10
+"""Memories in a part, and parts of a record."""
+FACTOR = 3.0
+"""The allowance is so many standard deviations of what the means of parts differ by."""
+LEVEL = 0.99
+"""A spread that chance makes less often than in one of a hundred is real."""
+
+
+def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
+    """Allowance of each parameter (p,), in sizes.
+
+    The means of parts, of all records, scatter by sigma sqrt(2 / memories) if there is nothing but noise.  What is
+    beyond that (DerSimonian and Laird 1986; nothing, where chance would do) is a bias that comes and goes: of the
+    pose, of the temperature.  To it comes the bias that stays, of nominal values that are not quite those of the axis.
+    """
+    q = max(1, round(scatter.memory / BINS))
+    means, weights = [], []
+    for one in found:
+        d = binned(one, q)[:, 0]
+        count = int(np.clip(len(d) // (SHORTEST * BINS), 1, MOST))
+        for part in np.array_split(d, count) if len(d) else ():
+            means.append(part.mean(axis=0))
+            weights.append(len(part) / BINS / 2)
+    m, w = np.array(means), np.array(weights)[:, np.newaxis]
+    if len(m) < 2:
+        return scatter.beyond
+    # Within the parts, or the spread would be its own measure.
+    inside = np.sqrt(np.maximum(scatter.sigma**2 - m.var(axis=0), 0.1 * scatter.sigma**2))
+    w = w / inside**2
+    mean = (w * m).sum(axis=0) / w.sum(axis=0)
+    Q, freedom = (w * (m - mean) ** 2).sum(axis=0), len(m) - 1
+    excess = (Q - freedom) / (w.sum(axis=0) - (w**2).sum(axis=0) / w.sum(axis=0))
+    real = 2 * gammaincinv(freedom / 2, LEVEL ** (1 / len(Q))) < Q
+    return np.asarray(scatter.beyond + np.where(real, FACTOR * np.sqrt(np.maximum(excess, 0.0)), 0.0))
+
+
+# --- What several numbers may truly be of which each was seen with chance, where most of them are nothing -------------
+
+
+# The horseshoe (Carvalho, Polson and Scott 2010): numbers N(0, tau^2 zeta_i^2) with half Cauchy zeta_i.  One tau is for
+# all of them: where all are far out, none is taken for chance; where none is, all are.  Before, it is half Cauchy about
+# the tau_0 that goes with how many of n numbers are expected to be something (Piironen and Vehtari 2017).
+
+EXPECTED = 0.25
+"""Numbers that are something, beforehand: one, of four axes.  What is far out is believed all the same."""
+_STEPS, _SCALES, _WIDE = 120, 60, 9.0
+"""Points of zeta and of tau, equal steps of their logarithms, to so far from what is in the middle."""
+_FARTHEST = 1e3
+"""Standard deviations: what is farther out is not shrunk at all, and its weights would underflow."""
+_TINY = 1e-300
+
+
+def drawn(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
+    """What the numbers may be (B, n), drawn from the posterior.
+
+    Args:
+        e: the numbers as seen (n,), n > 1, in standard deviations of their chance.
+        chance: standard normal (B, n), of what is not known given kappa; numbers seen with the same chance share it.
+        rng: of tau and kappa.
+    """
+    B, n = chance.shape
+    tau, of_tau = _half_cauchy(_SCALES)
+    zeta, of_zeta = _half_cauchy(_STEPS)
+    kappa = 1 / (1 + np.outer(tau * EXPECTED / (n - EXPECTED), zeta) ** 2)
+    weights = of_zeta[:, np.newaxis] * _likelihood(e, kappa)
+    log = np.log(of_tau) + np.log(weights.sum(axis=1)).sum(axis=-1)
+    likely = np.exp(log - log.max())
+    which = rng.choice(len(kappa), size=(B, 1), p=likely / likely.sum())
+    of = np.hstack([_chosen(kappa, weights[:, :, i], which[:, 0], rng) for i in range(n)])
+    return np.asarray(e - of * _near(e) + np.sqrt(1 - of) * chance)
+
+
+def _chosen(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
+    """One kappa for each of these rows (B, 1), as likely as it is within its row."""
+    up_to = np.cumsum(weights, axis=1)
+    up_to /= up_to[:, -1:]
+    all_rows = (up_to + np.arange(len(kappa))[:, np.newaxis]).ravel()  # rising, all the way
+    return np.asarray(kappa.ravel()[np.searchsorted(all_rows, which + rng.random(len(which)))])[:, np.newaxis]
+
+
+def _likelihood(e: Floats, kappa: Floats) -> Floats:
+    """Of kappa = 1 / (1 + tau^2 zeta^2) (T, S), for each number (T, S, n).
+
+    Given kappa what is seen is N(0, 1 / kappa), and the number has the mean (1 - kappa) e and the variance 1 - kappa.
+    """
+    log = np.log(kappa)[:, :, np.newaxis] / 2 - kappa[:, :, np.newaxis] * _near(e) ** 2 / 2
+    return np.asarray(np.maximum(np.exp(log - log.max(axis=(0, 1))), _TINY))
+
+
+def _half_cauchy(n: int) -> tuple[Floats, Floats]:
+    """Points and their weights (n,)."""
+    x = np.exp(np.linspace(-_WIDE, _WIDE, n))
+    weight = 1 / (x + 1 / x)
+    return x, weight / weight.sum()
+
+
+def _near(e: Floats) -> Floats:
+    return np.asarray(np.clip(e, -_FARTHEST, _FARTHEST))
