@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from monitor_core.excitation.accuracy import Accuracy
     from monitor_core.excitation.design import plan
     from monitor_core.excitation.multisine import crest_factor, multisine
-    from monitor_core.excitation.reference_experiment import experiment, reference_model
+    from monitor_core.excitation.reference_experiment import experiment
     from monitor_core.identification.estimate import Estimate
     from monitor_core.identification.greybox import fit
     from monitor_core.identification.identification_result import IdentificationResult
@@ -74,7 +74,13 @@ if TYPE_CHECKING:
     from monitor_core.identification.record import Record
     from monitor_core.identification.record_checks import suspicions as check_record
     from monitor_core.modeling.simulated_axis import SimulatedAxis
-    from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass, two_mass
+    from monitor_core.modeling.standard_drives import (
+        REFERENCE_VALUES,
+        five_mass,
+        reference_model,
+        three_mass,
+        two_mass,
+    )
     from monitor_core.monitoring import (
         AlarmChange,
         AxisBatch,
@@ -160,7 +166,7 @@ _HOME = {
     "five_mass": "modeling.standard_drives",
     "REFERENCE_VALUES": "modeling.standard_drives",
     "SimulatedAxis": "modeling.simulated_axis",
-    "reference_model": "excitation.reference_experiment",
+    "reference_model": "modeling.standard_drives",
     "experiment": "excitation.reference_experiment",
     "Conditions": "drive.operating_conditions",
     "Follow": "drive.operating_conditions",

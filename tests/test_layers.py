@@ -47,7 +47,7 @@ LEAK = re.compile(r"(?<![\w.~$})-])/(?:" + _HOMES_OF_USERS + ")/|" + "|".join(ma
 LAYERS = (
     *(
         "monitor_core.arrays",
-        "monitor_core.suggestions",
+        "monitor_core.wording",
         "monitor_core.samples",
         "monitor_core.kernel",
         "monitor_core.drive",
@@ -127,6 +127,23 @@ def test_imports_go_one_way() -> None:
     unlisted = {layer for edge in edges for layer in edge} - set(rank)
     assert unlisted == set()
     assert {(a, b) for a, b in edges if rank[a] < rank[b]} == set()
+
+
+HEAVY = {
+    "monitor_core.modeling.modelica": "loads pymoca",
+    "monitor_core.modeling.symbolic": "loads sympy",
+}
+"""Not on a face, since not every program that uses the package needs what these load."""
+
+
+def test_the_service_uses_the_faces_of_the_core() -> None:
+    inner = {
+        name
+        for path in python_files("service")
+        for _, name in imports_of(path)
+        if name.startswith("monitor_core.") and name.count(".") > 1
+    }
+    assert inner == set(HEAVY)
 
 
 @pytest.mark.parametrize(

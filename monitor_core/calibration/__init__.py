@@ -12,3 +12,27 @@
   record knows), ``multimodel_thresholds``, ``multimodel_fault_trials``.
 * ``result``: thresholds, their rate of false alarms, and the faults that would have been found.
 """
+
+from monitor_core.calibration.calibrate import CalibrationOptions, Progress, calibrate
+from monitor_core.calibration.fault_trials import Caught
+from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.record_doubts import CalibrationError
+from monitor_core.calibration.result import (
+    FOUND_SHARE,
+    CalibrationResult,
+    DetectorResult,
+    MultiModelCalibration,
+)
+
+__all__ = [
+    "FOUND_SHARE",
+    "CalibrationError",
+    "CalibrationOptions",
+    "CalibrationResult",
+    "Caught",
+    "DetectorResult",
+    "MultiModelCalibration",
+    "Progress",
+    "Samples",
+    "calibrate",
+]

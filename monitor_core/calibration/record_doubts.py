@@ -12,6 +12,7 @@ from monitor_core.calibration.scatter import BINS, Scatter, binned
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.axis_status import untold
 from monitor_core.settings import Settings
+from monitor_core.wording import duration
 
 FEWEST = 20
 """Memories of tested samples."""
@@ -28,7 +29,6 @@ _EDGE = 5
 WIDEST = 1000.0
 """Times the rate that is most likely: if it may be more, nothing can be promised.  A budget that is farther away than
 the square of so many memories is known to the root of that, as no record of minutes knows a year better."""
-_NEARLY = 0.05
 
 
 class CalibrationError(Exception):
@@ -169,15 +169,3 @@ def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, 
 
 def _times(most: float) -> str:
     return f"{float(f'{most:.1g}'):,.0f}" if math.isfinite(most) else "any number of"
-
-
-def duration(seconds: float) -> str:
-    """In words: 90 s, 10 min, 3 hours, 2 years."""
-    for one, size in (("a year", 31557600.0), ("a day", 86400.0), ("an hour", 3600.0)):
-        if abs(seconds / size - 1) < _NEARLY:
-            return one
-    for unit, size in (("years", 31557600.0), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
-        if seconds >= 1.5 * size:
-            number = seconds / size
-            return f"{number:.2g} {unit}" if number < 100 else f"{float(f'{number:.2g}'):,.0f} {unit}"
-    return f"{seconds:.3g} s"

@@ -9,11 +9,11 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.fault_trials import Caught
 from monitor_core.calibration.multimodel_thresholds import BankLimits
-from monitor_core.calibration.record_doubts import duration
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection import DetectorName
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
+from monitor_core.wording import duration
 
 FOUND_SHARE = 0.9
 """A change counts as found if the detector finds it from this share of the onsets."""

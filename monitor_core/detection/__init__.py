@@ -22,7 +22,19 @@ from monitor_core.detection.alarm import (
 )
 from monitor_core.detection.cusum.events import Crossing, CusumEvent, Evidence, Recovered
 from monitor_core.detection.detector import Detector, DetectorName, Leading
-from monitor_core.detection.multimodel.candidates import SENSOR_FAULTS
+from monitor_core.detection.multimodel.candidates import (
+    OUTPUT_NOISE,
+    OUTPUT_OFFSET,
+    OUTPUT_SCALE,
+    OUTPUT_SIGN,
+    OUTPUT_STUCK,
+    SENSOR_FAULTS,
+    TORQUE_LOST,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
+    TORQUE_SIGN,
+    TORQUE_STUCK,
+)
 from monitor_core.detection.multimodel.detection_limit import least_delay
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
@@ -39,7 +51,17 @@ __all__ = [
     "DIRECTIONS",
     "HEALTHY",
     "NO_PARAMETER",
+    "OUTPUT_NOISE",
+    "OUTPUT_OFFSET",
+    "OUTPUT_SCALE",
+    "OUTPUT_SIGN",
+    "OUTPUT_STUCK",
     "SENSOR_FAULTS",
+    "TORQUE_LOST",
+    "TORQUE_OFFSET",
+    "TORQUE_SCALE",
+    "TORQUE_SIGN",
+    "TORQUE_STUCK",
     "Alarm",
     "AlarmKey",
     "Cause",

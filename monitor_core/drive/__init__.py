@@ -1,1 +1,33 @@
-"""A drive as numbers: parameters, units, bounds; A, B, C as data; stability, Kalman gain."""
+"""A drive as numbers: parameters, units, bounds; A, B, C as data; stability, Kalman gain.
+
+* ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
+* ``operating_conditions``: nominal values that follow signals, gates.
+* ``assembly``, ``discretization``: what the kernel takes.  ``kalman``, ``stability``: the predictor.
+"""
+
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.kalman import slowest_time_constant
+from monitor_core.drive.operating_conditions import FUNCTIONS, Conditions, Follow, Gate, Operating, Term
+from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+
+__all__ = [
+    "COSINE",
+    "COULOMB",
+    "DELAY",
+    "FUNCTIONS",
+    "ONE",
+    "SINE",
+    "TORQUE",
+    "AxisModel",
+    "Conditions",
+    "Drive",
+    "Follow",
+    "Gate",
+    "Operating",
+    "Output",
+    "Parameter",
+    "Term",
+    "slowest_time_constant",
+    "split_name",
+]

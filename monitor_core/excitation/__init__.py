@@ -1,5 +1,47 @@
-"""Excitation signals, and experiments designed with them."""
+"""Excitation signals, and experiments designed with them.
 
+* ``multisine``: signals.  ``design``: an experiment within the limits of a drive; ``planned_drive``, ``open_loop``,
+  ``closed_loop``, ``motion_limits``, ``record_phases``: its parts.
+* ``accuracy``: the Cramer-Rao bound of a record.  ``sensitivity``, ``prediction``, ``optimal``: before it is measured.
+* ``reference_experiment``: the experiment of the paper.
+"""
+
+from monitor_core.excitation.design import Command, Experiment, Task, plan
+from monitor_core.excitation.experiment_sentences import warnings
+from monitor_core.excitation.motion_limits import Limits
 from monitor_core.excitation.multisine import Lines, Multisine, lines_in, multisine
+from monitor_core.excitation.open_loop import ExcitationError
+from monitor_core.excitation.planned_drive import Controller, Plant
+from monitor_core.excitation.prediction import Estimation
+from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiments, faulty
+from monitor_core.excitation.sensitivity import (
+    LocalIdentifiability,
+    TorqueExperiment,
+    local_identifiability,
+    usual_experiment,
+)
 
-__all__ = ["Lines", "Multisine", "lines_in", "multisine"]
+__all__ = [
+    "FAULT_AT",
+    "SAMPLES",
+    "Command",
+    "Controller",
+    "Estimation",
+    "ExcitationError",
+    "Experiment",
+    "Limits",
+    "Lines",
+    "LocalIdentifiability",
+    "Multisine",
+    "Plant",
+    "Task",
+    "TorqueExperiment",
+    "experiments",
+    "faulty",
+    "lines_in",
+    "local_identifiability",
+    "multisine",
+    "plan",
+    "usual_experiment",
+    "warnings",
+]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.modeling.identifiability.sentences_on_identifiability import listed
+from monitor_core.wording import listed, percent
 
 LIMIT = 0.95
 """Of a correlation."""
@@ -246,8 +246,3 @@ def _sparse(rows: Floats) -> Floats:
         out[others, j] = 0.0
     out[np.abs(out) < _TAKES_PART] = 0.0
     return out
-
-
-def percent(value: float) -> str:
-    """``0.3 %``, ``120 %``: two digits."""
-    return f"{float(f'{100 * value:.2g}'):g} %"

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation.accuracy import FAIR, percent
+from monitor_core.excitation.accuracy import FAIR
 from monitor_core.excitation.design import Experiment, Task
 from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.prediction import linear_part
+from monitor_core.wording import percent
 
 _MOST_LINES = 80
 _WORTH_IT = 1.5

@@ -17,7 +17,7 @@ from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.multisine import Complex
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.sensitivity import sensitivities_to, sensitivity_responses
-from monitor_core.modeling.identifiability.sentences_on_identifiability import listed
+from monitor_core.wording import listed
 
 _UNSEEN = 1e-9
 """A sensitivity so much smaller than the largest is none."""

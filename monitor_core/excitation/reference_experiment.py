@@ -7,14 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Output, split_name
-from monitor_core.excitation import multisine
+from monitor_core.excitation.multisine import multisine
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import (
+    INTERVAL_S,
+    REFERENCE_VALUES,
+    three_mass,
+)
 
-MONITORED = ("kT", "1/Ja", "fm")
-INTERVAL_S = 0.005
 SAMPLES = 2000
 FAULT_AT = 1000
 BAND_HZ = (0.0, 30.0)
@@ -30,11 +31,6 @@ class Record(NamedTuple):
     t_us: NDArray[np.int64]
     u: Floats
     y: Floats
-
-
-def reference_model(output: Output = "speed", monitored: Sequence[str] = MONITORED) -> AxisModel:
-    """The embedded default drive, with the parameters that the paper monitors."""
-    return AxisModel(three_mass(output), REFERENCE_VALUES, tuple(monitored))
 
 
 def faulty(values: Mapping[str, float], fault: Mapping[str, float]) -> dict[str, float]:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold_slopes
 from monitor_core.drive.structure import Drive, split_name
-from monitor_core.excitation import multisine
 from monitor_core.excitation.accuracy import Accuracy
+from monitor_core.excitation.multisine import multisine
 from monitor_core.kernel.fixed_predictor import simulate_known
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.identifiability import structural
@@ -191,7 +191,7 @@ _SEED = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment:
+class TorqueExperiment:
     """A torque (N,) [N m] held over each interval [s], and the noise on the output [rad or rad/s; None: a share].
 
     ``words`` says where it comes from.
@@ -203,17 +203,17 @@ class Experiment:
     noise: float | None = None
 
 
-def usual_experiment() -> Experiment:
+def usual_experiment() -> TorqueExperiment:
     """The multisine of the reference experiment, 0 to 30 Hz, at 200 samples a second."""
     words = "10 s of a multisine from 0 to 30 Hz, 200 samples a second, 1 N m rms"
-    return Experiment(usual_torque(_SEED, 1.0), INTERVAL_S, words)
+    return TorqueExperiment(usual_torque(_SEED, 1.0), INTERVAL_S, words)
 
 
 @dataclass(frozen=True, slots=True)
-class Local:
+class LocalIdentifiability:
     """``accuracy`` of the parameters that are not ``held`` known nor zero at nominal (``left_out``)."""
 
-    experiment: Experiment
+    experiment: TorqueExperiment
     noise: float
     accuracy: Accuracy
     held: tuple[str, ...]
@@ -221,9 +221,9 @@ class Local:
     quantity: str
 
 
-def local(
-    ss: StateSpace, values: Mapping[str, float] | None, experiment: Experiment, speed_scale: float = 1.0
-) -> Local:
+def local_identifiability(
+    ss: StateSpace, values: Mapping[str, float] | None, experiment: TorqueExperiment, speed_scale: float = 1.0
+) -> LocalIdentifiability:
     """What the experiment tells of the parameters, those held known without which nothing could be told.
 
     Raises:
@@ -242,7 +242,9 @@ def local(
     _check_motion(drive.output, rms, S)
     noise = experiment.noise or NOISE_SHARE * rms
     left_out = tuple(name for name in names if name not in free)
-    return Local(experiment, noise, Accuracy(tuple(free), S, noise), held, left_out, drive.output)
+    return LocalIdentifiability(
+        experiment, noise, Accuracy(tuple(free), S, noise), held, left_out, drive.output
+    )
 
 
 def _check_motion(quantity: str, rms: float, S: Floats) -> None:
@@ -256,7 +258,7 @@ def _check_motion(quantity: str, rms: float, S: Floats) -> None:
 
 
 def _output_rms(
-    ss: StateSpace, nominal: Mapping[str, float], experiment: Experiment, speed_scale: float
+    ss: StateSpace, nominal: Mapping[str, float], experiment: TorqueExperiment, speed_scale: float
 ) -> float:
     from monitor_core.modeling.simulated_axis import SimulatedAxis
 

@@ -13,7 +13,7 @@ from monitor_core.identification.estimate import Estimate
 from monitor_core.identification.outlier_removal import GROSS
 from monitor_core.identification.parameter_vector import LEVEL, Layout, whole_intervals
 from monitor_core.identification.residuals import LEVEL as CONFIDENCE
-from monitor_core.modeling.identifiability.sentences_on_identifiability import listed
+from monitor_core.wording import listed
 
 _USUAL = ("kT", "r")
 """What one would rather hold than others: a data sheet has it."""

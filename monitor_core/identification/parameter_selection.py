@@ -12,7 +12,7 @@ from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.schedule import Schedule
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import StateSpace
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 
 RELATIVE = ("kT", "r")
 """Torque constant and gear ratio: known from data sheets, so they are held unless the user frees them."""

@@ -5,10 +5,11 @@ part of its type, so the loops over axes vanish when Numba compiles that shape. 
 and the same loops become the inner, vectorised ones.  No function reassociates a sum, so both shapes give the
 same bits.
 
-The Taylor series alone (series, series_of_eight) is written with vectors of LLVM (vector).  With plain loops in their
-place a sample cost 2.7 times as much for one axis and 6.5 times as much for each of 64 axes.
+The Taylor series alone (taylor_series, taylor_series_lanes) is written with vectors of LLVM (llvm_vectors).  With
+plain loops in their place a sample cost 2.7 times as much for one axis and 6.5 times as much for each of 64 axes.
 
-Read in this order: tables (what a drive is here), state, laurent (A, B, C at theta), propagate and series (the
-interval), delay and mean (intervals in parts), recursion (theta and P), cusum, admission (what becomes of a sample),
-block (all of it, sample by sample).
+Read in this order: tables (a drive as arrays of indices and constants), state, admission (what becomes of a sample),
+sample_interval (its real interval, delayed torque, mean speed), propagate and taylor_series (A, B, C at theta, and the
+state over the interval), recursion (theta and P), supervision (P), cusum, evidence, block (all of it, in a loop over
+samples).
 """

@@ -1,9 +1,47 @@
 """From the drawing of a drive to x' = A(theta) x + B(theta) u, y = C(theta) x (paper, section 2).
 
     drawing in Python (drawing/) or Modelica texts (modelica/), both of components/
-      -> flat equations (flat.py)
-      -> elimination/ -> minimal state space, exact, in symbols (statespace.py), or in sympy's (symbolic.py)
-      -> Drive: the Laurent terms that the kernel takes (numbers.py)
+      -> flat equations (flat)
+      -> elimination/ -> minimal state space, exact, in symbols (statespace), or in sympy's (symbolic)
+      -> Drive: the Laurent terms that the kernel takes (numbers)
 
-What can be told of the parameters: identifiability/ (at all), local.py (from a record).
+Which parameters can be identified at all: identifiability/.  Drives of the library: standard_drives, drive_drawings.
+Simulation: simulated_axis.
 """
+
+from monitor_core.modeling.drawing import from_tables
+from monitor_core.modeling.elimination import eliminate
+from monitor_core.modeling.flat import FlatInput, FlatModel, FlatParameter, FlatSensor, ModelError, Origin
+from monitor_core.modeling.identifiability import structural
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.numbers import drive_of, nominal_of
+from monitor_core.modeling.resonances import Mode, Resonances, modes, resonances_of
+from monitor_core.modeling.simulated_axis import SimulatedAxis
+from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model, two_mass
+from monitor_core.modeling.statespace import Entries, StateSpace
+
+__all__ = [
+    "INTERVAL_S",
+    "MONITORED",
+    "Entries",
+    "FlatInput",
+    "FlatModel",
+    "FlatParameter",
+    "FlatSensor",
+    "Laurent",
+    "Mode",
+    "ModelError",
+    "Origin",
+    "Resonances",
+    "SimulatedAxis",
+    "StateSpace",
+    "drive_of",
+    "eliminate",
+    "from_tables",
+    "modes",
+    "nominal_of",
+    "reference_model",
+    "resonances_of",
+    "structural",
+    "two_mass",
+]

@@ -1,8 +1,10 @@
 """The drives of modeling/library.py as the engine takes them, and the values of the reference experiment."""
 
+from collections.abc import Sequence
 from functools import cache
 from types import MappingProxyType
 
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.modeling import drive_drawings as drawings
 from monitor_core.modeling.elimination import eliminate
@@ -51,3 +53,12 @@ REFERENCE_VALUES = MappingProxyType(
 """Nominal values of the reference experiment.  The paper prints none; with these its Figures 5 and 6 come out.
 Inertias, springs and dampers: values on the motor side from Wernholt and Gunnarsson (SYSID 2006), moved to the arm
 side by 1/r^2; fm read from the thresholds in the paper's Figure 6."""
+
+MONITORED = ("kT", "1/Ja", "fm")
+INTERVAL_S = 0.005
+"""Sample interval of the reference experiment [s]."""
+
+
+def reference_model(output: Output = "speed", monitored: Sequence[str] = MONITORED) -> AxisModel:
+    """The embedded default drive, with the parameters that the paper monitors."""
+    return AxisModel(three_mass(output), REFERENCE_VALUES, tuple(monitored))

@@ -10,6 +10,10 @@
 * ``trend_monitor``, ``forecast_alarms``: long-term trends of an axis, and alarms about limits.
 """
 
+from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
+from monitor_core.kernel.block import Trace
+from monitor_core.kernel.hypotheses import BankTrace
+from monitor_core.kernel.state import NEVER, UNSEEN
 from monitor_core.monitoring.alarm_tracker import AlarmTracker
 from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_monitor import AlarmChange, Arrays, AxisMonitor
@@ -19,18 +23,34 @@ from monitor_core.monitoring.axis_status import (
     Observation,
     ParameterStatus,
     Status,
+    untold,
 )
 from monitor_core.monitoring.fleet import AxisTrace, AxisUpdate, Fleet
 from monitor_core.monitoring.forecast_alarms import Limit
 from monitor_core.monitoring.recommended_settings import (
+    DEFAULT_MEMORY_S,
+    MIN_MEMORY_SAMPLES,
     MonitoringOptions,
     SettingsError,
     recommended_settings,
+    short_memory,
 )
 from monitor_core.monitoring.trend_monitor import ParameterTrend, TrendMonitor
 
 __all__ = [
+    "DEFAULT_MEMORY_S",
+    "DOUBTED",
     "FEWEST_LANES",
+    "GATED",
+    "IDLE",
+    "MIN_MEMORY_SAMPLES",
+    "NEVER",
+    "RESTART",
+    "SEED",
+    "SETTLE",
+    "SKIP",
+    "TRACK",
+    "UNSEEN",
     "AlarmChange",
     "AlarmTracker",
     "Arrays",
@@ -39,6 +59,7 @@ __all__ = [
     "AxisStatus",
     "AxisTrace",
     "AxisUpdate",
+    "BankTrace",
     "DetectorStatus",
     "Fleet",
     "Limit",
@@ -48,7 +69,10 @@ __all__ = [
     "ParameterTrend",
     "SettingsError",
     "Status",
+    "Trace",
     "TrendMonitor",
     "recommended_settings",
+    "short_memory",
     "standard_deviation",
+    "untold",
 ]

@@ -7,9 +7,20 @@
 * ``forecast``: when a limit is reached, with its interval; ``forecast_band``: quantiles at any time.
 """
 
-from monitor_core.trend.entries import Entry, Reading
-from monitor_core.trend.forecast import Forecast, forecast, quantiles
+from monitor_core.trend.entries import Entry, Reading, thinned
+from monitor_core.trend.forecast import COVERED, Forecast, forecast, quantiles
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend, trend_of
 
-__all__ = ["Entry", "Forecast", "Reading", "SlowHistory", "Trend", "forecast", "quantiles", "trend_of"]
+__all__ = [
+    "COVERED",
+    "Entry",
+    "Forecast",
+    "Reading",
+    "SlowHistory",
+    "Trend",
+    "forecast",
+    "quantiles",
+    "thinned",
+    "trend_of",
+]

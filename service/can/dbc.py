@@ -7,7 +7,7 @@ import cantools.database
 from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error as CodingError
 
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 
 __all__ = [
     "CodingError",

@@ -22,7 +22,7 @@ from service.config.base_table import seconds_in
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from monitor_core.calibration.calibrate import CalibrationOptions, Progress
+    from monitor_core.calibration import CalibrationOptions, Progress
     from monitor_core.detection import DetectorName
     from service.config import Config, NamedAxis
     from service.reports.calibration_report import Calibration, Provenance
@@ -93,7 +93,7 @@ def calibrate(
     read = configuration(config, without_bus=True, thresholds=False)
     chosen = axis_named(read.axes, axis)
     with explained():
-        from monitor_core.calibration.calibrate import CalibrationOptions
+        from monitor_core.calibration import CalibrationOptions
 
         options = CalibrationOptions(*wanted)
         with steps_bar(chosen.id) as progress:
@@ -116,7 +116,7 @@ def calibrate_axis(
         AxisError: the axis cannot be monitored as configured.
         RecordError, DbcError, IngestError: a record cannot be read.
     """
-    from monitor_core.calibration.calibrate import calibrate as find_thresholds
+    from monitor_core.calibration import calibrate as find_thresholds
     from service.commands.background import Background
     from service.config.axis_settings import axis_model, axis_settings
     from service.config.detector_choice import alarm_source_of

@@ -19,9 +19,9 @@ from service.config.drive_sources import (
 )
 
 if TYPE_CHECKING:
-    from monitor_core.drive.structure import Output
-    from monitor_core.excitation.sensitivity import Experiment
-    from monitor_core.modeling.statespace import StateSpace
+    from monitor_core.drive import Output
+    from monitor_core.excitation import TorqueExperiment
+    from monitor_core.modeling import StateSpace
     from service.config import AxisConfig, NamedAxis
 
 
@@ -112,7 +112,7 @@ LONGEST = 20_000
 
 def experiment_of(
     record: Path | None, config: Path | None, axis: str | None
-) -> tuple[Experiment | None, float]:
+) -> tuple[TorqueExperiment | None, float]:
     """The experiment of a record, None without one, and the speed scale of Coulomb friction.
 
     Raises:
@@ -132,8 +132,8 @@ def experiment_of(
     return None if record is None else _read(record, config, found.id, found.config), speed_scale
 
 
-def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> Experiment:
-    from monitor_core.excitation.sensitivity import Experiment
+def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> TorqueExperiment:
+    from monitor_core.excitation import TorqueExperiment
     from service.can.user_errors import RecordError
     from service.commands.configuration import configuration
     from service.config import predictor_of
@@ -146,4 +146,4 @@ def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> Experimen
         raise RecordError(f"{path}: no samples of {axis_id}")
     seconds = len(torque) * axis.sample_interval_s
     words = f"the torque of {path.name}, {seconds:.3g} s at {1 / axis.sample_interval_s:.4g} samples a second"
-    return Experiment(torque, axis.sample_interval_s, words, predictor_of(axis).output_noise)
+    return TorqueExperiment(torque, axis.sample_interval_s, words, predictor_of(axis).output_noise)

@@ -13,8 +13,7 @@ from service.commands.drive_choice import axis_of
 from service.commands.exit_codes import MISTAKE, explained
 
 if TYPE_CHECKING:
-    from monitor_core.excitation.design import Experiment
-    from monitor_core.excitation.planned_drive import Controller
+    from monitor_core.excitation import Controller, Experiment
     from service.config import NamedAxis
 
 
@@ -121,7 +120,7 @@ def _planned(
     controller: Controller | None,
     seed: int | None,
 ) -> Experiment:
-    from monitor_core.excitation.motion_limits import Limits
+    from monitor_core.excitation import Limits
     from service.commands.experiment import Asked, planned, task_for
 
     try:
@@ -175,7 +174,7 @@ def _controller(kp: float | None, kd: float | None) -> Controller | None:
         return None
     if kp is None or kd is None:
         raise typer.BadParameter("--kp and --kd go together", param_hint="--kp")
-    from monitor_core.excitation.planned_drive import Controller
+    from monitor_core.excitation import Controller
 
     return Controller(kp, kd)
 

@@ -37,9 +37,9 @@ def explained() -> Iterator[None]:
 
 def _code(error: Exception) -> int | None:
     # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
-    from monitor_core.calibration.record_doubts import CalibrationError
-    from monitor_core.identification.problem import IdentificationError
-    from monitor_core.modeling.flat import ModelError
+    from monitor_core.calibration import CalibrationError
+    from monitor_core.identification import IdentificationError
+    from monitor_core.modeling import ModelError
     from service.can.dbc import DbcError
     from service.can.user_errors import BusError, IngestError
     from service.commands.daemon import DaemonFailedError

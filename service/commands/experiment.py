@@ -8,15 +8,21 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Drive
-from monitor_core.excitation.design import Command, Experiment, Task, plan
-from monitor_core.excitation.motion_limits import Limits
-from monitor_core.excitation.multisine import Lines
-from monitor_core.excitation.open_loop import ExcitationError
-from monitor_core.excitation.planned_drive import Controller, Plant
-from monitor_core.excitation.prediction import Estimation
+from monitor_core.drive import Drive
+from monitor_core.excitation import (
+    Command,
+    Controller,
+    Estimation,
+    ExcitationError,
+    Experiment,
+    Limits,
+    Lines,
+    Plant,
+    Task,
+    plan,
+)
 from monitor_core.settings import Settings
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.config.axis_settings import axis_model, axis_settings
 

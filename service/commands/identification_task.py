@@ -9,18 +9,28 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import Drive, split_name
-from monitor_core.identification.identify import IdentificationOptions, Progress, Start, identify
-from monitor_core.identification.parameter_selection import (
+from monitor_core.drive import AxisModel, Drive, split_name
+from monitor_core.identification import (
+    Disturbance,
+    Finding,
+    IdentificationError,
+    IdentificationOptions,
+    Known,
     ParameterSelection,
+    Predictor,
+    Problem,
+    Progress,
+    Record,
+    Schedule,
+    Start,
+    identify,
+    known_of,
+    scheduled_terms,
     select_parameters,
+    suspicions,
     with_schedule,
+    with_terms,
 )
-from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
-from monitor_core.identification.record import Record
-from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
-from monitor_core.identification.schedule import Schedule, scheduled_terms, with_terms
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of
 from service.config import Predictor as ConfiguredPredictor
 from service.config.conditions import term_of

@@ -39,8 +39,7 @@ from service.commands.output_files import Files
 from service.commands.progress import steps_bar
 
 if TYPE_CHECKING:
-    from monitor_core.identification.identify import Start
-    from monitor_core.identification.problem import Predictor
+    from monitor_core.identification import Predictor, Start
     from service.config import NamedAxis
     from service.reports.identification_report import Provenance
 
@@ -132,7 +131,7 @@ def _masses(text: str | None) -> int | None:
     Raises:
         typer.BadParameter: it is neither auto nor a number of masses.
     """
-    from monitor_core.identification.identify import MOST_MASSES, USUAL_MASSES
+    from monitor_core.identification import MOST_MASSES, USUAL_MASSES
 
     if text is None:
         return None

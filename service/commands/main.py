@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import EXIT_CODES
 from service.pipeline.kernel_cache import choose
 

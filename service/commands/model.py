@@ -15,7 +15,7 @@ from service.commands.exit_codes import MISTAKE, explained
 from service.config.drive_sources import LIBRARY, SUFFIX
 
 if TYPE_CHECKING:
-    from monitor_core.excitation.sensitivity import Experiment
+    from monitor_core.excitation import TorqueExperiment
 
 
 class Command(OptionalValueCommand):
@@ -74,7 +74,7 @@ Record = Annotated[
         help="Use the torque of this record instead of a multisine; with --config.",
     ),
 ]
-Wanted = tuple["Experiment | None", float]
+Wanted = tuple["TorqueExperiment | None", float]
 
 
 def model(
@@ -132,7 +132,7 @@ class _Files(NamedTuple):
 
     def texts(self, drive: FoundDrive, experiment: Wanted) -> Iterator[tuple[Path, str]]:
         """Path and text of each requested report."""
-        from monitor_core.modeling.numbers import nominal_of
+        from monitor_core.modeling import nominal_of
 
         space, nominal = drive.space, nominal_of(drive.space, drive.values)
         if self.json is not None:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from monitor_core.drive.structure import DELAY
+from monitor_core.drive import DELAY
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exit_codes import explained, stop_on_signals
 from service.simulation.robot import Fault, SimulatedRobot

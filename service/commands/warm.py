@@ -6,16 +6,10 @@ from time import perf_counter
 
 import numpy as np
 
-from monitor_core.drive.structure import Output
-from monitor_core.excitation.design import Experiment, Task, plan
-from monitor_core.excitation.motion_limits import Limits
-from monitor_core.excitation.planned_drive import Plant
-from monitor_core.excitation.prediction import Estimation
-from monitor_core.identification.arx import fit_arx
-from monitor_core.identification.blackbox import fit_blackbox
-from monitor_core.identification.greybox import Disturbance, Problem, fit
-from monitor_core.identification.record import Record
-from monitor_core.modeling.standard_drives import two_mass
+from monitor_core.drive import Output
+from monitor_core.excitation import Estimation, Experiment, Limits, Plant, Task, plan
+from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx, fit_blackbox
+from monitor_core.modeling import two_mass
 from service.pipeline.warming import compile_all
 
 _INTERVAL_S = 0.005

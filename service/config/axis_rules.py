@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from monitor_core.kernel.tables import COSINE, SINE
-from monitor_core.monitoring.recommended_settings import MIN_MEMORY_SAMPLES
+from monitor_core.drive import COSINE, SINE
+from monitor_core.monitoring import MIN_MEMORY_SAMPLES
 from service.config.model_rules import usable_drive
 from service.config.nominal import nominal_file_of, step_noise
 from service.config.schema import AxisConfig

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.axis_status import untold
-from monitor_core.monitoring.recommended_settings import MonitoringOptions, recommended_settings, short_memory
+from monitor_core.drive import AxisModel
+from monitor_core.monitoring import MonitoringOptions, recommended_settings, short_memory, untold
 from monitor_core.settings import Settings
 from service.config import (
     AxisConfig,

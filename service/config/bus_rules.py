@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 from service.can.bus import interface_names
 from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 from service.config.base_table import Table

@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.operating_conditions import Conditions, Follow, Operating
-from monitor_core.drive.structure import split_name
-from monitor_core.suggestions import did_you_mean
+from monitor_core.drive import AxisModel, Conditions, Follow, Operating, split_name
+from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
 from service.config.conditions import Varying, term_of, varying_of

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from monitor_core.drive.operating_conditions import FUNCTIONS, Conditions, Follow, Gate, Term
-from monitor_core.suggestions import did_you_mean
+from monitor_core.drive import FUNCTIONS, Conditions, Follow, Gate, Term
+from monitor_core.wording import did_you_mean
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from monitor_core.calibration.record_doubts import duration
 from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, unfit
-from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive import AxisModel
 from monitor_core.settings import Settings
+from monitor_core.wording import duration
 from service.config import AxisConfig, Config, NamedAxis, thresholds_file_of
 from service.config.axis_settings import AxisError, axis_model, axis_settings
 from service.config.detector_rules import follows

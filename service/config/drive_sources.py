@@ -11,10 +11,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from monitor_core.drive.structure import Drive, Output
-from monitor_core.modeling.flat import FlatModel, ModelError, Origin
-from monitor_core.modeling.statespace import StateSpace
-from monitor_core.suggestions import did_you_mean
+from monitor_core.drive import Drive, Output
+from monitor_core.modeling import FlatModel, ModelError, Origin, StateSpace
+from monitor_core.wording import did_you_mean
 from service.config.resources import shipped
 
 if TYPE_CHECKING:
@@ -127,7 +126,7 @@ def model_of_drawing(components: Mapping[str, Mapping[str, Any]], output: Output
     tables = [{**table, "name": name} for name, table in components.items()]
 
     def read() -> FlatModel:
-        from monitor_core.modeling.drawing import from_tables
+        from monitor_core.modeling import from_tables
 
         return from_tables("drawn", tables, origins=[Origin(name) for name in components]).flat()
 
@@ -183,8 +182,7 @@ def _once(key: object, output: Output | None, read: Callable[[], FlatModel], cal
 def _model(flat: FlatModel, output: Output | None, called: str | None) -> Modelled:
     from dataclasses import replace
 
-    from monitor_core.modeling.elimination import eliminate
-    from monitor_core.modeling.numbers import drive_of
+    from monitor_core.modeling import drive_of, eliminate
 
     space = eliminate(flat, output)
     if called is not None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from monitor_core.drive.structure import Drive, Output
-from monitor_core.modeling.flat import ModelError
+from monitor_core.drive import Drive, Output
+from monitor_core.modeling import ModelError
 from service.config import drive_sources as modeling
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys

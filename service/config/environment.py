@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from pydantic import TypeAdapter, ValidationError
 
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 from service.config.positions import Keys
 from service.config.schema import Config
 from service.config.validation_messages import Finding, table_in

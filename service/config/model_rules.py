@@ -4,10 +4,9 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
-from monitor_core.modeling.flat import ModelError
-from monitor_core.suggestions import did_you_mean
+from monitor_core.drive import DELAY, AxisModel, Drive, Output, Parameter, split_name
+from monitor_core.modeling import ModelError
+from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.drives import drive_of, place_of
 from service.config.positions import Keys

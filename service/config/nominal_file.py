@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from monitor_core.drive.structure import Drive, Output, split_name
+from monitor_core.drive import Drive, Output, split_name
 from service.config.base_table import NotNegative, Positive, Real
 from service.config.found_file import FoundTable, content_of, unchanged, validated
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
-from monitor_core.drive.structure import Drive, Output
+from monitor_core.drive import Drive, Output
 from service.config.base_table import Table, Undecidable
 from service.config.drives import plain_drive_of
 from service.config.model_rules import usable_drive

@@ -8,8 +8,8 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
-from monitor_core.drive.structure import Output
-from monitor_core.monitoring.recommended_settings import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
+from monitor_core.drive import Output
+from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
 from service.config.schema_model import ModelConfig
 from service.config.schema_signals import (

@@ -5,7 +5,7 @@ It is no parameter of the drawing: every drive can have it, its nominal value is
 
 from __future__ import annotations
 
-from monitor_core.drive.structure import DELAY, Drive, Output
+from monitor_core.drive import DELAY, Drive, Output
 from service.config.drives import drive_of, given_values
 from service.config.nominal import nominal_file_of
 from service.config.schema import AxisConfig

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive import AxisModel
 from monitor_core.settings import Settings, Threshold
 from service.config.nominal_file import structure_of
 from service.config.thresholds_file import ThresholdsFile

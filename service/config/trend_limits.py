@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive import AxisModel
 from monitor_core.monitoring import Limit
 from service.config.schema import AxisConfig
 

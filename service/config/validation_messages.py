@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, get_args
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 from service.config import renamed_keys
 from service.config.base_table import Table
 from service.config.positions import Keys

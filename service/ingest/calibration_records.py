@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.calibration.healthy_records import Samples
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.operating_conditions import Operating
+from monitor_core.calibration import Samples
+from monitor_core.drive import AxisModel, Operating
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of

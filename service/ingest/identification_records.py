@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.identification.record import Record, between
+from monitor_core.identification import Record, between
 from service.can.log_files import LOG_SUFFIXES
 from service.can.user_errors import RecordError
 from service.config.schema import Config, NamedAxis

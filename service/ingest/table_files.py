@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import scipy.io
 from scipy.io.matlab import MatReadError
 
-from monitor_core.suggestions import did_you_mean
+from monitor_core.wording import did_you_mean
 from service.can.user_errors import RecordError
 from service.ingest.csv_table import CsvTable
 from service.ingest.rows import Floats, Rows

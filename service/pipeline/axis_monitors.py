@@ -4,9 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from monitor_core.drive.operating_conditions import Operating
-from monitor_core.kernel.state import NEVER
-from monitor_core.monitoring import AxisMonitor, AxisTrace, Fleet
+from monitor_core.drive import Operating
+from monitor_core.monitoring import NEVER, AxisMonitor, AxisTrace, Fleet
 from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of
 from service.config.axis_settings import axis_model, axis_settings

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.trend_monitor import ParameterTrend, TrendMonitor
-from monitor_core.trend.entries import Reading
+from monitor_core.drive import AxisModel
+from monitor_core.monitoring import ParameterTrend, TrendMonitor
+from monitor_core.trend import Reading
 from service.config import NamedAxis, limits_of
 from service.pipeline.alarms import AxisAlarm
 from service.store.array_files import Arrays

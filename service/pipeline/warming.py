@@ -11,7 +11,7 @@ import numpy as np
 import structlog
 
 from monitor_core.detection import HypothesisBank
-from monitor_core.excitation.reference_experiment import INTERVAL_S, reference_model
+from monitor_core.modeling import INTERVAL_S, reference_model
 from monitor_core.monitoring import FEWEST_LANES, AxisBatch
 from monitor_core.settings import Settings
 from service.pipeline.kernel_cache import VARIABLE

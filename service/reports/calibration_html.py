@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from monitor_core.calibration.record_doubts import duration
-from monitor_core.calibration.result import DetectorResult
+from monitor_core.calibration import DetectorResult
 from monitor_core.detection import DetectorName
+from monitor_core.wording import duration
 from service.reports.calibration_plots import power_picture
 from service.reports.calibration_report import (
     DETECTORS,

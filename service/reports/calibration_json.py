@@ -7,8 +7,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from monitor_core.calibration.fault_trials import Caught
-from monitor_core.calibration.result import DetectorResult
+from monitor_core.calibration import Caught, DetectorResult
 from service.config.threshold_match import made_with
 from service.reports.calibration_report import Calibration
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from monitor_core.calibration.result import FOUND_SHARE, DetectorResult
+from monitor_core.calibration import FOUND_SHARE, DetectorResult
 from service.reports.calibration_report import DETECTORS, Calibration
 from service.reports.plot_style import FOUND as LINE
 from service.reports.plot_style import GRID, SIMULATED, as_svg, figure

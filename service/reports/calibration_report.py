@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monitor_core.calibration.fault_trials import Caught
-from monitor_core.calibration.record_doubts import duration
-from monitor_core.calibration.result import CalibrationResult, DetectorResult
+from monitor_core.calibration import CalibrationResult, Caught, DetectorResult
 from monitor_core.detection import DetectorName
+from monitor_core.wording import duration
 from service.config import NamedAxis
 from service.ingest.calibration_records import Source
 from service.reports.text_format import percent, plain

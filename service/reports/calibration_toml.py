@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator
 
-from monitor_core.calibration.result import DetectorResult, MultiModelCalibration
+from monitor_core.calibration import DetectorResult, MultiModelCalibration
 from service.config.threshold_match import made_with
 from service.config.thresholds_file import FORMAT, KIND
 from service.reports.calibration_report import Calibration, promises

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from monitor_core.excitation.design import Experiment
+from monitor_core.excitation import Experiment
 
 _INK, _LIMIT, _FLAT, _BAND = "#1f4e79", "#b3261e", "#9aa5b1", "#e8eef4"
 _STYLE = {"linewidth": 0.8, "color": _INK}

@@ -8,9 +8,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from monitor_core.excitation.accuracy import percent
-from monitor_core.excitation.design import Experiment
-from monitor_core.excitation.experiment_sentences import warnings
+from monitor_core.excitation import Experiment, warnings
+from monitor_core.wording import percent
 
 UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
 REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from monitor_core.identification.residuals import LEVEL
+from monitor_core.identification import LEVEL
 from service.reports.identification_pages import (
     correlation_table,
     masses_table,

@@ -7,12 +7,7 @@ import math
 from typing import Any
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.frequency import FrequencyResponse
-from monitor_core.identification.identification_result import ParameterRow
-from monitor_core.identification.residuals import Correlation
-from monitor_core.identification.schedule import Slope
-from monitor_core.identification.starting import Growth
-from monitor_core.identification.traces import Trace
+from monitor_core.identification import Correlation, FrequencyResponse, Growth, ParameterRow, Slope, Trace
 from service.ingest.identification_records import Source
 from service.reports.identification_report import IdentificationReport, residual_words
 

@@ -6,9 +6,7 @@ import math
 
 import numpy as np
 
-from monitor_core.identification.identification_result import ParameterRow
-from monitor_core.identification.schedule import Slope
-from monitor_core.identification.starting import Growth
+from monitor_core.identification import Growth, ParameterRow, Slope
 from service.ingest.identification_records import Source
 from service.reports.identification_report import (
     MASSES_TITLES,

@@ -7,11 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.bode import Bode
-from monitor_core.identification.frequency import FrequencyResponse
-from monitor_core.identification.record import UNITS
-from monitor_core.identification.residuals import Correlation
-from monitor_core.identification.traces import Trace
+from monitor_core.identification import UNITS, Bode, Correlation, FrequencyResponse, Trace
 from service.reports.identification_report import IdentificationReport
 from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure, thinned
 

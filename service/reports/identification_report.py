@@ -6,10 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from monitor_core.identification.identification_result import IdentificationResult, ParameterRow, Rejection
-from monitor_core.identification.residuals import LEVEL
-from monitor_core.identification.starting import Growth
-from monitor_core.identification.traces import Trace
+from monitor_core.identification import LEVEL, Growth, IdentificationResult, ParameterRow, Rejection, Trace
 from service.ingest.identification_records import Source
 from service.reports.text_format import percent, plain
 

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.identification.starting import Growth
+from monitor_core.identification import Growth
 from service.reports.identification_report import (
     MASSES_TITLES,
     IdentificationReport,

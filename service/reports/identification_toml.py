@@ -7,10 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from monitor_core.drive.structure import DELAY, split_name
-from monitor_core.identification.identification_result import ParameterRow
-from monitor_core.identification.schedule import Slope
-from monitor_core.identification.traces import Trace
+from monitor_core.drive import DELAY, split_name
+from monitor_core.identification import ParameterRow, Slope, Trace
 from service.config.nominal_file import FORMAT, structure_of
 from service.ingest.identification_records import Source
 from service.reports.identification_report import IdentificationReport

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from monitor_core.excitation.sensitivity import Local
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.modeling.flat import FlatInput, FlatSensor
-from monitor_core.modeling.statespace import StateSpace
+from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.excitation import LocalIdentifiability
+from monitor_core.modeling import FlatInput, FlatSensor, StateSpace
 
 if TYPE_CHECKING:
-    from monitor_core.excitation.sensitivity import Experiment, Local
-    from monitor_core.modeling.resonances import Resonances
+    from monitor_core.excitation import LocalIdentifiability, TorqueExperiment
+    from monitor_core.modeling import Resonances
 
 _MOST_STATES = 100
 """Beyond that it takes minutes to find what can be identified."""
@@ -39,14 +38,14 @@ class Facts:
     missing: tuple[str, ...]
     motion: Resonances | None
     identifiability: tuple[str, ...]
-    local: Local | None = None
+    local: LocalIdentifiability | None = None
     untold: str = ""
 
 
 def facts_of(
     space: StateSpace,
     values: Mapping[str, float] | None = None,
-    experiment: Experiment | None = None,
+    experiment: TorqueExperiment | None = None,
     speed_scale: float = 1.0,
 ) -> Facts:
     """All of it.
@@ -57,8 +56,7 @@ def facts_of(
         experiment: what torque the parameters are to be told from; by default a multisine.
         speed_scale: of Coulomb friction [rad/s].
     """
-    from monitor_core.modeling.numbers import nominal_of
-    from monitor_core.modeling.resonances import resonances_of
+    from monitor_core.modeling import nominal_of, resonances_of
 
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
@@ -68,15 +66,18 @@ def facts_of(
 
 
 def _local(
-    space: StateSpace, values: Mapping[str, float] | None, experiment: Experiment | None, speed_scale: float
-) -> tuple[Local | None, str]:
-    from monitor_core.excitation.sensitivity import local, usual_experiment
+    space: StateSpace,
+    values: Mapping[str, float] | None,
+    experiment: TorqueExperiment | None,
+    speed_scale: float,
+) -> tuple[LocalIdentifiability | None, str]:
+    from monitor_core.excitation import local_identifiability, usual_experiment
 
     torques = sum(u.kind == TORQUE for u in space.inputs)
     if _not_examined(space) or len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:
         return None, ""
     try:
-        return local(space, values, experiment or usual_experiment(), speed_scale), ""
+        return local_identifiability(space, values, experiment or usual_experiment(), speed_scale), ""
     except ValueError as error:
         return None, f"not known: {error}"
 
@@ -84,7 +85,7 @@ def _local(
 def _identifiability(space: StateSpace) -> tuple[str, ...]:
     if why := _not_examined(space):
         return (f"Not examined: {why}.",)
-    from monitor_core.modeling.identifiability import structural
+    from monitor_core.modeling import structural
 
     return structural(space).words()
 
@@ -138,22 +139,22 @@ _MODEST = 10
 """Condition of the scaled sensitivities below which nothing is said of it."""
 
 
-def experiment_words(local: Local) -> str:
+def experiment_words(local: LocalIdentifiability) -> str:
     """What the figures stand on."""
     return f"{local.experiment.words}; noise {local.noise:.3g}{_unit(local)}; standard deviation of each parameter:"
 
 
-def _unit(local: Local) -> str:
+def _unit(local: LocalIdentifiability) -> str:
     return f" {OUTPUT_UNITS[local.quantity]}"
 
 
-def deviation_cells(local: Local) -> Iterator[str]:
+def deviation_cells(local: LocalIdentifiability) -> Iterator[str]:
     """``Jm 0.3 %`` for each parameter."""
     for name, sd in zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True):
         yield f"{name} {100 * sd:.2g} %" if sd < float("inf") else f"{name}: not told"
 
 
-def local_words(local: Local) -> tuple[str, ...]:
+def local_words(local: LocalIdentifiability) -> tuple[str, ...]:
     """What is not told, what was assumed."""
     words = local.accuracy.words()
     if local.accuracy.condition > _MODEST:
@@ -165,7 +166,7 @@ def local_words(local: Local) -> tuple[str, ...]:
     return words
 
 
-def as_dict(local: Local) -> dict[str, Any]:
+def as_dict(local: LocalIdentifiability) -> dict[str, Any]:
     """For JSON; null where a parameter is not told at all."""
     deviations = zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True)
     pairs = [{"names": [one, other], "correlation": r} for one, other, r in local.accuracy.pairs()]

@@ -6,10 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from monitor_core.modeling.flat import FlatParameter
-from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.resonances import Mode
-from monitor_core.modeling.statespace import Entries
+from monitor_core.modeling import Entries, FlatParameter, Laurent, Mode
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import INPUT_KINDS, OUTPUT_UNITS, Facts, as_dict
 

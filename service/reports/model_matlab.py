@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
-from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.statespace import StateSpace
+from monitor_core.modeling import Laurent, StateSpace
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import input_words, output_words
 

@@ -9,10 +9,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.excitation.sensitivity import Local
-from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.resonances import Resonances, modes
-from monitor_core.modeling.statespace import Entries, StateSpace
+from monitor_core.excitation import LocalIdentifiability
+from monitor_core.modeling import Entries, Laurent, Resonances, StateSpace, modes
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import (
     Facts,
@@ -136,7 +134,7 @@ def _resonances(motion: Resonances) -> RenderableType:
     return table if found else Text("none")
 
 
-def _told(local: Local) -> RenderableType:
+def _told(local: LocalIdentifiability) -> RenderableType:
     """The standard deviation of each parameter, side by side to save lines, and what is not told, in words."""
     table = _grid()
     cells = list(deviation_cells(local))

@@ -9,18 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    INTERVAL_S,
-    MONITORED,
-    SAMPLES,
-    experiments,
-    reference_model,
-)
-from monitor_core.kernel.block import Trace
-from monitor_core.monitoring import AxisBatch, standard_deviation
+from monitor_core.drive import AxisModel, slowest_time_constant
+from monitor_core.excitation import FAULT_AT, SAMPLES, experiments
+from monitor_core.modeling import INTERVAL_S, MONITORED, reference_model
+from monitor_core.monitoring import AxisBatch, Trace, standard_deviation
 from monitor_core.settings import Settings
 from service.reports.plot_style import ALARM, FOUND, INK, OTHER, QUIET, SIMULATED, as_document, figure
 from service.reports.replay_course import SIGMAS

@@ -13,11 +13,21 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Crossing, HypothesisBank
-from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
-from monitor_core.kernel.block import Trace
-from monitor_core.kernel.hypotheses import BankTrace
-from monitor_core.kernel.state import UNSEEN
-from monitor_core.monitoring import AxisMonitor, standard_deviation
+from monitor_core.monitoring import (
+    DOUBTED,
+    GATED,
+    IDLE,
+    RESTART,
+    SEED,
+    SETTLE,
+    SKIP,
+    TRACK,
+    UNSEEN,
+    AxisMonitor,
+    BankTrace,
+    Trace,
+    standard_deviation,
+)
 from service.reports.timeline import Counts, Timeline, Times, joined, known
 
 MOST_BINS = 1600

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from monitor_core.monitoring import ParameterTrend
-from monitor_core.trend.forecast import COVERED
+from monitor_core.trend import COVERED
 from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
 from service.reports.replay_course import SIGMAS
 from service.reports.replay_plots import axis_pictures

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK
-from monitor_core.monitoring import ParameterStatus
+from monitor_core.monitoring import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, ParameterStatus
 from service.reports import multimodel_plots as bank_plots
 from service.reports import replay_course as rows
 from service.reports.multimodel_plots import DECREASE, INCREASE, H

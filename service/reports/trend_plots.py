@@ -9,8 +9,7 @@ import numpy as np
 
 from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterTrend
-from monitor_core.trend.forecast import COVERED, quantiles
-from monitor_core.trend.trend import Trend
+from monitor_core.trend import COVERED, Trend, quantiles
 from service.reports.plot_style import (
     ALARM,
     FOUND,

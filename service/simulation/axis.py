@@ -8,11 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DELAY, split_name
-from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import faulty
-from monitor_core.modeling.simulated_axis import SimulatedAxis
+from monitor_core.drive import DELAY, AxisModel, split_name
+from monitor_core.excitation import faulty, multisine
+from monitor_core.modeling import SimulatedAxis
 from service.config import NamedAxis, conditions_of, drive_of, given_values, predictor_of
 from service.simulation.planned_motion import motion_of
 from service.simulation.simulated_conditions import SimulatedConditions

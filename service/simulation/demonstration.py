@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.modeling.flat import ModelError, Origin
+from monitor_core.drive import AxisModel
+from monitor_core.modeling import ModelError, Origin
 from service.config import (
     AxisConfig,
     bounds_of,

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.kernel.tables import COSINE, COULOMB, SINE, TORQUE
+from monitor_core.drive import COSINE, COULOMB, SINE, TORQUE, AxisModel
 
 SPEED_RMS = 3.0
 """rad/s at the sensor, from the test signal alone: on the reference drive that takes 1.2 N m."""

@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
-from monitor_core.drive.structure import split_name
+from monitor_core.drive import Conditions, Follow, Gate, Operating, split_name
 from service.config import NamedAxis, conditions_of, needed
 from service.config.axis_settings import axis_model
 

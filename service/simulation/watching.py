@@ -10,9 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import Drive
-from monitor_core.kernel.tables import TORQUE
+from monitor_core.drive import TORQUE, AxisModel, Drive
 from service.simulation.planned_motion import stiffness
 
 SAMPLES = 200

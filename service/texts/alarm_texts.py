@@ -4,7 +4,7 @@ import math
 from typing import Protocol
 
 from monitor_core.detection import Cause, Doubt, Kind, Reach, Stage
-from monitor_core.drive.structure import DELAY
+from monitor_core.drive import DELAY
 from service.texts.sensor_texts import sensor_words
 from service.texts.trend_texts import reach_words
 

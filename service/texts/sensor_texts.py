@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from monitor_core.detection.multimodel.candidates import (
+from monitor_core.detection import (
     OUTPUT_NOISE,
     OUTPUT_OFFSET,
     OUTPUT_SCALE,

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 
 from monitor_core.detection import Reach
-from monitor_core.trend.trend import Trend
+from monitor_core.trend import Trend
 
 SURE = 0.9
 """A kind of course that is likelier is told as it is; less likely ones with their shares."""

@@ -18,7 +18,7 @@ from prometheus_client.registry import Collector
 
 from monitor_core.detection import DIRECTIONS, Direction, Reach, Stage
 from monitor_core.monitoring import DetectorStatus, Observation, ParameterStatus
-from monitor_core.trend.trend import Trend
+from monitor_core.trend import Trend
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.web.app_state import VERSION, age_s, sample_age_s
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 from monitor_core.detection import Name, Reach
 from monitor_core.monitoring import DetectorStatus, ParameterStatus, ParameterTrend
-from monitor_core.trend.entries import thinned
-from monitor_core.trend.trend import Trend
+from monitor_core.trend import Trend, thinned
 from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
 from service.store import journal
 from service.texts.alarm_texts import episode_words

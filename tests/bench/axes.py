@@ -13,16 +13,9 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import (
-    BAND_HZ,
-    INTERVAL_S,
-    NOISE,
-    TORQUE_RMS,
-    Record,
-    experiments,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Record, experiments
 from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch, Fleet
 from monitor_core.monitoring import axis_batch as bank_module
 from monitor_core.samples import SampleBlock

@@ -7,7 +7,7 @@ from time import perf_counter
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import MONITORED
+from monitor_core.modeling.standard_drives import MONITORED
 from tests.bench.measure import Say
 from tests.core.figures import homecoming, outcome, settings_of
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.excitation.reference_experiment import INTERVAL_S, MONITORED, experiment, reference_model
+from monitor_core.excitation.reference_experiment import experiment
+from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model
 from tests.bench.measure import Say, in_turns
 from tests.core.figures import settings_of
 from tests.core.hypothesis_figures import (

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import Record, experiment, reference_model
+from monitor_core.excitation.reference_experiment import Record, experiment
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import FEWEST_LANES
 from tests.bench.axes import (
     LANES,

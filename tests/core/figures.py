@@ -11,15 +11,9 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    INTERVAL_S,
-    NOISE,
-    Record,
-    experiments,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Record, experiments
 from monitor_core.kernel.block import Trace
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 

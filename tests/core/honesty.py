@@ -11,16 +11,10 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import (
-    BAND_HZ,
-    INTERVAL_S,
-    NOISE,
-    TORQUE_RMS,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 

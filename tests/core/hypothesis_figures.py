@@ -16,17 +16,8 @@ from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    INTERVAL_S,
-    NOISE,
-    SAMPLES,
-    Record,
-    experiments,
-    faulty,
-    reference_model,
-)
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, SAMPLES, Record, experiments, faulty
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE, settings_of, steady_p_of
 

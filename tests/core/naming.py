@@ -7,7 +7,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
-from monitor_core.excitation.reference_experiment import reference_model
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from tests.core.figures import settings_of
 

@@ -11,7 +11,8 @@ from monitor_core.calibration.budget import rates, thresholds
 from monitor_core.calibration.healthy_records import Samples, deviations
 from monitor_core.calibration.healthy_statistics import learned
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.excitation.reference_experiment import FAULT_AT, INTERVAL_S
+from monitor_core.excitation.reference_experiment import FAULT_AT
+from monitor_core.modeling.standard_drives import INTERVAL_S
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE

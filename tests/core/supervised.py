@@ -1,7 +1,8 @@
 """The reference drive, supervised as the daemon does by default."""
 
 from monitor_core.drive.kalman import filter_gain, gains_after
-from monitor_core.excitation.reference_experiment import NOISE, reference_model
+from monitor_core.excitation.reference_experiment import NOISE
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.settings import Settings
 
 H = 0.005

@@ -10,9 +10,9 @@ from monitor_core.detection import Alarm
 from monitor_core.detection.alarm import alarms_to_array
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Term
-from monitor_core.excitation.reference_experiment import MONITORED, experiment, reference_model
+from monitor_core.excitation.reference_experiment import experiment
 from monitor_core.kernel.tables import COULOMB, TORQUE
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import MONITORED, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold

@@ -9,9 +9,9 @@ from scipy.linalg import expm
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.excitation.reference_experiment import INTERVAL_S, Record, experiment, reference_model
+from monitor_core.excitation.reference_experiment import Record, experiment
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

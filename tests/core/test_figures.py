@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from monitor_core.excitation.reference_experiment import INTERVAL_S, experiment, reference_model
+from monitor_core.excitation.reference_experiment import experiment
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.settings import Settings
 from tests.core.figures import Outcome, homecoming, outcome, settings_of, steady_p
 from tests.core.initial_covariance import steady_state_p

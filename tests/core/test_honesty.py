@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation.reference_experiment import INTERVAL_S, experiment, reference_model
+from monitor_core.excitation.reference_experiment import experiment
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from tests.core.cases import BY_NAME

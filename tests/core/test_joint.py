@@ -7,7 +7,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.excitation.reference_experiment import INTERVAL_S, experiments, reference_model
+from monitor_core.excitation.reference_experiment import experiments
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of, steady_p

@@ -8,9 +8,10 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import NOISE, experiment, reference_model
+from monitor_core.excitation.reference_experiment import NOISE, experiment
 from monitor_core.kernel.tables import GAINS
 from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

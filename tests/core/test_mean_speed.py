@@ -12,9 +12,9 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, MONITORED, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import MONITORED, REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.excitation.reference_experiment import reference_model
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model, three_mass
 
 NAMES = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0", "kT")
 V = dict(zip(NAMES, (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0), strict=True)) | {"r": 0.5}

@@ -16,11 +16,10 @@ from monitor_core.excitation.reference_experiment import (
     TORQUE_RMS,
     Record,
     experiments,
-    reference_model,
 )
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

@@ -11,16 +11,9 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    INTERVAL_S,
-    experiment,
-    experiments,
-    faulty,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import FAULT_AT, experiment, experiments, faulty
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 
 
 def simulate_speed(model: AxisModel, values: Mapping[str, float], u: Floats, interval_s: float) -> Floats:

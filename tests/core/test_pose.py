@@ -12,17 +12,8 @@ from scipy.stats import binom
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.operating_conditions import Conditions, Follow, Operating, Term
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    INTERVAL_S,
-    NOISE,
-    SAMPLES,
-    Record,
-    experiments,
-    faulty,
-    reference_model,
-)
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, SAMPLES, Record, experiments, faulty
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.core.figures import settings_of

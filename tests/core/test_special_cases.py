@@ -9,15 +9,10 @@ import pytest
 from monitor_core.detection import Alarm
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import (
-    BAND_HZ,
-    TORQUE_RMS,
-    Record,
-    experiment,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Record, experiment
 from monitor_core.kernel.state import NEVER
 from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

@@ -9,8 +9,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.stability import stable_limits
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import INTERVAL_S, NOISE, experiment
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.excitation.reference_experiment import NOISE, experiment
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

@@ -15,15 +15,9 @@ from typer.testing import CliRunner
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import (
-    BAND_HZ,
-    INTERVAL_S,
-    NOISE,
-    TORQUE_RMS,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from service.can.frames import Frame

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from monitor_core.excitation.reference_experiment import MONITORED
+from monitor_core.modeling.standard_drives import MONITORED
 from tests.core.figures import Outcome, outcome, settings_of
 
 pytestmark = pytest.mark.soak

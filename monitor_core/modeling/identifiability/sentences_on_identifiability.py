@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from monitor_core.wording import listed
+
 _FEW = 12
 """So many names are listed; more are counted."""
-
-
-def listed(names: Sequence[str], word: str = "and") -> str:
-    """``kT, Jm and fm``."""
-    if len(names) < 2:
-        return "".join(names)
-    return f"{', '.join(names[:-1])} {word} {names[-1]}"
 
 
 def sentences(

@@ -11,10 +11,10 @@ from monitor_core.calibration.healthy_records import Samples, untested
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TORQUE_RMS, reference_model
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.kernel.compile import entry
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings, Threshold
 

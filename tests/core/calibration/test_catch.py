@@ -9,8 +9,8 @@ from monitor_core.calibration.fault_trials import Fault, catch
 from monitor_core.calibration.healthy_records import Samples
 from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
-from monitor_core.excitation.reference_experiment import INTERVAL_S
 from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import INTERVAL_S
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold

@@ -15,11 +15,11 @@ from monitor_core.calibration.record_doubts import (
     check_promise,
     check_records,
     check_settings,
-    duration,
 )
 from monitor_core.calibration.scatter import scatter
-from monitor_core.excitation.reference_experiment import reference_model
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.settings import Settings
+from monitor_core.wording import duration
 from tests.core.calibration.test_budget import MEMORY, forgotten
 
 MODEL = reference_model("speed", ("kT", "fm"))

@@ -15,13 +15,13 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.excitation import multisine
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.excitation.sensitivity import sensitivities_to
 from monitor_core.identification.greybox import Disturbance, Problem, fit
 from monitor_core.identification.problem import Predictor
 from monitor_core.identification.record import Record
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 
 FREE = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
 """kT is fixed at 1, r is known."""

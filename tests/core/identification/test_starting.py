@@ -18,7 +18,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, NOISE, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.record import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch, start
@@ -28,7 +28,13 @@ from monitor_core.identification.starting.modes import black_boxes, modal
 from monitor_core.identification.starting.response import Target, measure
 from monitor_core.identification.starting.slots import Slots
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, five_mass, three_mass, two_mass
+from monitor_core.modeling.standard_drives import (
+    INTERVAL_S,
+    REFERENCE_VALUES,
+    five_mass,
+    three_mass,
+    two_mass,
+)
 
 
 def chain_of_roots(inertia: float, poles: Floats, zeros: Floats) -> Chain:

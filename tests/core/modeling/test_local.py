@@ -9,9 +9,9 @@ import pytest
 
 from monitor_core.excitation.sensitivity import (
     NOISE_SHARE,
-    Experiment,
-    Local,
-    local,
+    LocalIdentifiability,
+    TorqueExperiment,
+    local_identifiability,
     usual_experiment,
 )
 from monitor_core.modeling.drawing import Drawing, Inertia, SpeedSensor, Torque, ViscousFriction
@@ -20,8 +20,8 @@ from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 
 
-def reference(experiment: Experiment) -> Local:
-    return local(eliminate(three_mass().flat()), REFERENCE_VALUES, experiment)
+def reference(experiment: TorqueExperiment) -> LocalIdentifiability:
+    return local_identifiability(eliminate(three_mass().flat()), REFERENCE_VALUES, experiment)
 
 
 def test_what_cannot_be_seen_is_held_and_what_is_zero_left_out() -> None:
@@ -45,14 +45,16 @@ def test_the_share_is_that_of_the_output() -> None:
     )
     N, h, J = 1000, 0.01, 2.0
     torque = np.tile(np.repeat([1.0, -1.0], 50), N // 100)
-    told = local(eliminate(drawing.flat()), {"J": J, "torque.kT": 1.0}, Experiment(torque, h, "square"))
+    told = local_identifiability(
+        eliminate(drawing.flat()), {"J": J, "torque.kT": 1.0}, TorqueExperiment(torque, h, "square")
+    )
     peak = 50 * h / J
     assert told.noise == pytest.approx(NOISE_SHARE * peak / np.sqrt(3), rel=0.02)
 
 
 def test_a_slow_torque_cannot_tell_springs() -> None:
     slow = 0.5 * np.sin(2 * np.pi * 0.2 * np.arange(2000) * 0.005)
-    told = reference(Experiment(slow, 0.005, "slow", 0.05))
+    told = reference(TorqueExperiment(slow, 0.005, "slow", 0.05))
     words = " ".join(told.accuracy.words())
     assert "cannot" in words
     assert told.accuracy.condition > 100 * reference(usual_experiment()).accuracy.condition
@@ -68,7 +70,7 @@ def test_friction_and_inertia_from_a_constant_torque_that_only_heats() -> None:
     ]
     ss = eliminate(Drawing("one", parts).flat())
     values = {"J": 1e-3, "d": 1.0, "torque.kT": 1.0}
-    told = local(ss, values, Experiment(np.ones(2000), 0.01, "constant", 0.01))
+    told = local_identifiability(ss, values, TorqueExperiment(np.ones(2000), 0.01, "constant", 0.01))
     deviations = dict(zip(told.accuracy.names, told.accuracy.standard_deviations.tolist(), strict=True))
     assert deviations["d"] < 0.001
     assert deviations["J"] > 0.02

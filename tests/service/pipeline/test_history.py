@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from monitor_core.excitation.reference_experiment import reference_model
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, AxisStatus
 from monitor_core.settings import Settings
 from service.pipeline.publishing import RecentHistory

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.excitation.reference_experiment import MONITORED
+from monitor_core.modeling.standard_drives import MONITORED
 from service.reports.reference_figures import Reference, figure_5, figure_6, numbers, reference
 from tests.conftest import ROOT
 

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from monitor_core.detection import Alarm, Crossing, Name, Recovered
-from monitor_core.excitation.reference_experiment import FAULT_AT, experiments, reference_model
+from monitor_core.excitation.reference_experiment import FAULT_AT, experiments
 from monitor_core.kernel.block import Trace
+from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

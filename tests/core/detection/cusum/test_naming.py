@@ -11,14 +11,13 @@ from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import (
     BAND_HZ,
     FAULT_AT,
-    INTERVAL_S,
     TORQUE_RMS,
     Record,
     experiments,
     faulty,
 )
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from tests.core.alarm_versions import alarm_versions

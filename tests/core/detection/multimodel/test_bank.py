@@ -21,13 +21,8 @@ from monitor_core.detection.multimodel.multimodel_detector import (
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.detection.multimodel.quantities import causes_of, quantity_of
 from monitor_core.drive.structure import DELAY
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    INTERVAL_S,
-    Record,
-    experiment,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import FAULT_AT, Record, experiment
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AlarmTracker, AxisMonitor, Fleet
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings

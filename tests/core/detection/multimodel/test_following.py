@@ -13,9 +13,9 @@ from monitor_core.detection.multimodel.hypothesis import FOLLOWED
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, INTERVAL_S, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES
 from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import OUTPUT_NOISE, TORQUE_NOISE, plant

@@ -23,16 +23,9 @@ from monitor_core.detection.multimodel.events import Changed, Named, Over
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    INTERVAL_S,
-    Record,
-    experiment,
-    faulty,
-    reference_model,
-)
+from monitor_core.excitation.reference_experiment import FAULT_AT, Record, experiment, faulty
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
 from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s
 

@@ -1,0 +1,43 @@
+"""Words that messages share: suggestions for unknown names, lists, percentages, durations."""
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+_NEARLY = 0.05
+_MOST = 20
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A suggestion for an unknown name, and what there is: 'did you mean "port"? There is host, port'."""
+    names = list(known)
+    if not names:
+        return "there is none"
+    folded = {name.casefold(): name for name in reversed(names)}
+    close = difflib.get_close_matches(word.casefold(), folded, n=1)
+    suggestion = f'did you mean "{folded[close[0]]}"? ' if close else ""
+    rest = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
+    return f"{suggestion}there is {', '.join(names[:_MOST])}{rest}"
+
+
+def listed(names: Sequence[str], word: str = "and") -> str:
+    """``kT, Jm and fm``."""
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} {word} {names[-1]}"
+
+
+def percent(value: float) -> str:
+    """``0.3 %``, ``120 %``: two digits."""
+    return f"{float(f'{100 * value:.2g}'):g} %"
+
+
+def duration(seconds: float) -> str:
+    """In words: 90 s, 10 min, 3 hours, 2 years."""
+    for word, size in (("a year", 31557600.0), ("a day", 86400.0), ("an hour", 3600.0)):
+        if abs(seconds / size - 1) < _NEARLY:
+            return word
+    for unit, size in (("years", 31557600.0), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
+        if seconds >= 1.5 * size:
+            number = seconds / size
+            return f"{number:.2g} {unit}" if number < 100 else f"{float(f'{number:.2g}'):,.0f} {unit}"
+    return f"{seconds:.3g} s"
