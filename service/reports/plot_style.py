@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from service.reports.page import COLOURS as COLOURS_OF_PAGES
+from service.reports.html import TEMPLATES
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -93,7 +93,8 @@ def as_svg(drawn: Figure, label: str, salt: str) -> str:
 
 def as_document(drawn: Figure, label: str, salt: str) -> str:
     """The picture as a file of its own, with its colours, light or dark as the reader's system is."""
-    style = f"<style>{COLOURS_OF_PAGES}svg {{ background: var(--panel); }}</style>"
+    colours = (TEMPLATES / "colours.css").read_text(encoding="utf-8")
+    style = f"<style>{colours}svg {{ background: var(--panel); }}</style>"
     element = as_svg(drawn, label, salt)
     end = element.index(">", element.index("<svg")) + 1
     return f"{element[:end]}{style}{element[end:]}"

@@ -1,83 +1,69 @@
-"""What a replay found, as one page that needs nothing else."""
+"""The report of a replay as one HTML page."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
+from typing import Any
 
-from monitor_core.monitoring import ParameterTrend
+from monitor_core.detection import Alarm
+from monitor_core.monitoring import ParameterStatus, ParameterTrend, Status
 from monitor_core.trend import COVERED
-from service.reports.page import document, legend, listed, section, sentences, tiles, verdict
+from service.reports.html import render, safe
 from service.reports.replay_course import SIGMAS
 from service.reports.replay_plots import axis_pictures
-from service.reports.replay_result import Replayed, ReplayedAxis, dated, duration
-from service.reports.replay_tables import alarm_table, counter_table, frame_table, parameter_table
-from service.reports.text_format import escaped
+from service.reports.replay_result import REASONS, Replayed, ReplayedAxis, dated, duration, time_unit
+from service.reports.text_format import percent, plain
 from service.reports.trend_plots import trend_picture
+from service.texts.alarm_texts import episode_words
 from service.texts.trend_texts import reach_words, trend_words
 
-_LEGEND = (
-    f"Estimate with a band of ± {SIGMAS:g} reported standard deviations, √(λ₀ P<sub>ii</sub> / (1 + λ)), with"
-    " random_walk √(λ₀ P<sub>ii</sub> / 2). Between the dotted lines, nominal ± ν with ν = α₁ √(λ₀ P<sub>ii</sub>) and"
-    " an allowance, if there is one, g falls; outside it"
-    " grows, and the alarm is raised where it crosses h, then g starts again from zero. Of a long"
-    " record each point stands for a short stretch: of estimates the mean, shaded from the least to the largest, of g"
-    " both, so that no crossing is lost. Grey: nothing was learned, estimates and tests wait."
-)
-
-_BANK_LEGEND = (
-    " Of the multi-model detector each line is the largest g / h among the sizes of a cause. The alarm is raised where"
-    " one crosses h; then they grow on until the cause is named, and start again around what has changed: beyond h"
-    " their scale is logarithmic."
-)
-_TREND_LEGEND = (
-    "Each entry is the mean over some time in operation, with the standard deviation that P gives it; by how much more"
-    " than that they scatter is found from the entries. The course is what all that may have been (steady, a drift, a"
-    f" step, or both) say together, each by its probability; the band holds it with {100 * COVERED:.0f} % at each time."
-    " The interval in which a limit is reached begins where one edge of the band reaches it, and ends where the other"
-    " does."
-)
+_ARROWS = {"up": "↑ up", "down": "↓ down"}
 
 
-def as_html(found: Replayed) -> str:
+def as_html(replayed: Replayed) -> str:
     """The whole page."""
-    title = f"Replay of {_names(found)}"
-    subtitle = f"{escaped(found.config)}<br>{escaped(found.date[:10])}, axiswatch {escaped(found.version)}"
-    return document(title, subtitle, _verdict(found), _tiles(found), *_sections(found))
+    first, more = replayed.records[0], len(replayed.records) - 1
+    return render(
+        "replay.html",
+        title=f"Replay of {f'{first} and {more} more' if more else first}",
+        replayed=replayed,
+        outcome=_outcome(replayed),
+        key_figures=_key_figures(replayed),
+        notes=[note for axis in replayed.axes for note in axis.notes],
+        alarms=[_alarm(axis, alarm) for axis in replayed.axes for alarm in axis.alarms],
+        axes=[_axis(axis, f"axis{k}") for k, axis in enumerate(replayed.axes)],
+        frames=[_counters(bus, counts, 0) for bus, counts in replayed.frames_dropped.items()],
+        sigmas=f"{SIGMAS:g}",
+        covered=f"{100 * COVERED:.0f}",
+    )
 
 
-def _names(found: Replayed) -> str:
-    first, more = found.records[0], len(found.records) - 1
-    return f"{first} and {more} more" if more else first
-
-
-def _verdict(found: Replayed) -> str:
-    count = sum(len(axis.alarms) for axis in found.axes)
-    silent = [axis.id for axis in found.axes if not axis.status.samples]
-    idle = [axis.id for axis in found.axes if axis.status.samples and not axis.status.counters["used"]]
+def _outcome(replayed: Replayed) -> tuple[str, str, str]:
+    """Kind, first words and the rest of the first thing to read."""
+    count = sum(len(axis.alarms) for axis in replayed.axes)
+    silent = [axis.id for axis in replayed.axes if not axis.status.samples]
+    idle = [axis.id for axis in replayed.axes if axis.status.samples and not axis.status.counters["used"]]
     rest = f" No samples of {', '.join(silent)}." if silent else ""
     rest += f" Nothing was learned of {', '.join(idle)}." if idle else ""
     if count:
-        of = [axis.id for axis in found.axes if axis.alarms]
-        return verdict("bad", f"{count} alarm{_s(count)}", f"of {', '.join(of)}.{rest}")
-    if rest:
-        return verdict("warn", "No alarm.", rest.strip())
-    return verdict("good", "No alarm.", "")
+        alarmed = [axis.id for axis in replayed.axes if axis.alarms]
+        return "bad", f"{count} alarm{_s(count)}", f"of {', '.join(alarmed)}.{rest}"
+    return ("warn", "No alarm.", rest.strip()) if rest else ("good", "No alarm.", "")
 
 
-def _tiles(found: Replayed) -> str:
-    samples = sum(axis.status.samples for axis in found.axes)
-    used = sum(axis.status.counters["used"] for axis in found.axes)
-    longest = max((1e-6 * axis.course.timeline.end_us for axis in found.axes), default=0.0)
-    dropped = sum(_without_missing(axis.dropped) for axis in found.axes)
-    dropped += sum(map(_without_missing, found.frames_dropped.values()))
-    alarms, axes = sum(len(axis.alarms) for axis in found.axes), len(found.axes)
-    return tiles(
-        (
-            (str(alarms), f"alarm{_s(alarms)}, on {axes} ax{'e' if axes > 1 else 'i'}s"),
-            (duration(longest), "of samples; pauses do not count"),
-            (f"{100 * used / samples:.1f} %", f"of {samples} samples were learned from"),
-            (str(dropped), "frames, values or rows came and gave no sample"),
-        )
+def _key_figures(replayed: Replayed) -> tuple[tuple[str, str], ...]:
+    samples = sum(axis.status.samples for axis in replayed.axes)
+    used = sum(axis.status.counters["used"] for axis in replayed.axes)
+    longest = max((1e-6 * axis.course.timeline.end_us for axis in replayed.axes), default=0.0)
+    dropped = sum(_without_missing(axis.dropped) for axis in replayed.axes)
+    dropped += sum(map(_without_missing, replayed.frames_dropped.values()))
+    alarms, axes = sum(len(axis.alarms) for axis in replayed.axes), len(replayed.axes)
+    return (
+        (str(alarms), f"alarm{_s(alarms)}, on {axes} ax{'e' if axes > 1 else 'i'}s"),
+        (duration(longest), "of samples; pauses do not count"),
+        (f"{100 * used / samples:.1f} %", f"of {samples} samples were learned from"),
+        (str(dropped), "frames, values or rows came and gave no sample"),
     )
 
 
@@ -90,61 +76,95 @@ def _s(count: int) -> str:
     return "" if count == 1 else "s"
 
 
-def _sections(found: Replayed) -> Iterator[str]:
-    notes = [words for axis in found.axes for words in axis.notes]
-    if notes:
-        yield section("What to look at", sentences(notes))
-    alarms = alarm_table(found)
-    if alarms:
-        yield section("Alarms", alarms)
-    for number, axis in enumerate(found.axes):
-        yield section(escaped(axis.id), *_axis(axis, f"axis{number}"))
-    if found.frames_dropped:
-        yield section("Frames that gave nothing", frame_table(found.frames_dropped))
-    yield section("Where it comes from", _origin(found))
+def _alarm(axis: ReplayedAxis, alarm: Alarm) -> dict[str, Any]:
+    quantity, sized = axis.quantities[alarm.parameter], math.isfinite(alarm.size)
+    share = percent(alarm.size / quantity.nominal, signed=True) if quantity.nominal and sized else "-"
+    return {
+        "axis": axis.id,
+        "parameter": alarm.parameter,
+        "direction": _ARROWS[alarm.direction],
+        "times": [_time(axis, t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us)],
+        "size": f"{plain(alarm.size, 3)} ± {plain(alarm.size_sd, 2)}" if sized else "-",
+        "unit": quantity.unit,
+        "share": share,
+        "words": f"{axis.id}: {episode_words(alarm, quantity.nominal, quantity.unit)}",
+    }
 
 
-def _axis(axis: ReplayedAxis, salt: str) -> Iterator[str]:
-    if axis.status.samples:
-        yield f"<p>{escaped(_span(axis))}{escaped(_detectors(axis))}</p>"
-        yield parameter_table(axis)
-    if axis.course.used:
-        yield from (f"<figure>{picture}</figure>" for picture in axis_pictures(axis, salt))
-        yield legend(_LEGEND + (_BANK_LEGEND if axis.course.beside is not None else ""))
-    else:
-        yield "<p>No sample of this axis.</p>"
-    if axis.trends:
-        yield from _slow_course(axis, f"{salt}-trend")
-    yield f"<h3>What became of the samples</h3>{counter_table(axis)}"
+def _time(axis: ReplayedAxis, t_us: int | None) -> tuple[str | None, str]:
+    """Time since the first sample, and date; None: not yet."""
+    if t_us is None:
+        return None, ""
+    line = axis.course.timeline
+    return time_unit(1e-6 * line.end_us).written(line.find(t_us)), dated(t_us)
 
 
-def _slow_course(axis: ReplayedAxis, salt: str) -> Iterator[str]:
-    meanings = {p.name: p.meaning for p in axis.status.parameters}
-    yield "<h3>Slow course, and when limits are reached</h3>"
-    yield sentences(_slowly(of) for of in axis.trends)
-    picture = trend_picture(axis.id, axis.trends, [meanings[of.name] for of in axis.trends], salt)
-    yield f"<figure>{picture}</figure>"
-    yield legend(_TREND_LEGEND)
+def _axis(axis: ReplayedAxis, salt: str) -> dict[str, Any]:
+    status, with_multimodel = axis.status, axis.course.beside is not None
+    beside = ("of the multi-model detector",) if with_multimodel else ()
+    meanings = {p.name: p.meaning for p in status.parameters}
+    names = [meanings[trend.name] for trend in axis.trends]
+    pictures = axis_pictures(axis, salt) if axis.course.used else ()
+    return {
+        "id": axis.id,
+        "span": _span(axis),
+        "detectors": _detectors(axis),
+        "numbers": ("estimate", "sd", "change", "largest g / h", *beside, "alarms"),
+        "parameters": [_parameter(axis, i, p) for i, p in enumerate(status.parameters)]
+        if status.samples
+        else [],
+        "pictures": [safe(picture) for picture in pictures],
+        "multimodel": with_multimodel,
+        "trends": [_trend(trend) for trend in axis.trends],
+        "trend_picture": safe(trend_picture(axis.id, axis.trends, names, f"{salt}-trend"))
+        if axis.trends
+        else "",
+        "counters": [
+            _counters(f"of {status.samples} samples", status.counters, status.samples),
+            _counters("no samples", axis.dropped, 0),
+            _counters("clocks", axis.clock, 0),
+        ],
+    }
 
 
-def _slowly(of: ParameterTrend) -> str:
-    """What its slow course says, and its limits."""
-    now_us = of.entries[-1].end_us if of.entries else 0
-    return "; ".join([trend_words(of.name, of.unit, of.trend), *(reach_words(r, now_us) for r in of.reaches)])
+def _parameter(axis: ReplayedAxis, i: int, p: ParameterStatus) -> dict[str, Any]:
+    known, beside = math.isfinite(p.estimate), axis.course.beside
+    alarms = sum(alarm.parameter == p.name for alarm in axis.alarms)
+    numbers = [
+        plain(p.estimate, 5) if known else "invalid",
+        plain(p.standard_deviation, 2),
+        percent(p.estimate / p.nominal - 1, signed=True) if known and p.nominal else "",
+        f"{axis.course.largest_g(i) / axis.course.h[i]:.2f}",
+        *([] if beside is None else [f"{beside.largest(p.name):.2f}"]),
+        str(alarms or ""),
+    ]
+    return {
+        "name": p.name,
+        "nominal": plain(p.nominal, 5),
+        "unit": p.unit,
+        "numbers": numbers,
+        "alarmed": p.status is Status.ALARM,
+        "status": str(p.status),
+    }
+
+
+def _trend(trend: ParameterTrend) -> str:
+    """The trend in a sentence, and when its limits are reached."""
+    now_us = trend.entries[-1].end_us if trend.entries else 0
+    reaches = (reach_words(reach, now_us) for reach in trend.reaches)
+    return "; ".join([trend_words(trend.name, trend.unit, trend.trend), *reaches])
 
 
 def _detectors(axis: ReplayedAxis) -> str:
     """The detector that alarms, and the leading cause of the detector in shadow mode."""
-    said = ""
-    for one in axis.status.detectors:
-        name = "multi-model detector" if one.name == "multimodel" else "CUSUM tests"
-        if one.alarms:
-            said += f" Alarms come from the {name}."
-        elif one.leading:
-            said += (
-                f" The {name} ran in shadow mode; its strongest evidence at the end is that of {one.leading}."
-            )
-    return said
+    text = ""
+    for detector in axis.status.detectors:
+        name = "multi-model detector" if detector.name == "multimodel" else "CUSUM tests"
+        if detector.alarms:
+            text += f" Alarms come from the {name}."
+        elif detector.leading:
+            text += f" The {name} ran in shadow mode; its strongest evidence at the end is that of {detector.leading}."
+    return text
 
 
 def _span(axis: ReplayedAxis) -> str:
@@ -155,6 +175,17 @@ def _span(axis: ReplayedAxis) -> str:
     return f"{words}, with {line.pauses} pause{_s(line.pauses)} cut out." if line.pauses else f"{words}."
 
 
-def _origin(found: Replayed) -> str:
-    program = f"<p>axiswatch {escaped(found.version)}, {escaped(found.date)}. To do it again:</p>"
-    return f"{listed(map(escaped, found.records))}{program}<pre>{escaped(found.command)}</pre>"
+def _counters(title: str, counts: Mapping[str, int], samples: int) -> dict[str, Any]:
+    """Counts by reason, as shares of the samples if there are any; then the reasons that never occurred."""
+    return {
+        "title": title,
+        "rows": list(_counter_rows(counts, samples)),
+        "none": ", ".join(reason for reason, count in counts.items() if not count),
+    }
+
+
+def _counter_rows(counts: Mapping[str, int], samples: int) -> Iterator[dict[str, Any]]:
+    for reason, count in counts.items():
+        if count:
+            share = f"{100 * count / samples:.3g} %" if samples else ""
+            yield {"count": count, "share": share, "reason": reason, "meaning": REASONS.get(reason, "")}

@@ -10,9 +10,14 @@ _FULL = 1e7
 _MANY = 10.0
 
 
+def without_control_characters(text: str) -> str:
+    """The text without the characters that HTML and XML cannot hold."""
+    return _NOT_XML.sub("", text)
+
+
 def escaped(text: str) -> str:
-    """Text for HTML."""
-    return html.escape(_NOT_XML.sub("", text))
+    """Text for SVG and HTML."""
+    return html.escape(without_control_characters(text))
 
 
 def plain(value: float, digits: int) -> str:

@@ -112,14 +112,17 @@ def test_a_file_of_thresholds_without_the_bank(robot: Path) -> None:
     assert found(calibrated(robot, [])).alarm_source == "cusum"
     key, message = problem(detector(robot, 'alarm_source = "multimodel"'))
     assert key.endswith("detector.alarm_source")
-    assert message == 'thresholds.toml has no thresholds of the bank: calibrate again, or use "cusum"'
+    assert (
+        message
+        == 'thresholds.toml has no thresholds of the multi-model detector: calibrate again, or use "cusum"'
+    )
 
 
 def test_a_budget_beside_thresholds_of_its_own(robot: Path) -> None:
     calibrated(robot, OWN)
     key, message = problem(detector(robot, "budget_s = 3600.0"))
     assert key.endswith("detector.budget_s")
-    assert message.startswith("thresholds.toml has thresholds of the bank: remove this, or")
+    assert message.startswith("thresholds.toml has thresholds of the multi-model detector: remove this, or")
 
 
 def test_a_file_for_other_causes(robot: Path) -> None:
