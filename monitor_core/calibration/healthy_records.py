@@ -70,7 +70,7 @@ def deviations(
 ) -> list[Deviations]:
     """Run all records, one after the other in the life of the axis, as the daemon would."""
     monitor = AxisMonitor(model, untested(settings))
-    whole, done, found = sum(len(one.t_us) for one in records), 0, []
+    whole, done, found = sum(len(record.t_us) for record in records), 0, []
     for one in records:
         found.append(_deviations(monitor, one, lambda part, at=done: progress((at + part) / whole)))  # type: ignore[misc]
         done += len(one.t_us)

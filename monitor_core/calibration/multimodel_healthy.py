@@ -61,7 +61,7 @@ def watched(
     bank = HypothesisBank(model, settings, default_hypotheses(model, settings))
     allowance = allowances(bank, records)
     bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
-    variance = settings.lam0 * np.array([1.0, *(one.variance for one in bank.hypotheses)])
+    variance = settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
     recorded, spectra = Heights(len(allowance)), Spectra(variance, allowance, LOOK * block_length(settings))
     places = _Places(settings, records)
     for number, one in enumerate(records):
@@ -77,12 +77,12 @@ def watched(
 def allowances(bank: HypothesisBank, records: Sequence[Samples]) -> Floats:
     """What is taken from each log-likelihood ratio (H,), so that in no part of a healthy record it is positive."""
     most = np.zeros(len(bank.hypotheses))
-    for one in records:
-        N = len(one.t_us)
+    for record in records:
+        N = len(record.t_us)
         sums, counts = np.zeros((PARTS, len(most))), np.zeros(PARTS)
         bank.reset()
         for k in range(0, N, _CHUNK):
-            part = one.part(k, k + _CHUNK)
+            part = record.part(k, k + _CHUNK)
             _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
             tested = np.isfinite(trace.llr).any(axis=1)
             of = (k + np.flatnonzero(tested)) * PARTS // N
@@ -98,7 +98,7 @@ class _Places:
 
     def __init__(self, settings: Settings, records: Sequence[Samples]) -> None:
         self._length = block_length(settings)
-        self._first = np.cumsum([0, *(1 + len(one.t_us) // self._length for one in records)])
+        self._first = np.cumsum([0, *(1 + len(record.t_us) // self._length for record in records)])
         self.many = int(self._first[-1])
 
     def of(self, record: int, samples: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -130,7 +130,7 @@ def _copied(
 ) -> Heights:
     """Copies of the records, at least so many samples."""
     heights, clock = Heights(len(bank.hypotheses)), 0
-    found = ((number, source_of(bank.model, bank.settings, one)) for number, one in enumerate(records))
+    found = ((number, source_of(bank.model, bank.settings, record)) for number, record in enumerate(records))
     sources = [(number, of) for number, of in found if of is not None]
     while sources and heights.samples < samples:
         for number, source in sources:

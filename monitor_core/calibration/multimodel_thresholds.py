@@ -93,8 +93,8 @@ def limits(of: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
     less = root(excess, -_MOST, _MOST, xtol=_NEAR) if excess(-_MOST) > 0 > excess(_MOST) else 0.0
     h = h_for(less)
     own = tuple(
-        Limit(one.cause, one.size, float(h[i]), float(of.allowance[i]), one.alike)
-        for i, one in enumerate(of.hypotheses)
+        Limit(hypothesis.cause, hypothesis.size, float(h[i]), float(of.allowance[i]), hypothesis.alike)
+        for i, hypothesis in enumerate(of.hypotheses)
     )
     lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(whole(h), [LOWER, 0.5, UPPER])))
     return BankLimits(own, most_likely, lower, upper)
@@ -122,7 +122,7 @@ def _where(log_rate: Callable[[Floats], Floats], share: float, least: Floats) ->
 # --- Alarms of a bank are fewer than those of its hypotheses: what several of them take for theirs is one alarm -------
 
 
-# After it all begin anew.  The higher the thresholds, the seldomer that is: -log of the share of alarms that are left
+# After it all restart.  The higher the thresholds, the seldomer that is: -log of the share of alarms that are left
 # falls as a power of how often they are, which two counts tell.
 
 _OFTEN, _FEW = TOP, TOP // 20

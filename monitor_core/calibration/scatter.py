@@ -61,7 +61,7 @@ def scatter(
         ValueError: there is nothing in them.
     """
     q = max(1, round(memory / BINS))
-    parts = [part for one in deviations if len(part := binned(one, q)) > BINS]
+    parts = [part for deviation in deviations if len(part := binned(deviation, q)) > BINS]
     if not parts:
         raise ValueError("no sample was tested")
     d, s = np.swapaxes(np.concatenate(parts), 0, 1)

@@ -59,9 +59,9 @@ class Plants:
     def __init__(self, model: AxisModel, settings: Settings, values: Sequence[Mapping[str, float]]) -> None:
         drive, h = model.drive, settings.interval_s
         assembly = Assembly(drive, model.monitored)
-        matrices = [_held(model, one, h) for one in values]
-        self._Ad, self._Bd, self._C = (np.array([one[k] for one in matrices]) for k in range(3))
-        self._late = np.array([one.get(DELAY, settings.delay_s) / h for one in values])
+        matrices = [_held(model, value, h) for value in values]
+        self._Ad, self._Bd, self._C = (np.array([matrix[k] for matrix in matrices]) for k in range(3))
+        self._late = np.array([value.get(DELAY, settings.delay_s) / h for value in values])
         self._K, self._kind = settings.gain(len(drive.states)), assembly.tables.kind
         self._u_scale = assembly.model_constants(model, settings.speed_scale)["u_scale"]
         self._speed_state, self._mean = drive.speed_state, drive.mean_state

@@ -75,7 +75,7 @@ def simulated(
     Raises:
         ValueError: no record has innovations, or is long enough.
     """
-    sources = [source for one in records if (source := source_of(model, settings, one)) is not None]
+    sources = [source for record in records if (source := source_of(model, settings, record)) is not None]
     if not sources:
         raise ValueError("nothing was learned from any record")
     copies = _Copies(model, settings)

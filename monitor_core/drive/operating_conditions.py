@@ -212,8 +212,8 @@ class _Follower(NamedTuple):
     def shift(self, s: Floats, column: Mapping[str, int]) -> Floats:
         """theta_0i(s) - theta_0i (N,) at signals (N, S)."""
         change = np.zeros(len(s))
-        for one in self.follows:
-            change = change + one.change(s[:, column[one.term.signal]])
+        for follow in self.follows:
+            change = change + follow.change(s[:, column[follow.term.signal]])
         if self.reciprocal:
             with np.errstate(divide="ignore"):
                 change = 1 / (self.value + change) - self.theta0
@@ -223,12 +223,12 @@ class _Follower(NamedTuple):
 
     def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
         """Why the shift at signals (1, S) is not known."""
-        for one in self.follows:
-            value = s[:, column[one.term.signal]]
-            if math.isnan(one.change(value)[0]):
-                at = one.term.of(value)[0]
-                beyond = "" if math.isnan(at) else f", beyond {one.low:g} to {one.high:g}"
-                yield _at(str(one.term), at) + beyond
+        for follow in self.follows:
+            value = s[:, column[follow.term.signal]]
+            if math.isnan(follow.change(value)[0]):
+                at = follow.term.of(value)[0]
+                beyond = "" if math.isnan(at) else f", beyond {follow.low:g} to {follow.high:g}"
+                yield _at(str(follow.term), at) + beyond
                 return
         if math.isnan(self.shift(s, column)[0]):
             yield f"{self.name} would leave its bounds"
@@ -250,12 +250,12 @@ def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
             raise ValueError(f"{one.name} is to follow {one.term}, but is not monitored")
         if one.term.function and one.term.function not in FUNCTIONS:
             raise ValueError(f"no function {one.term.function} of signals; there is {', '.join(FUNCTIONS)}")
-    return sorted({bases.index(split_name(one.name)[0]) for one in follows})
+    return sorted({bases.index(split_name(follow.name)[0]) for follow in follows})
 
 
 def _follower(model: AxisModel, i: int, follows: tuple[Follow, ...]) -> _Follower:
     base, inverse = split_name(model.monitored[i])
-    mine = tuple(one for one in follows if split_name(one.name)[0] == base)
+    mine = tuple(follow for follow in follows if split_name(follow.name)[0] == base)
     if len({one.name for one in mine}) > 1:
         raise ValueError(f"slopes of both {base} and 1/{base}: give those of one of them")
     of_inverse = split_name(mine[0].name)[1]

@@ -188,13 +188,13 @@ def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> 
 
 
 def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[Pair]) -> Iterator[Finding]:
-    for one, other, r in pairs:
-        if max(deviations[one], deviations[other]) > FAIR:
+    for first, second, r in pairs:
+        if max(deviations[first], deviations[second]) > FAIR:
             sentence = (
-                f"{one} and {other} cannot both be told from this record: their estimates correlate by {r:.2f}"
-                f" (standard deviations {percent(deviations[one])} and {percent(deviations[other])})."
+                f"{first} and {second} cannot both be told from this record: their estimates correlate by {r:.2f}"
+                f" (standard deviations {percent(deviations[first])} and {percent(deviations[second])})."
             )
-            yield Finding((one, other), False, sentence)
+            yield Finding((first, second), False, sentence)
 
 
 def _groups(deviations: Mapping[str, float], directions: Sequence[Direction]) -> list[Direction]:

@@ -1,4 +1,4 @@
-"""What each lane does with its sample: nothing, start anew, move; and what it holds until the next one."""
+"""What each lane does with its sample: nothing, restart, move; and what it holds until the next one."""
 
 import math
 from typing import Any
@@ -99,7 +99,7 @@ def innovate(
     eps: Floats,
     X: Floats,
 ) -> None:
-    """eps = y - yhat (eq. 11).  A predictor that has left the finite numbers is started anew by its next sample."""
+    """eps = y - yhat (eq. 11).  A predictor that has left the finite numbers is restarted by its next sample."""
     for a in range(len(lanes)):
         if does[a] >= SETTLE and not math.isfinite(y[a] - yhat[a] + S[a]):
             counts[DIVERGED, a] += 1

@@ -144,7 +144,7 @@ def errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: 
 
 @aside
 def rejoin(most: float, eps: Floats, x: Floats) -> bool:
-    """Predictors that diverge, |e_i| > most, start anew from the state of the first; False if that is no number, too.
+    """Predictors that diverge, |e_i| > most, restart from the state of the first; False if that is no number, too.
 
     The gain of a hypothesis may not be one for what really happens, as samples that are passed over, and one predictor
     that is lost is not to cost the others theirs.

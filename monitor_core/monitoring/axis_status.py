@@ -112,8 +112,8 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
 def untold(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """Why nothing is tested, where the nominal values are not good enough for that."""
     return tuple(
-        f"{one} and {other} cannot be told apart by the record of their nominal values: nothing is tested"
-        for one, other in pairs
+        f"{first} and {second} cannot be told apart by the record of their nominal values: nothing is tested"
+        for first, second in pairs
     )
 
 

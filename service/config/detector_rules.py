@@ -64,7 +64,7 @@ def readable(axis: AxisConfig) -> Iterator[Finding]:
 def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
     """It has a threshold for every monitored parameter, and for no other."""
     found = _found(axis)
-    of = [one.parameter for one in found.threshold]
+    of = [entry.parameter for entry in found.threshold]
     if of != list(axis.model.monitor):
         watched = ", ".join(axis.model.monitor)
         message = f"has thresholds of {', '.join(of)}, but {watched} are monitored: calibrate again"

@@ -82,7 +82,7 @@ class AxisConfig(Table):
         description="torque and angle (or speed) further apart than this are no sample [s]",
     )
     max_gap_s: Positive = Field(
-        default_factory=intervals(10), description="a longer interval starts the predictor afresh [s]"
+        default_factory=intervals(10), description="a longer interval restarts the predictor [s]"
     )
     settling_time_s: Annotated[Real, Field(ge=0)] | None = Field(
         None, description="no estimation for so long after such a start [s]; default from the model"

@@ -48,7 +48,7 @@ def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile)
                 f"{found.path.name} was made with {reason}: run `axiswatch calibrate` again, or leave out"
                 " thresholds_file"
             )
-    own = tuple(Threshold(one.alpha_1, one.alpha_2, one.allowance) for one in found.threshold)
+    own = tuple(Threshold(entry.alpha_1, entry.alpha_2, entry.allowance) for entry in found.threshold)
     return replace(settings, thresholds=own)
 
 

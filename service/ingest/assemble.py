@@ -186,7 +186,7 @@ class Assembler:
         """Whether a sample of that time comes after the last one; counts those missing between."""
         if self._last_us is None:
             return True
-        if time_us < self._last_us - self._gap_us:  # the sample counter was anchored anew
+        if time_us < self._last_us - self._gap_us:  # the sample counter was re-anchored
             self.clock_set_back += 1
             return True
         self.dropped["missing"] += max(0, round((time_us - self._last_us) / self._interval_us) - 1)

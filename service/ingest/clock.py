@@ -15,7 +15,7 @@ class SampleClock:
     The crystals of the controller and of this machine differ, so the line is shifted, by no more than 150 ppm
     of the time that passes, towards the smallest delay of late.  Frames that are off the line by more than
     half a second (or ten intervals) are rejected as untimed; after a second (or ten intervals) of nothing else
-    the line starts anew: a clock was set, or the controller has started again.  A host that was held up and
+    the line restarts: a clock was set, or the controller has started again.  A host that was held up and
     receives late is back on the line before that.
 
     All of it depends on counts and times of receipt alone, so a replay gives the same times.
@@ -36,7 +36,7 @@ class SampleClock:
 
     @property
     def reanchored(self) -> int:
-        """How often counter and receipt diverged for good, and the line was started anew."""
+        """How often counter and receipt diverged for good, and the line was restarted."""
         return self._line.restarts
 
     @property

@@ -26,7 +26,7 @@ TOLERANCE_US = 0.5e6
 """A frame further off the line than this, and than ten intervals, does not belong to it."""
 
 PATIENCE_US = 1e6
-"""After so long (or ten intervals) of nothing else the line starts anew."""
+"""After so long (or ten intervals) of nothing else the line restarts."""
 
 _TELLING = 8
 """Windows that tell the rate."""
@@ -46,7 +46,7 @@ class Line:
         self._anchor_us = 0
         self._off_since_us: int | None = None
         self.restarts = 0
-        """How often it was started anew"""
+        """How often it was restarted"""
 
     def begin(self, received_us: int) -> None:
         """Number 0 was received then."""
@@ -65,7 +65,7 @@ class Line:
         self._off_since_us = None
 
     def off(self, received_us: int) -> bool:
-        """A frame does not fit; whether nothing else has come for so long that the line must start anew."""
+        """A frame does not fit; whether nothing else has come for so long that the line must restart."""
         since_us = self._off_since_us
         if since_us is None or received_us < since_us:
             since_us = received_us

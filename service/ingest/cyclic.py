@@ -42,7 +42,7 @@ class CyclicClock(Generic[V]):
 
     Frames that are no later than the last cycle are rejected, repeated or out of order; those further back than half
     a second (or ten cycles), and those that waited for longer, as untimed.  After a second of nothing but untimed
-    frames the line starts anew: the clock of this machine was set back.  After a pause of half a second it is kept,
+    frames the line restarts: the clock of this machine was set back.  After a pause of half a second it is kept,
     but for its phase; that counts as a new start, too: the clock may have been set forward.
 
     All of it depends on times of receipt alone, so a replay gives the same times.
@@ -63,7 +63,7 @@ class CyclicClock(Generic[V]):
 
     @property
     def reanchored(self) -> int:
-        """How often the line, or its phase, was started anew."""
+        """How often the line, or its phase, was restarted."""
         return self._line.restarts + self._pauses
 
     @property

@@ -46,7 +46,7 @@ class LogRecord:
 
     @property
     def axis_events(self) -> Mapping[str, Mapping[str, int]]:
-        """How often the time line of an axis began anew, by cause."""
+        """How often the time line of an axis restarted, by cause."""
         ingests = self._ingests.values()
         return {axis_id: ingest.axis_events(axis_id) for ingest in ingests for axis_id in ingest.axis_ids}
 

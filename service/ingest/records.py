@@ -42,7 +42,7 @@ class Record(Protocol):
 
     @property
     def axis_events(self) -> Mapping[str, Mapping[str, int]]:
-        """How often the time line of an axis began anew, by cause."""
+        """How often the time line of an axis restarted, by cause."""
 
     @property
     def axis_stamps(self) -> Mapping[str, Stamps]:

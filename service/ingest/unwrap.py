@@ -34,7 +34,7 @@ class Motion(NamedTuple):
 class Turns:
     """Whole angles of one axis from those of its signal, sample by sample.
 
-    After a gap they are those of the signal again: the predictor starts anew there, too.
+    After a gap they are those of the signal again: the predictor restarts there, too.
 
     Args:
         period: of the angle [rad].

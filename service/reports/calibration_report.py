@@ -51,16 +51,16 @@ HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")
 DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "multimodel": "multi-model detector"}
 _SHORT: dict[DetectorName, str] = {"cusum": "CUSUM", "multimodel": "models"}
 _VERB: dict[DetectorName, tuple[str, str]] = {
-    "cusum": ("alarm", "look on"),
-    "multimodel": ("alarms", "looks on"),
+    "cusum": ("alarm", "run in shadow mode"),
+    "multimodel": ("alarms", "runs in shadow mode"),
 }
 _SELDOM = 0.05
 
 
 def promises(calibration: Calibration) -> Iterator[str]:
     """False alarms of each detector, in one sentence; why there is no multi-model detector."""
-    for one in calibration.detectors:
-        yield f"The {DETECTORS[one.detector]}, {part(calibration, one)}: {one.promise}."
+    for detector in calibration.detectors:
+        yield f"The {DETECTORS[detector.detector]}, {part(calibration, detector)}: {detector.promise}."
     if calibration.result.bank is None:
         yield "No multi-model detector: the axis can have none."
 
@@ -98,14 +98,21 @@ def smallest_titles(calibration: Calibration) -> tuple[str, ...]:
     """Up and down by each detector, in the order in which they are told."""
     return (
         "",
-        *(f"{_SHORT[one.detector]}: {way}" for one in calibration.detectors for way in ("up", "down")),
+        *(
+            f"{_SHORT[detector.detector]}: {way}"
+            for detector in calibration.detectors
+            for way in ("up", "down")
+        ),
     )
 
 
 def smallest_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
     """One for each parameter: the smallest changes that each detector finds in time."""
     for name in calibration.result.model.monitored:
-        yield name, *(_smallest(size) for one in calibration.detectors for size in one.smallest(name))
+        yield (
+            name,
+            *(_smallest(size) for detector in calibration.detectors for size in detector.smallest(name)),
+        )
 
 
 def _smallest(size: float | None) -> str:
@@ -115,7 +122,7 @@ def _smallest(size: float | None) -> str:
 def fault_titles(calibration: Calibration, told: DetectorResult) -> tuple[str, ...]:
     """Over the columns of ``fault_rows``; the last is the delay of the other detector."""
     named = "named" if told.detector == "multimodel" else "named first"
-    others = (f"{_SHORT[one.detector]}: median" for one in _others(calibration, told))
+    others = (f"{_SHORT[detector.detector]}: median" for detector in _others(calibration, told))
     return ("fault", "how", "found in time", "median delay", "in 9 of 10 by", *others, named)
 
 
@@ -136,7 +143,11 @@ def fault_rows(calibration: Calibration, told: DetectorResult) -> Iterator[tuple
 
 def _others(calibration: Calibration, told: DetectorResult) -> list[DetectorResult]:
     """Which found the same faults."""
-    return [one for one in calibration.detectors if one.detector != told.detector and one.caught]
+    return [
+        detector
+        for detector in calibration.detectors
+        if detector.detector != told.detector and detector.caught
+    ]
 
 
 def _seconds(delay: float) -> str:

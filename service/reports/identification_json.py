@@ -24,7 +24,7 @@ def as_json(report: IdentificationReport) -> str:
         "trustworthy": not report.rejection,
         "why_not": report.rejection or None,
         "parameters": [_parameter(row) for row in report.result.rows()],
-        "schedule": [_slope(one) for one in report.result.slopes()],
+        "schedule": [_slope(slope) for slope in report.result.slopes()],
         "masses": _growth(report.result.growth) if report.result.growth else None,
         "names": list(e.names),
         "covariance": _numbers(e.covariance),
@@ -61,16 +61,16 @@ def _parameter(row: ParameterRow) -> Json:
 def _growth(growth: Growth) -> Json:
     models = [
         {
-            "masses": one.masses,
-            "cost": one.estimate.cost,
-            "aic": one.aic,
-            "bic": one.bic,
-            "fit": list(one.estimate.fit),
-            "fit_simulation": list(one.estimate.fit_simulation),
-            "fit_validation": list(one.validation),
-            "values": dict(one.estimate.problem.nominal),
+            "masses": model.masses,
+            "cost": model.estimate.cost,
+            "aic": model.aic,
+            "bic": model.bic,
+            "fit": list(model.estimate.fit),
+            "fit_simulation": list(model.estimate.fit_simulation),
+            "fit_validation": list(model.validation),
+            "values": dict(model.estimate.problem.nominal),
         }
-        for one in growth.models
+        for model in growth.models
     ]
     return {"recommended": growth.recommended, "words": list(growth.words), "models": models}
 
@@ -125,7 +125,7 @@ def _correlation(c: Correlation) -> Json:
 def _bode(report: IdentificationReport) -> Json:
     b = report.result.bode
     named = {"drive": b.drive, "before": b.before, "black_box": b.black_box, "measured": b.measured}
-    return {**{key: _response(one) if one else None for key, one in named.items()}, "words": list(b.words)}
+    return {**{key: _response(item) if item else None for key, item in named.items()}, "words": list(b.words)}
 
 
 def _response(one: FrequencyResponse) -> Json:

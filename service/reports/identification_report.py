@@ -176,7 +176,7 @@ MASSES_TITLES = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "si
 
 def masses_rows(growth: Growth) -> Iterator[MassesRow]:
     """The comparison; AIC and BIC above those of the best."""
-    least = [min(getattr(one, name) for one in growth.models) for name in ("aic", "bic")]
+    least = [min(getattr(model, name) for model in growth.models) for name in ("aic", "bic")]
     for one in growth.models:
         e = one.estimate
         yield MassesRow(

@@ -64,7 +64,7 @@ def _parameters(report: IdentificationReport) -> Table:
 def _masses(growth: Growth) -> Table:
     title = "Masses in a row; AIC and BIC above the least"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    titles = MASSES_TITLES if any(one.validation for one in growth.models) else MASSES_TITLES[:-1]
+    titles = MASSES_TITLES if any(model.validation for model in growth.models) else MASSES_TITLES[:-1]
     for name in titles:
         table.add_column(name, justify="right")
     for row in masses_rows(growth):

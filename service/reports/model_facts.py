@@ -169,7 +169,7 @@ def local_words(local: LocalIdentifiability) -> tuple[str, ...]:
 def as_dict(local: LocalIdentifiability) -> dict[str, Any]:
     """For JSON; null where a parameter is not told at all."""
     deviations = zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True)
-    pairs = [{"names": [one, other], "correlation": r} for one, other, r in local.accuracy.pairs()]
+    pairs = [{"names": [pair, other], "correlation": r} for pair, other, r in local.accuracy.pairs()]
     condition = local.accuracy.condition
     return {
         "experiment": local.experiment.words,

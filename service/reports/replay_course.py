@@ -93,9 +93,9 @@ class Course:
         since = np.concatenate(([before], where[:-1])) // self._width
         for k in np.flatnonzero(does == RESTART)[fresh:].tolist():
             self._gaps[since[k] : bins[k] + 1] = True
-        for one in crossings:  # at that very sample g has started again
-            row, i = UP if one.direction == "up" else DOWN, self._names.index(one.parameter)
-            at = bins[int(np.argmax(t == one.time_us))]
+        for crossing in crossings:  # at that very sample g has started again
+            row, i = UP if crossing.direction == "up" else DOWN, self._names.index(crossing.parameter)
+            at = bins[int(np.argmax(t == crossing.time_us))]
             self._high[row, i, at] = max(self._high[row, i, at], self.h[i])
 
     def _rows(self, trace: Trace, took: NDArray[np.bool_]) -> Floats:
@@ -176,7 +176,7 @@ class Course:
 
     @property
     def gaps(self) -> NDArray[np.bool_]:
-        """Which bins have a part without samples after which the predictor started anew."""
+        """Which bins have a part without samples after which the predictor restarted."""
         return self._gaps[: self.used]
 
 
@@ -206,7 +206,7 @@ class BankCourse:
 
     def __init__(self, bank: HypothesisBank, parameters: Sequence[str], most: int) -> None:
         self._h = bank.h
-        of = [_group(one.cause, one.size, parameters) for one in bank.hypotheses]
+        of = [_group(hypothesis.cause, hypothesis.size, parameters) for hypothesis in bank.hypotheses]
         self.groups: tuple[Group, ...] = tuple(dict.fromkeys(of))
         """What is drawn as one line each"""
         self._members = [np.flatnonzero([one == group for one in of]) for group in self.groups]

@@ -199,11 +199,11 @@ def _mark_alarms(panels: Sequence[Axes], axis: ReplayedAxis, name: str, unit: Ti
 
 def _mark_pauses(axes: Axes, course: Course, unit: TimeUnit, named: bool) -> None:
     stretches = course.timeline.stretches[1:]
-    for one in stretches if len(stretches) <= _MOST_PAUSES else ():
-        at = 1e-6 * one.at / unit.seconds
+    for stretch in stretches if len(stretches) <= _MOST_PAUSES else ():
+        at = 1e-6 * stretch.at / unit.seconds
         axes.axvline(at, color=QUIET, lw=1, ls=(0, (4, 2, 1, 2)), label=_PAUSE)
         if named and len(stretches) <= _MOST_NAMED:
-            words = f"pause of {duration(one.pause_s)}" if one.pause_s > 0 else "clock set back"
+            words = f"pause of {duration(stretch.pause_s)}" if stretch.pause_s > 0 else "clock set back"
             above = axes.get_xaxis_transform()
             axes.annotate(words, (at, 1.02), xycoords=above, fontsize=8, color=QUIET, ha="center")
 
@@ -232,7 +232,7 @@ def _fates(axis: ReplayedAxis, chosen: Sequence[int]) -> Iterator[_Fate]:
 def _draw_fates(axes: Axes, course: Course, fates: Sequence[_Fate], unit: TimeUnit) -> None:
     for k, one in enumerate(fates):
         axes.broken_barh(list(_runs(one.where, course, unit)), (k - 0.32, 0.64), color=QUIET, lw=0)
-    axes.set_yticks(range(len(fates)), [one.name for one in fates], fontsize=8.5)
+    axes.set_yticks(range(len(fates)), [fate.name for fate in fates], fontsize=8.5)
     axes.set(ylim=(len(fates) - 0.4, -0.6), title="What kept from learning")
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)

@@ -27,7 +27,7 @@ class ReplayedAxis(NamedTuple):
     dropped: Mapping[str, int]
     """What never reached the monitor, by reason"""
     clock: Mapping[str, int]
-    """How often its time line began anew, by cause"""
+    """How often its time line restarted, by cause"""
     trends: Sequence[ParameterTrend]
     """Slow courses, of parameters of which enough is known"""
     notes: Sequence[str]
@@ -60,7 +60,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "outlier": "far from their prediction, passed over",
         "starved": "while there was nothing to learn: the axis hardly moved",
         "started": "the predictor started with them",
-        "gap": "after a gap, or a clock that was set: the predictor started anew",
+        "gap": "after a gap, or a clock that was set: the predictor restarted",
         "not_finite": "not finite",
         "not_increasing": "not after the sample before",
         "diverged": "at which the prediction left the finite numbers",
@@ -78,7 +78,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "undecodable": "not as the DBC file says",
         "signal_absent": "of a multiplexed message, without the signal that was wanted",
         "other_bus": "of a bus that the configuration does not have",
-        "clock_reanchored": "the time line of the samples began anew",
+        "clock_reanchored": "the time line of the samples restarted",
         "clock_set_back": "the clock of the receiver was set back",
     }
 )

@@ -70,9 +70,9 @@ class Timeline:
         """Where on the line a time is [s], the latest place where it is; None: nowhere."""
         if t_us is None:
             return None
-        for one in reversed(self._stretches):
-            if one.first <= t_us <= one.last:
-                return 1e-6 * (one.at + t_us - one.first)
+        for _stretch in reversed(self._stretches):
+            if _stretch.first <= t_us <= _stretch.last:
+                return 1e-6 * (_stretch.at + t_us - _stretch.first)
         return None
 
 

@@ -57,7 +57,7 @@ class SimulatedConditions:
 def _swing(name: str, conditions: Conditions) -> tuple[float, float]:
     """Middle and amplitude of a signal."""
     gates = [gate for gate in conditions.gates if gate.signal == name]
-    follows = [one for one in conditions.follows if one.term.signal == name]
+    follows = [follow for follow in conditions.follows if follow.term.signal == name]
     if gates:
         candidates = list(_candidates(gates))
         fitting = (v for v in candidates if all(gate.open(np.array([v])).all() for gate in gates))

@@ -78,7 +78,7 @@ def run_of_five_masses(output: Output, axes: int, samples: int, seed: int) -> Ca
 def _turning(model: AxisModel, settings: Settings, rec: Record, samples: int) -> Callable[[], object]:
     """A call that runs the next so many samples of the records (N, axes).
 
-    At their end the bank starts afresh with them: a jump would throw theta to its bounds.
+    At their end the bank restarts with them: a jump would throw theta to its bounds.
     """
     length, axes = rec.u.shape
     bank = AxisBatch([model] * axes, [settings] * axes)

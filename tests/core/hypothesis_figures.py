@@ -145,7 +145,7 @@ def _run(bank: HypothesisBank, rec: Record) -> One:
 
 
 def false_alarms(bank: HypothesisBank, seed: int, samples: int) -> tuple[int, int]:
-    """Alarms of a healthy record, and samples tested; after each alarm the bank begins anew."""
+    """Alarms of a healthy record, and samples tested; after each alarm the bank restarts."""
     t_us, u, y = records(bank.model, [seed], samples=samples)
     rec = Record(t_us, u[:, 0], y[:, 0])
     at, alarms, settling = 0, 0, round(bank.settings.settle_s / INTERVAL_S)

@@ -134,7 +134,7 @@ def test_as_transcribed(name: str, grows: bool, seed: int) -> None:
     rec, rng = record(seed, case, 600), np.random.default_rng(seed)
     y, _ = strike(rec.y, (20 * NOISE[case.output], 1e3), rng)
     y[300:310] += 50 * NOISE[case.output]  # more in a row than are passed over
-    y[0] += 1000 * NOISE[case.output]  # it begins anew
+    y[0] += 1000 * NOISE[case.output]  # it restarts
     y[10:14] += 1000 * NOISE[case.output]  # later than that it does not, though it has not settled
     rec = Record(rec.t_us, rec.u, y)
     monitor, paper = AxisMonitor(case.model, s), Paper(case.model, s)

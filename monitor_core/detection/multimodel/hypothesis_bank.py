@@ -53,7 +53,7 @@ _REMEMBERED = 256
 class HypothesisBank:
     """Predictors of one axis, one for each hypothesis.
 
-    When a cause has been named, the bank starts anew around the changed axis, so that a second change is seen, and the
+    When a cause has been named, the bank restarts around the changed axis, so that a second change is seen, and the
     end of the first.
 
     Args:

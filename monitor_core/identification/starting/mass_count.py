@@ -177,7 +177,7 @@ class Growth:
 def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
     """The models with their criteria, all for the same N: that of the model whose errors are whitest."""
     count = sum(int(record.measured.sum()) for record in records)
-    N = max(count / (1 + 2 * float(np.sum(one.estimate.whiteness.values**2))) for one in models)
+    N = max(count / (1 + 2 * float(np.sum(model.estimate.whiteness.values**2))) for model in models)
     out = []
     for one in models:
         initial = one.estimate.problem.initial == "free"

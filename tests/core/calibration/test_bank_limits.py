@@ -30,7 +30,7 @@ BLOCK = 500
 
 
 def false_alarms(bank: HypothesisBank, of: Plant, seed: int) -> int:
-    """Of healthy axes; after each alarm the bank begins anew."""
+    """Of healthy axes; after each alarm the bank restarts."""
     axes, alarms = Axes(of, np.random.default_rng(seed), 1), 0
     bank.reset()
     for _ in range(WATCHED // 4000):

@@ -137,8 +137,8 @@ def test_thresholds_that_look_alike_are_said_once() -> None:
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        ("multimodel", ["multi-model detector, which alarms", "CUSUM tests, which look on"]),
-        ("cusum", ["CUSUM tests, which alarm", "multi-model detector, which looks on"]),
+        ("multimodel", ["multi-model detector, which alarms", "CUSUM tests, which run in shadow mode"]),
+        ("cusum", ["CUSUM tests, which alarm", "multi-model detector, which runs in shadow mode"]),
     ],
 )
 def test_what_will_alarm_is_told_first(kind: DetectorName, told: list[str]) -> None:
