@@ -53,7 +53,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from monitor_core.calibration.calibrate import CalibrationOptions, calibrate
-    from monitor_core.calibration.healthy_records import Samples as HealthyRecord
+    from monitor_core.calibration.healthy_records import HealthyRecord as HealthyRecord
     from monitor_core.calibration.record_doubts import CalibrationError
     from monitor_core.calibration.result import CalibrationResult
     from monitor_core.detection import Alarm
@@ -206,7 +206,7 @@ _HOME = {
     "SlowHistory": "trend.slow_history",
     "trend_of": "trend.trend",
     "forecast": "trend.forecast",
-    "HealthyRecord": "calibration.healthy_records:Samples",
+    "HealthyRecord": "calibration.healthy_records",
     "CalibrationOptions": "calibration.calibrate",
     "calibrate": "calibration.calibrate",
     "CalibrationResult": "calibration.result",

@@ -15,7 +15,7 @@
 
 from monitor_core.calibration.calibrate import CalibrationOptions, Progress, calibrate
 from monitor_core.calibration.fault_trials import Caught
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.calibration.result import (
     FOUND_SHARE,
@@ -31,8 +31,8 @@ __all__ = [
     "CalibrationResult",
     "Caught",
     "DetectorResult",
+    "HealthyRecord",
     "MultiModelCalibration",
     "Progress",
-    "Samples",
     "calibrate",
 ]

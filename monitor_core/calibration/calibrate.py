@@ -18,7 +18,7 @@ import numpy as np
 
 from monitor_core.calibration.budget import Rates, rates, thresholds
 from monitor_core.calibration.fault_trials import Caught, Fault, catch
-from monitor_core.calibration.healthy_records import Samples, deviations
+from monitor_core.calibration.healthy_records import HealthyRecord, deviations
 from monitor_core.calibration.healthy_statistics import Learned, learned
 from monitor_core.calibration.injection import changed
 from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
@@ -105,7 +105,7 @@ def _in_sequence(task: Task) -> AbstractContextManager[Pending]:
 def calibrate(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     options: CalibrationOptions,
     progress: Progress = _no_progress,
     launch: Launcher = _in_sequence,
@@ -181,7 +181,7 @@ def _thresholds(
 def _trials(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     options: CalibrationOptions,
     within_s: float,
     progress: Progress,
@@ -208,7 +208,7 @@ def _trials(
 def _limits(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     samples: float,
     rng: np.random.Generator,
     copies: int,
@@ -223,7 +223,7 @@ def _limits(
 def _multimodel(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     limits: BankLimits,
     faults: Sequence[Fault],
     options: CalibrationOptions,

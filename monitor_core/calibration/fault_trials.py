@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.injection import Load, changed, load_of, torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection import Crossing
@@ -57,7 +57,7 @@ class Caught:
 def catch(
     model: AxisModel,
     settings: Settings,
-    one: Samples,
+    one: HealthyRecord,
     faults: Sequence[Fault],
     onsets: int,
     seconds: float,
@@ -82,8 +82,8 @@ def catch(
     return found, len(at)
 
 
-def places(model: AxisModel, settings: Settings, one: Samples, onsets: int, N: int) -> Ints:
-    """Samples of a record at which faults begin, with N of them left to be watched.
+def places(model: AxisModel, settings: Settings, one: HealthyRecord, onsets: int, N: int) -> Ints:
+    """HealthyRecord of a record at which faults begin, with N of them left to be watched.
 
     Raises:
         ValueError: the record is too short for that.
@@ -96,7 +96,7 @@ def places(model: AxisModel, settings: Settings, one: Samples, onsets: int, N: i
 
 
 def injected(
-    model: AxisModel, settings: Settings, one: Samples, faults: Sequence[Fault], at: Ints, N: int
+    model: AxisModel, settings: Settings, one: HealthyRecord, faults: Sequence[Fault], at: Ints, N: int
 ) -> Iterator[tuple[Fault, Load | None, Floats, Floats | None]]:
     """Each fault, put into the record.
 
@@ -115,7 +115,7 @@ def injected(
             yield fault, None, one.u, y
 
 
-def _ready(monitor: AxisMonitor, one: Samples) -> int:
+def _ready(monitor: AxisMonitor, one: HealthyRecord) -> int:
     """From where on the tests run, some memories behind the start."""
     st, step = monitor.batch.state, monitor.settings.span
     for k in range(0, len(one.t_us), step):
@@ -126,7 +126,7 @@ def _ready(monitor: AxisMonitor, one: Samples) -> int:
     return len(one.t_us)
 
 
-def _columns(model: AxisModel, settings: Settings, one: Samples, at: Ints) -> list[tuple[Floats, Ints]]:
+def _columns(model: AxisModel, settings: Settings, one: HealthyRecord, at: Ints) -> list[tuple[Floats, Ints]]:
     """The state of the healthy monitor just before each of these samples."""
     monitor, done, found = AxisMonitor(model, settings), 0, []
     for end in at.tolist():
@@ -140,7 +140,7 @@ def _columns(model: AxisModel, settings: Settings, one: Samples, at: Ints) -> li
 def _faulty_outputs(
     model: AxisModel,
     settings: Settings,
-    one: Samples,
+    one: HealthyRecord,
     values: dict[str, float],
     at: Ints,
     N: int,
@@ -162,7 +162,7 @@ def _faulty_outputs(
 
 def _watched(
     bank: AxisBatch,
-    one: Samples,
+    one: HealthyRecord,
     u: Floats,
     y: Floats | None,
     at: Ints,
@@ -195,7 +195,7 @@ def _watched(
     return [None if e is None else _since(e, one, int(k)) for e, k in zip(found, at, strict=True)]
 
 
-def _since(event: Crossing, one: Samples, onset: int) -> Crossing:
+def _since(event: Crossing, one: HealthyRecord, onset: int) -> Crossing:
     """With its time counted from the onset."""
     return Crossing(
         event.parameter, event.direction, event.time_us - int(one.t_us[onset]), 0, event.size, event.size_sd

@@ -21,22 +21,22 @@ OUT_OF_REACH = 1e30
 """alpha_2 of a test that never alarms."""
 
 
-class Samples(NamedTuple):
-    """A record of one axis, as for ``AxisMonitor.run``."""
+class HealthyRecord(NamedTuple):
+    """Samples of one axis in a healthy record; ``shift`` and ``gate`` as of ``SampleBlock``."""
 
     name: str
-    t_us: Times  # (N,)
-    u: Floats  # (N,) motor torque, N m
-    y: Floats  # (N,) motor speed, rad/s, or angle, rad
-    shift: Floats | None = None  # (N, p) of the nominal values
-    gate: Bools | None = None  # (N,)
+    t_us: Times  # (N,) time [us]
+    u: Floats  # (N,) motor torque [N m]
+    y: Floats  # (N,) motor speed [rad/s], or motor angle [rad]
+    shift: Floats | None = None  # (N, p) theta_0(s) - theta_0
+    gate: Bools | None = None  # (N,) nothing is learned where it is False
 
-    def part(self, start: int, end: int) -> "Samples":
-        """Samples ``start`` to ``end``."""
-        here = slice(start, end)
-        shift = None if self.shift is None else self.shift[here]
-        gate = None if self.gate is None else self.gate[here]
-        return Samples(self.name, self.t_us[here], self.u[here], self.y[here], shift, gate)
+    def part(self, start: int, end: int) -> "HealthyRecord":
+        """The samples from ``start`` to ``end``."""
+        chosen = slice(start, end)
+        shift = None if self.shift is None else self.shift[chosen]
+        gate = None if self.gate is None else self.gate[chosen]
+        return HealthyRecord(self.name, self.t_us[chosen], self.u[chosen], self.y[chosen], shift, gate)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Deviations:
     s: Floats  # (N, p)
     tested: Bools  # (N, p)
     seeding: int
-    """Samples before P(0) was found"""
+    """HealthyRecord before P(0) was found"""
     confounded: tuple[str, ...]
     """What could not be told apart at the end, in words"""
 
@@ -65,7 +65,7 @@ def untested(settings: Settings) -> Settings:
 def deviations(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[Deviations]:
     """Run all records, one after the other in the life of the axis, as the daemon would."""
@@ -77,7 +77,7 @@ def deviations(
     return found
 
 
-def _deviations(monitor: AxisMonitor, one: Samples, progress: Callable[[int], None]) -> Deviations:
+def _deviations(monitor: AxisMonitor, one: HealthyRecord, progress: Callable[[int], None]) -> Deviations:
     model, lam0, st = monitor.model, monitor.settings.lam0, monitor.batch.state
     N, p, step = len(one.t_us), len(model.scale), monitor.settings.span
     d, s, tested, seeding = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_), 0

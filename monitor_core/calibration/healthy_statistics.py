@@ -10,7 +10,7 @@ from scipy.special import gammaincinv  # not scipy.stats: to import that takes s
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.false_alarm_tail import Tail, tails
-from monitor_core.calibration.healthy_records import Deviations, Samples
+from monitor_core.calibration.healthy_records import Deviations, HealthyRecord
 from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
 from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulated
 from monitor_core.drive.axis_model import AxisModel
@@ -31,7 +31,7 @@ class Learned:
 def learned(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     found: Sequence[Deviations],
     budget: float,
     within: float,

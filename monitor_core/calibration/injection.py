@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
@@ -76,7 +76,7 @@ def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:
     return v if fits else None
 
 
-def torque(model: AxisModel, settings: Settings, one: Samples, load: Load, u_scale: Floats) -> Floats:
+def torque(model: AxisModel, settings: Settings, one: HealthyRecord, load: Load, u_scale: Floats) -> Floats:
     """The torque u' (N,) that the motion of the record would have needed.
 
     A load acts with its mean over the interval in which the torque is held.  ``u_scale`` (m,) is what angles are
@@ -90,7 +90,9 @@ def torque(model: AxisModel, settings: Settings, one: Samples, load: Load, u_sca
     return np.asarray(needed / load.factor)
 
 
-def _input(model: AxisModel, settings: Settings, one: Samples, c: int, scale: float, speed: Floats) -> Floats:
+def _input(
+    model: AxisModel, settings: Settings, one: HealthyRecord, c: int, scale: float, speed: Floats
+) -> Floats:
     """Mean of a further input over the interval that begins with each sample (N,)."""
     kind, output = model.drive.inputs[c], model.drive.output
     if kind == ONE:
@@ -101,7 +103,7 @@ def _input(model: AxisModel, settings: Settings, one: Samples, c: int, scale: fl
     return _middle(np.cos(scale * one.y) if kind == COSINE else np.sin(scale * one.y))
 
 
-def _mean_speed(model: AxisModel, one: Samples, settings: Settings) -> Floats:
+def _mean_speed(model: AxisModel, one: HealthyRecord, settings: Settings) -> Floats:
     """Mean of the speed over the interval that begins with each sample (N,)."""
     if model.drive.output == "speed":
         return _middle(one.y)

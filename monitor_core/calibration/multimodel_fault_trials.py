@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.fault_trials import Caught, Fault, injected, places
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
@@ -39,7 +39,7 @@ def catch_by_bank(
     model: AxisModel,
     settings: Settings,
     own: Sequence[Limit],
-    one: Samples,
+    one: HealthyRecord,
     faults: Sequence[Fault],
     onsets: int,
     seconds: float,
@@ -74,7 +74,7 @@ def catch_by_bank(
     return found
 
 
-def _healthy(bank: HypothesisBank, one: Samples, at: Ints) -> list[_Before]:
+def _healthy(bank: HypothesisBank, one: HealthyRecord, at: Ints) -> list[_Before]:
     """Of the healthy bank just before each of these samples; none of its hypotheses alarms meanwhile."""
     quiet = HypothesisBank(bank.model, bank.settings, bank.hypotheses, allowance=bank.allowance)
     done, found = 0, []
@@ -87,7 +87,7 @@ def _healthy(bank: HypothesisBank, one: Samples, at: Ints) -> list[_Before]:
 
 
 def _first(
-    bank: HypothesisBank, one: Samples, u: Floats, y: Floats | None, at: int, N: int, before: _Before
+    bank: HypothesisBank, one: HealthyRecord, u: Floats, y: Floats | None, at: int, N: int, before: _Before
 ) -> _First:
     bank.reset()
     bank.follow(before.moved)

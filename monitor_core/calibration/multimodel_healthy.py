@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_tails import Heights
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate_records import LANES, block_length, copies_of, source_of
@@ -22,7 +22,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 
 COPIES = 8_000_000
-"""Samples of copies that the bank is run over."""
+"""HealthyRecord of copies that the bank is run over."""
 PARTS = 8
 """Of a record, in none of which anything may speak for a hypothesis all along."""
 LOOK = 2
@@ -48,7 +48,7 @@ class Watched:
 def watched(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     rng: np.random.Generator,
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
@@ -74,7 +74,7 @@ def watched(
     return Watched(bank.hypotheses, allowance, recorded, whole, spectra.covariance(), places.many)
 
 
-def allowances(bank: HypothesisBank, records: Sequence[Samples]) -> Floats:
+def allowances(bank: HypothesisBank, records: Sequence[HealthyRecord]) -> Floats:
     """What is taken from each log-likelihood ratio (H,), so that in no part of a healthy record it is positive."""
     most = np.zeros(len(bank.hypotheses))
     for record in records:
@@ -96,7 +96,7 @@ def allowances(bank: HypothesisBank, records: Sequence[Samples]) -> Floats:
 class _Places:
     """Parts of the records, a block of innovations long, by number."""
 
-    def __init__(self, settings: Settings, records: Sequence[Samples]) -> None:
+    def __init__(self, settings: Settings, records: Sequence[HealthyRecord]) -> None:
         self._length = block_length(settings)
         self._first = np.cumsum([0, *(1 + len(record.t_us) // self._length for record in records)])
         self.many = int(self._first[-1])
@@ -106,7 +106,7 @@ class _Places:
         return np.asarray(self._first[record] + samples // self._length)
 
 
-def _over(bank: HypothesisBank, one: Samples, heights: Heights, places: _Places, number: int) -> Floats:
+def _over(bank: HypothesisBank, one: HealthyRecord, heights: Heights, places: _Places, number: int) -> Floats:
     """One record, from the start; its innovations (N, 1 + H)."""
     bank.reset()
     course, found = heights.course(), []
@@ -122,7 +122,7 @@ def _over(bank: HypothesisBank, one: Samples, heights: Heights, places: _Places,
 
 def _copied(
     bank: HypothesisBank,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     places: _Places,
     samples: int,
     rng: np.random.Generator,

@@ -17,7 +17,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import LOWER, UPPER
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_healthy import COPIES, Watched, watched
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, Heights, bank_tails
 from monitor_core.calibration.run_length import root
@@ -48,7 +48,7 @@ class BankLimits:
 def bank_limits(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     samples: float,
     rng: np.random.Generator,
     copies: int = COPIES,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy_records import Samples, untested
+from monitor_core.calibration.healthy_records import HealthyRecord, untested
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
@@ -32,7 +32,9 @@ class Innovations:
     x: Floats
 
 
-def innovations(model: AxisModel, settings: Settings, one: Samples, at: Sequence[int] = ()) -> Innovations:
+def innovations(
+    model: AxisModel, settings: Settings, one: HealthyRecord, at: Sequence[int] = ()
+) -> Innovations:
     """Innovations of the predictor at nominal, and its state just before the samples ``at``, in rising order."""
     frozen = replace(untested(settings), lam=_ENDLESS, P0=(), starved=0.0, floor=0.0, outlier=0.0)
     monitor = AxisMonitor(model, frozen)

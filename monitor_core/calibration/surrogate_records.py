@@ -16,7 +16,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import Samples, untested
+from monitor_core.calibration.healthy_records import HealthyRecord, untested
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
@@ -64,7 +64,7 @@ class Excursions:
 def simulated(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[Samples],
+    records: Sequence[HealthyRecord],
     k: float,
     rng: np.random.Generator,
     samples: int = SAMPLES,
@@ -121,7 +121,7 @@ class Source:
     t_us: int
 
 
-def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | None:
+def source_of(model: AxisModel, settings: Settings, one: HealthyRecord) -> Source | None:
     """What copies of a record need; None where too little was learned from it."""
     monitor, start = AxisMonitor(model, untested(settings)), 0
     step = settings.span
@@ -141,7 +141,7 @@ def source_of(model: AxisModel, settings: Settings, one: Samples) -> Source | No
 
 
 def block_length(settings: Settings) -> int:
-    """Samples of a block of innovations."""
+    """HealthyRecord of a block of innovations."""
     return max(2, round(BLOCK * settings.memory))
 
 
@@ -261,7 +261,7 @@ class _Watch:
 ALIKE, LEAST_ALIKE = 0.03, 4
 """Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""
 LONGEST = 500
-"""Samples of the past that promise anything."""
+"""HealthyRecord of the past that promise anything."""
 _TINY = 1e-6
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.calibration import Samples
+from monitor_core.calibration import HealthyRecord
 from monitor_core.drive import AxisModel, Operating
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
@@ -34,7 +34,7 @@ def read(
     axis: NamedAxis,
     model: AxisModel,
     progress: Callable[[float], None] = lambda _: None,
-) -> tuple[list[Samples], list[Source]]:
+) -> tuple[list[HealthyRecord], list[Source]]:
     """All records of an axis.
 
     Raises:
@@ -71,7 +71,7 @@ def _joined(blocks: Sequence[SampleBlock]) -> SampleBlock:
     return SampleBlock(t_us, torque, motion, signals=np.concatenate(signals) if signals else None)
 
 
-def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -> Samples:
+def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -> HealthyRecord:
     turns = turns_of(axis.config)
     if turns is not None:
         angle, sure = turns.take(block.t_us, block.motion)
@@ -81,4 +81,4 @@ def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -
     shift = gate = None
     if conditions:
         shift, gate = Operating(model, conditions).take(block.t_us, block.motion, block.signals)
-    return Samples(name, block.t_us, block.torque, block.motion, shift, gate)
+    return HealthyRecord(name, block.t_us, block.torque, block.motion, shift, gate)

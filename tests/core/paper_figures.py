@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.calibration.budget import rates, thresholds
-from monitor_core.calibration.healthy_records import Samples, deviations
+from monitor_core.calibration.healthy_records import HealthyRecord, deviations
 from monitor_core.calibration.healthy_statistics import learned
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import FAULT_AT
@@ -19,7 +19,7 @@ from tests.core.figures import AT_ONCE
 from tests.core.hypothesis_figures import WATCHED, WITHIN_S, Delays, One, records, summed_up
 
 HEALTHY = 120_000
-"""Samples of the record from which thresholds come: ten minutes."""
+"""HealthyRecord of the record from which thresholds come: ten minutes."""
 WITHIN = 3.0
 """Memories in which the smallest fault is to be found."""
 
@@ -28,7 +28,7 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
     """With the thresholds that most likely alarm once in so many samples of the healthy axis; and how that is known."""
     rng = np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
-    one = [Samples("healthy", t_us, u[:, 0], y[:, 0])]
+    one = [HealthyRecord("healthy", t_us, u[:, 0], y[:, 0])]
     known = learned(model, settings, one, deviations(model, settings, one), between, WITHIN, rng)
     asked = between
     for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pytest
 
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
 from service.reports.calibration_report import Calibration
@@ -41,7 +41,7 @@ class Halves(NamedTuple):
     """What was found in one, the other as the daemon sees it, and where the nominal values are."""
 
     found: Calibration
-    other: Samples
+    other: HealthyRecord
     folder: Path
     own: Half
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.events import Changed, Event, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.records
 BETWEEN_S = 600.0
 """Mean time between false alarms that is asked for; the record has ten seconds."""
 COPIES = 500_000
-"""Samples of it, four minutes."""
+"""HealthyRecord of it, four minutes."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def bank(record: Record, seed: int) -> HypothesisBank:
     t_us, u, y = record
     samples = BETWEEN_S / settings.interval_s
     own = bank_limits(
-        model, settings, [Samples("irb", t_us, u, y)], samples, np.random.default_rng(seed), COPIES
+        model, settings, [HealthyRecord("irb", t_us, u, y)], samples, np.random.default_rng(seed), COPIES
     ).own
     return bank_of(model, settings, Limits(BETWEEN_S, own))
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import Samples, untested
+from monitor_core.calibration.healthy_records import HealthyRecord, untested
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
@@ -22,9 +22,9 @@ TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
 MEMORY = 200
 LANES = 32
 CHUNK = 20 * MEMORY
-"""Samples made and run at once."""
+"""HealthyRecord made and run at once."""
 MOTION = 50 * MEMORY
-"""Samples of one motion; then another is drawn, as how often a test alarms differs from motion to motion."""
+"""HealthyRecord of one motion; then another is drawn, as how often a test alarms differs from motion to motion."""
 
 
 class Plant(NamedTuple):
@@ -54,7 +54,7 @@ class Axes:
         self._state = np.zeros((1, axes))
         self._at = 0
 
-    def take(self, samples: int) -> Samples:
+    def take(self, samples: int) -> HealthyRecord:
         """The next samples: t_us, u and y (samples, axes)."""
         index = np.arange(self._at, self._at + samples)
         while len(self._torque) < samples:
@@ -68,7 +68,7 @@ class Axes:
         y += OUTPUT_NOISE * self._rng.standard_normal(u.shape)
         self._at += samples
         t_us = np.repeat(index[:, np.newaxis] * round(INTERVAL_S * 1e6), self._axes, axis=1)
-        return Samples("simulated", t_us, u, y)
+        return HealthyRecord("simulated", t_us, u, y)
 
     def _motion(self) -> Floats:
         """Torque (MOTION, axes)."""
@@ -76,10 +76,10 @@ class Axes:
         return np.stack(each, axis=1)
 
 
-def record(of: Plant, seed: int, samples: int) -> Samples:
+def record(of: Plant, seed: int, samples: int) -> HealthyRecord:
     """A healthy record of one axis."""
     one = Axes(of, np.random.default_rng(seed), 1).take(samples)
-    return Samples("simulated", one.t_us[:, 0], one.u[:, 0], one.y[:, 0])
+    return HealthyRecord("simulated", one.t_us[:, 0], one.u[:, 0], one.y[:, 0])
 
 
 def count(

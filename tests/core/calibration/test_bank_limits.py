@@ -12,7 +12,7 @@ from scipy.stats import poisson
 from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
 from monitor_core.calibration.fault_trials import Fault, catch
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
 from monitor_core.calibration.multimodel_healthy import PARTS, allowances
 from monitor_core.calibration.multimodel_tails import Heights
@@ -24,7 +24,7 @@ from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_o
 from tests.core.calibration.healthy_axes import Axes, Plant, plant, record
 
 BUDGET = 12_000.0
-"""Samples: a minute."""
+"""HealthyRecord: a minute."""
 RECORD, COPIES, WATCHED = 60_000, 200_000, 240_000
 BLOCK = 500
 
@@ -113,7 +113,7 @@ def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
     """The measured torque is a quarter too large in one part of eight, in whatever pieces it is read."""
     of, number = plant(0.0), 16_000
     healthy = record(of, seed, number)
-    scaled = Samples("scaled", healthy.t_us, healthy.u.copy(), healthy.y)
+    scaled = HealthyRecord("scaled", healthy.t_us, healthy.u.copy(), healthy.y)
     scaled.u[number // 2 : number // 2 + number // PARTS] *= 1.25
     bank = HypothesisBank(of.model, of.settings)
     causes = [(one.cause, one.size) for one in bank.hypotheses]

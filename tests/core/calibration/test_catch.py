@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.fault_trials import Fault, catch
-from monitor_core.calibration.healthy_records import Samples
+from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.modeling.simulated_axis import simulate_linear
@@ -23,7 +23,7 @@ FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0
 
 
 @pytest.fixture(scope="module")
-def healthy(seed: int) -> Samples:
+def healthy(seed: int) -> HealthyRecord:
     """With thresholds as low as these now and then one holds a false alarm: not this one."""
     records = (record(OF, seed + k, 6000) for k in range(20))
     return next(
@@ -31,7 +31,7 @@ def healthy(seed: int) -> Samples:
     )
 
 
-def test_faults_are_found_and_named(healthy: Samples) -> None:
+def test_faults_are_found_and_named(healthy: HealthyRecord) -> None:
     found, onsets = catch(MODEL, SETTINGS, healthy, FAULTS, 20, 6.0)
     assert onsets == 20
     for one in found:
@@ -45,7 +45,7 @@ def test_faults_are_found_and_named(healthy: Samples) -> None:
     assert [one.exact for one in found] == [True, True, False, True]
 
 
-def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Samples) -> None:
+def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: HealthyRecord) -> None:
     """To the sample: the state is restored at the onset, the rest is the monitor's own."""
     (found,), onsets = catch(MODEL, SETTINGS, healthy, FAULTS[:1], 2, 6.0)
     assert onsets == 2
@@ -59,13 +59,13 @@ def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Sample
     assert (first - int(healthy.t_us[at])) * 1e-6 + INTERVAL_S == pytest.approx(found.delay_s[-1], abs=1e-9)
 
 
-def test_without_a_fault_nothing_is_found(healthy: Samples) -> None:
+def test_without_a_fault_nothing_is_found(healthy: HealthyRecord) -> None:
     found, _ = catch(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
     assert all(one.found_within(6.0) == 0.0 for one in found)
     assert all(one.delay(0.5) == np.inf for one in found)
 
 
-def test_a_record_that_is_too_short(healthy: Samples) -> None:
+def test_a_record_that_is_too_short(healthy: HealthyRecord) -> None:
     with pytest.raises(ValueError, match="too short"):
         catch(MODEL, SETTINGS, healthy.part(0, 1500), FAULTS, 5, 6.0)
 
