@@ -83,7 +83,7 @@ def catch(
 
 
 def places(model: AxisModel, settings: Settings, one: HealthyRecord, onsets: int, N: int) -> Ints:
-    """HealthyRecord of a record at which faults begin, with N of them left to be watched.
+    """Samples of a record at which faults begin, with N of them left to be watched.
 
     Raises:
         ValueError: the record is too short for that.

@@ -52,7 +52,7 @@ class Deviations:
     s: Floats  # (N, p)
     tested: Bools  # (N, p)
     seeding: int
-    """HealthyRecord before P(0) was found"""
+    """Samples before P(0) was found"""
     confounded: tuple[str, ...]
     """What could not be told apart at the end, in words"""
 

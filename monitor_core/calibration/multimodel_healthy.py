@@ -22,7 +22,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
 
 COPIES = 8_000_000
-"""HealthyRecord of copies that the bank is run over."""
+"""Samples of copies that the bank is run over."""
 PARTS = 8
 """Of a record, in none of which anything may speak for a hypothesis all along."""
 LOOK = 2

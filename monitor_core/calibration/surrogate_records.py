@@ -141,7 +141,7 @@ def source_of(model: AxisModel, settings: Settings, one: HealthyRecord) -> Sourc
 
 
 def block_length(settings: Settings) -> int:
-    """HealthyRecord of a block of innovations."""
+    """Samples of a block of innovations."""
     return max(2, round(BLOCK * settings.memory))
 
 
@@ -261,7 +261,7 @@ class _Watch:
 ALIKE, LEAST_ALIKE = 0.03, 4
 """Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""
 LONGEST = 500
-"""HealthyRecord of the past that promise anything."""
+"""Samples of the past that promise anything."""
 _TINY = 1e-6
 
 

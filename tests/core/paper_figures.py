@@ -19,7 +19,7 @@ from tests.core.figures import AT_ONCE
 from tests.core.hypothesis_figures import WATCHED, WITHIN_S, Delays, One, records, summed_up
 
 HEALTHY = 120_000
-"""HealthyRecord of the record from which thresholds come: ten minutes."""
+"""Samples of the record from which thresholds come: ten minutes."""
 WITHIN = 3.0
 """Memories in which the smallest fault is to be found."""
 

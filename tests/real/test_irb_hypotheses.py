@@ -17,7 +17,7 @@ pytestmark = pytest.mark.records
 BETWEEN_S = 600.0
 """Mean time between false alarms that is asked for; the record has ten seconds."""
 COPIES = 500_000
-"""HealthyRecord of it, four minutes."""
+"""Samples of it, four minutes."""
 
 
 @pytest.fixture(scope="module")

@@ -22,9 +22,9 @@ TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
 MEMORY = 200
 LANES = 32
 CHUNK = 20 * MEMORY
-"""HealthyRecord made and run at once."""
+"""Samples made and run at once."""
 MOTION = 50 * MEMORY
-"""HealthyRecord of one motion; then another is drawn, as how often a test alarms differs from motion to motion."""
+"""Samples of one motion; then another is drawn, as how often a test alarms differs from motion to motion."""
 
 
 class Plant(NamedTuple):

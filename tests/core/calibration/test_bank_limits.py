@@ -24,7 +24,7 @@ from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_o
 from tests.core.calibration.healthy_axes import Axes, Plant, plant, record
 
 BUDGET = 12_000.0
-"""HealthyRecord: a minute."""
+"""Samples: a minute."""
 RECORD, COPIES, WATCHED = 60_000, 200_000, 240_000
 BLOCK = 500
 
