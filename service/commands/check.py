@@ -11,9 +11,9 @@ from service.commands.configuration import ConfigPath, configuration
 from service.commands.exit_codes import explained
 from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
 from service.config.axis_settings import doubtful_nominals, short_memories
+from service.config.base_table import SUFFIX
 from service.config.detector_choice import in_words as detectors_in_words
 from service.config.detector_choice import remarks_on_detectors
-from service.config.drive_sources import SUFFIX
 from service.config.encoder_remarks import remarks_on_encoders
 
 

@@ -10,13 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import typer
 
-from service.config.drive_sources import (
-    LIBRARY,
-    SUFFIX,
-    model_of_axis,
-    state_space_of_file,
-    state_space_of_library,
-)
+from service.config.base_table import SUFFIX
+from service.config.drive_sources import LIBRARY, model_of_axis, state_space_of_file, state_space_of_library
 
 if TYPE_CHECKING:
     from monitor_core.drive import Output

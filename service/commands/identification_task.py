@@ -33,8 +33,9 @@ from monitor_core.identification import (
 )
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of
 from service.config import Predictor as ConfiguredPredictor
+from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
-from service.config.drive_sources import SUFFIX, model_of_axis
+from service.config.drive_sources import model_of_axis
 from service.ingest.identification_records import Loaded, load
 from service.reports.identification_report import IdentificationReport, Provenance
 

@@ -12,7 +12,8 @@ import typer
 from service.commands.configuration import OptionalValueCommand
 from service.commands.drive_choice import FoundDrive, Quantity, experiment_of, found_drive
 from service.commands.exit_codes import MISTAKE, explained
-from service.config.drive_sources import LIBRARY, SUFFIX
+from service.config.base_table import SUFFIX
+from service.config.drive_sources import LIBRARY
 
 if TYPE_CHECKING:
     from monitor_core.excitation import TorqueExperiment

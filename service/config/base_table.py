@@ -8,8 +8,6 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
-from service.config.drive_sources import SUFFIX
-
 
 class Undecidable(LookupError):  # noqa: N818 - it ends a cross-check, nobody sees it
     """A cross-check cannot be made, because of a mistake that another one reports."""
@@ -30,6 +28,9 @@ class Table(BaseModel):
 
 # --- What the values of the configuration are: numbers with bounds, names, paths, defaults in samples -----------------
 
+
+SUFFIX = ".mo"
+"""A drive whose name ends so is a Modelica file, else one of the library."""
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]

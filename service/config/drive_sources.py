@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from monitor_core.drive import Drive, Output
 from monitor_core.modeling import FlatModel, ModelError, Origin, StateSpace
 from monitor_core.wording import did_you_mean
+from service.config.base_table import SUFFIX
 from service.config.resources import shipped
 
 if TYPE_CHECKING:
@@ -23,9 +24,6 @@ LIBRARY: Mapping[str, str] = MappingProxyType(
     {f"{count}-mass": f"drives/{count}_mass.mo" for count in ("two", "three", "five")}
 )
 """The drives that come with the program: name and file."""
-
-SUFFIX = ".mo"
-"""What ends so is a Modelica file, else a name of the library."""
 
 
 class Modelled(NamedTuple):

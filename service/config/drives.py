@@ -5,6 +5,7 @@ from __future__ import annotations
 from monitor_core.drive import Drive, Output
 from monitor_core.modeling import ModelError
 from service.config import drive_sources as modeling
+from service.config.base_table import SUFFIX
 from service.config.nominal import nominal_file_of
 from service.config.positions import Keys
 from service.config.schema import AxisConfig
@@ -54,7 +55,7 @@ def _modelled(axis: AxisConfig, output: Output | None = None) -> modeling.Modell
 
 def is_library(model: ModelConfig) -> bool:
     """Whether the drive is one that comes with the program."""
-    return not model.components and not model.drive.endswith(modeling.SUFFIX)
+    return not model.components and not model.drive.endswith(SUFFIX)
 
 
 def place_of(error: ModelError, model: ModelConfig) -> Keys:

@@ -3,6 +3,7 @@
 Attributes have the names of the TOML keys.  SI units; torque, angle and speed are those of the motor.
 """
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -20,7 +21,6 @@ from service.config.schema_signals import (
     Source,
     SpeedConfig,
     TimeConfig,
-    sources_of,
 )
 from service.config.schema_watching import (
     DetectorConfig,
@@ -140,6 +140,21 @@ class AxisConfig(Table):
     def output(self) -> Output:
         """What is measured besides torque."""
         return "angle" if self.motion is self.angle else "speed"
+
+
+def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
+    """The further signals of an axis, those that are the motion of another axis of its robot among them."""
+    axes = {other.name: other for other in robot}
+    for s in axis.signal:
+        if s.axis is None:
+            yield Source(s.name, s.message, s.signal, s.column, s.factor, s.offset, s.max_age_s)
+            continue
+        other = axes[s.axis].motion
+        factor, offset = s.factor * other.factor, s.factor * other.offset + s.offset
+        column = s.column if s.column is not None else other.column
+        # Without a bus a motion has no message.
+        message, signal = other.message or None, other.signal or None
+        yield Source(s.name, message, signal, column, factor, offset, s.max_age_s, s.axis)
 
 
 class RobotConfig(Table):

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from pydantic import Field
 
 from service.config.base_table import Name, Positive, Real, Table, Text
-
-if TYPE_CHECKING:
-    from service.config.schema import AxisConfig
 
 
 class SignalConfig(Table):
@@ -109,18 +105,3 @@ class Source(NamedTuple):
     max_age_s: float
     axis: str | None = None
     """The other axis of the robot whose motion it is"""
-
-
-def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
-    """The further signals of an axis, those that are the motion of another axis of its robot among them."""
-    axes = {other.name: other for other in robot}
-    for s in axis.signal:
-        if s.axis is None:
-            yield Source(s.name, s.message, s.signal, s.column, s.factor, s.offset, s.max_age_s)
-            continue
-        other = axes[s.axis].motion
-        factor, offset = s.factor * other.factor, s.factor * other.offset + s.offset
-        column = s.column if s.column is not None else other.column
-        # Without a bus a motion has no message.
-        message, signal = other.message or None, other.signal or None
-        yield Source(s.name, message, signal, column, factor, offset, s.max_age_s, s.axis)

@@ -16,7 +16,8 @@ from service.config import (
     watched_drive,
     watched_values,
 )
-from service.config.drive_sources import SUFFIX, Modelled, model_called
+from service.config.base_table import SUFFIX
+from service.config.drive_sources import Modelled, model_called
 from service.simulation.axis import lines_of_motion
 from service.simulation.planned_motion import motion_of
 from service.simulation.watching import frictions, watchable

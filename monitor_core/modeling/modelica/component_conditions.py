@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from monitor_core.modeling.flat import ModelError
-from monitor_core.modeling.modelica.changes import Bound
+from monitor_core.modeling.modelica.instances import Bound
 from monitor_core.modeling.modelica.lookup import component
 from monitor_core.modeling.modelica.syntax import Literal, Name, Operation
 from monitor_core.modeling.modelica.values import Values

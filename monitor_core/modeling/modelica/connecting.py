@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from monitor_core.modeling.components.connections import End, Joint
 from monitor_core.modeling.components.linear import Linear
 from monitor_core.modeling.flat import FlatEquation, ModelError, Origin
-from monitor_core.modeling.modelica.changes import Scope
-from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.instances import Instance, Scope
 from monitor_core.modeling.modelica.names import did_you_mean, listed, similar
 from monitor_core.modeling.modelica.syntax import Connect, Name
 

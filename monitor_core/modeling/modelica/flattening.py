@@ -18,10 +18,9 @@ from monitor_core.modeling.flat import (
     FlatVariable,
     ModelError,
 )
-from monitor_core.modeling.modelica.changes import Scope
 from monitor_core.modeling.modelica.connecting import Wiring
 from monitor_core.modeling.modelica.flat_parameters import flat_parameters, own_units, variable_unit
-from monitor_core.modeling.modelica.instances import Instance, about, unit_of
+from monitor_core.modeling.modelica.instances import Instance, Scope, about, unit_of
 from monitor_core.modeling.modelica.leaves import Part, bearing_joint, parts
 from monitor_core.modeling.modelica.signal_connections import is_given, measured_torque, outputs
 from monitor_core.modeling.modelica.standard_library import BEARING

@@ -7,8 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import NoReturn
 
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.changes import Bound, Change, Changes, Scope, changes_of, merged, overlaid
-from monitor_core.modeling.modelica.instances import Instance, about
+from monitor_core.modeling.modelica.instances import (
+    Bound,
+    Change,
+    Changes,
+    Instance,
+    Scope,
+    about,
+    changes_of,
+    merged,
+    overlaid,
+)
 from monitor_core.modeling.modelica.names import Names, did_you_mean, listed, similar
 from monitor_core.modeling.modelica.standard_library import LEAVES, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.syntax import ClassDef, Component

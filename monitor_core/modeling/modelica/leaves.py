@@ -12,9 +12,8 @@ from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modelica.arithmetic import number_of
-from monitor_core.modeling.modelica.changes import Bound
 from monitor_core.modeling.modelica.component_conditions import truth
-from monitor_core.modeling.modelica.instances import Instance, about, unit_of
+from monitor_core.modeling.modelica.instances import Bound, Instance, about, unit_of
 from monitor_core.modeling.modelica.standard_library import BEARING, REFUSED, SIGNAL_SOURCE
 from monitor_core.modeling.modelica.syntax import Array
 from monitor_core.modeling.modelica.values import Values

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from monitor_core.modeling.flat import ModelError
-from monitor_core.modeling.modelica.changes import Scope
-from monitor_core.modeling.modelica.instances import Instance
+from monitor_core.modeling.modelica.instances import Instance, Scope
 from monitor_core.modeling.modelica.names import Names, did_you_mean, outwards, similar
 from monitor_core.modeling.modelica.syntax import ClassDef, Component, Name
 

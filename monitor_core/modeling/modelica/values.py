@@ -14,8 +14,7 @@ from monitor_core.modeling.modelica.arithmetic import (
     operation,
     without_variables,
 )
-from monitor_core.modeling.modelica.changes import Scope
-from monitor_core.modeling.modelica.instances import Instance, about
+from monitor_core.modeling.modelica.instances import Instance, Scope, about
 from monitor_core.modeling.modelica.lookup import component, constant_outside
 from monitor_core.modeling.modelica.names import Names
 from monitor_core.modeling.modelica.syntax import (
