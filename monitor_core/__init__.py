@@ -52,7 +52,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from monitor_core.calibration.calibrate import CalibrationOptions, calibrate
+    from monitor_core.calibration.calibration_procedure import CalibrationOptions, calibrate
     from monitor_core.calibration.healthy_records import HealthyRecord as HealthyRecord
     from monitor_core.calibration.record_doubts import CalibrationError
     from monitor_core.calibration.result import CalibrationResult
@@ -68,8 +68,8 @@ if TYPE_CHECKING:
     from monitor_core.excitation.reference_experiment import experiment
     from monitor_core.identification.estimate import Estimate
     from monitor_core.identification.greybox import fit
+    from monitor_core.identification.identification_procedure import IdentificationOptions, identify
     from monitor_core.identification.identification_result import IdentificationResult
-    from monitor_core.identification.identify import IdentificationOptions, identify
     from monitor_core.identification.problem import Disturbance, IdentificationError, Problem
     from monitor_core.identification.record import Record
     from monitor_core.identification.record_checks import suspicions as check_record
@@ -180,8 +180,8 @@ _HOME = {
     "check_record": "identification.record_checks:suspicions",
     "Problem": "identification.problem",
     "Disturbance": "identification.problem",
-    "identify": "identification.identify",
-    "IdentificationOptions": "identification.identify",
+    "identify": "identification.identification_procedure",
+    "IdentificationOptions": "identification.identification_procedure",
     "IdentificationResult": "identification.identification_result",
     "IdentificationError": "identification.problem",
     "fit": "identification.greybox",
@@ -207,8 +207,8 @@ _HOME = {
     "trend_of": "trend.trend",
     "forecast": "trend.forecast",
     "HealthyRecord": "calibration.healthy_records",
-    "CalibrationOptions": "calibration.calibrate",
-    "calibrate": "calibration.calibrate",
+    "CalibrationOptions": "calibration.calibration_procedure",
+    "calibrate": "calibration.calibration_procedure",
     "CalibrationResult": "calibration.result",
     "CalibrationError": "calibration.record_doubts",
 }

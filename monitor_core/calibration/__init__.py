@@ -1,6 +1,6 @@
 """Thresholds from healthy records and a false-alarm budget, and what faults they find.
 
-``calibrate`` is the whole way.  Read in this order:
+``calibrate`` (``calibration_procedure``) is the whole way.  Read in this order:
 
 * ``healthy_records``: the recursion over the records.  ``record_doubts``: whether they can be used.
 * ``scatter``: how the estimates scatter in them.  ``surrogate_records``: copies of the records, and how far the sums of
@@ -13,7 +13,7 @@
 * ``result``: thresholds, their rate of false alarms, and the faults that would have been found.
 """
 
-from monitor_core.calibration.calibrate import CalibrationOptions, Progress, calibrate
+from monitor_core.calibration.calibration_procedure import CalibrationOptions, Progress, calibrate
 from monitor_core.calibration.fault_trials import Caught
 from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.record_doubts import CalibrationError

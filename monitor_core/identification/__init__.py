@@ -1,6 +1,7 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
-* ``identify``: the whole way; ``identification_result``: what it returns; ``parameter_selection``, ``schedule``.
+* ``identification_procedure``: the whole way, ``identify``; ``identification_result``: what it returns;
+  ``parameter_selection``, ``schedule``: what is estimated.
 * ``record``, ``record_checks``, ``resampling``: records, and whether they can be used.
 * ``problem``, ``parameter_vector``, ``predictor``, ``criterion``, ``greybox``, ``covariance``: the fit of a drive.
 * ``starting``: values to start from, and the number of masses.
@@ -12,8 +13,7 @@ from monitor_core.identification.blackbox import fit_blackbox
 from monitor_core.identification.bode import Bode
 from monitor_core.identification.frequency import FrequencyResponse
 from monitor_core.identification.greybox import Disturbance, Problem, fit
-from monitor_core.identification.identification_result import IdentificationResult, ParameterRow, Rejection
-from monitor_core.identification.identify import (
+from monitor_core.identification.identification_procedure import (
     MOST_MASSES,
     USUAL_MASSES,
     IdentificationOptions,
@@ -21,6 +21,7 @@ from monitor_core.identification.identify import (
     Start,
     identify,
 )
+from monitor_core.identification.identification_result import IdentificationResult, ParameterRow, Rejection
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
     select_parameters,

@@ -9,7 +9,7 @@ from time import perf_counter, process_time
 import numpy as np
 import pytest
 
-from monitor_core.calibration.calibrate import OBSERVED_SHARE, WITHIN_MEMORIES, CalibrationOptions
+from monitor_core.calibration.calibration_procedure import OBSERVED_SHARE, WITHIN_MEMORIES, CalibrationOptions
 from monitor_core.calibration.surrogate_records import LANES, SAMPLES
 from monitor_core.monitoring import AxisBatch
 from service.commands.calibrate import calibrate_axis

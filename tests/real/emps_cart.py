@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.calibration.calibrate import CalibrationOptions
+from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.injection import load_of, torque
 from monitor_core.detection import Alarm

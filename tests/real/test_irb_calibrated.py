@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.calibration.calibrate import CalibrationOptions
+from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
 from monitor_core.monitoring import AxisMonitor

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import typer
 
-from monitor_core.calibration.calibrate import CalibrationOptions
+from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.record_doubts import CalibrationError
 from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load

@@ -79,7 +79,7 @@ def test_an_alarm_of_its_own_kind_is_raised_beside_that_of_the_change(found: dic
 
 def test_the_page_draws_the_course_and_says_what_the_json_says(found: dict[str, Any]) -> None:
     page = found["page"]
-    assert "Slow course, and when limits are reached" in page
+    assert "Long-term trend, and when limits are reached" in page
     for parameter in found["trends"]:
         assert escaped("; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])) in page
     for words in ("entry of the history ± sd", "holds it with 90 %", "limit", "reached in this interval"):

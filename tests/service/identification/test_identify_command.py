@@ -167,7 +167,7 @@ def test_a_torque_with_the_wrong_sign_is_refused(here: Path) -> None:
 def test_a_fit_that_does_not_converge_makes_no_nominal_values(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor_core.identification.identify.MOST_ITERATIONS", 2)
+    monkeypatch.setattr("monitor_core.identification.identification_procedure.MOST_ITERATIONS", 2)
     said = refused("second.csv", "--free", NAMES)
     assert "no nominal values: the fit has not converged after 2 evaluations, and " in said
     # What moves, of what is free, and what to do.

@@ -13,8 +13,8 @@ from monitor_core.identification.bode import band
 from monitor_core.identification.covariance import colour_of
 from monitor_core.identification.drive_response import drive_response
 from monitor_core.identification.greybox import compare
+from monitor_core.identification.identification_procedure import Start
 from monitor_core.identification.identification_result import ParameterRow
-from monitor_core.identification.identify import Start
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.record import Record
 from monitor_core.identification.traces import traces_of
@@ -195,7 +195,7 @@ def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
     def nothing(*_: object, **__: object) -> None:
         raise ValueError("no response")
 
-    monkeypatch.setattr("monitor_core.identification.identify.fit_from", nothing)
+    monkeypatch.setattr("monitor_core.identification.identification_procedure.fit_from", nothing)
     result = task(folder, robot, "healthy.csv", request=Request(free=FREE)).run(PROVENANCE)
     assert result.result.estimate.cost == pytest.approx(found.result.estimate.cost)
 
@@ -251,7 +251,7 @@ def test_records_that_tell_nothing_are_said_with_what_would_help(
         raise ValueError("no response")
 
     for name in ("fit", "fit_from_scratch"):
-        monkeypatch.setattr(f"monitor_core.identification.identify.{name}", nothing)
+        monkeypatch.setattr(f"monitor_core.identification.identification_procedure.{name}", nothing)
     with pytest.raises(IdentificationError, match="no fit: no response") as caught:
         task(folder, robot, "second.csv", request=Request(start=start, free=FREE)).run(PROVENANCE)
     assert ("; give values to start from" in str(caught.value)) == hint
