@@ -1,4 +1,4 @@
-"""How often the sums of a test go how far: the run length formula, fitted to what copies of healthy records did."""
+"""Tail of the sums of a test: the run length formula, fitted to the excursions in copies of healthy records."""
 
 import math
 from collections.abc import Callable

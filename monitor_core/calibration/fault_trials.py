@@ -1,4 +1,4 @@
-"""What would have been found of faults that begin anywhere in a healthy record: when, and under which name."""
+"""Faults injected at many onsets of a healthy record: when the tests would have found them, under which name."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The project's own recursion over healthy records: how far the estimates are from nominal, and what P says of it."""
+"""The recursion over healthy records: deviations of the estimates, and their standard deviations from P."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""All that healthy records say before a budget is asked for: from deviations to the tails of the tests' sums."""
+"""Statistics of healthy records that need no budget: from deviations to the tails of the sums of the tests."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What the multi-model detector would have found of faults that begin anywhere in a healthy record."""
+"""Faults injected at many onsets of a healthy record, as the multi-model detector would have found them."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What a multi-model detector does on healthy records, and on copies of them, which are as many as its tails need.
+"""The multi-model detector over healthy records, and over as many copies of them as its tails need.
 
 The copies have the motion of the records, as what a model lacks goes with it, and innovations that never were
 (sieve.py).

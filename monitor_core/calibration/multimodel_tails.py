@@ -1,4 +1,4 @@
-"""How often g of each hypothesis goes beyond a height that it never reached, from the highest excursions.
+"""Tail of g of each hypothesis, extrapolated from its highest excursions.
 
 What exceeds a high level is of a generalised Pareto distribution (Pickands 1975), of shape xi: 0, exponential, for an
 exact model; above 0 where small excursions are the noise's and high ones what the model lacks, so that the tail becomes

@@ -1,4 +1,4 @@
-"""Records that thresholds cannot be had from, in words: too short, without excitation, or with a change inside."""
+"""Why a record gives no thresholds: it is too short, without excitation, or has a change inside."""
 
 import math
 from collections.abc import Sequence

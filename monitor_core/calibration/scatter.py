@@ -1,4 +1,4 @@
-"""How estimates scatter about their nominal values in healthy records, and how well the records tell.
+"""Scatter of the estimates about their nominal values in healthy records, and its uncertainty.
 
 The size of the deviations is the recorded one, whatever P says: colour of the innovations and an imperfect model are
 in it.  How well a record tells it, its blocks, several memories long, say: resampled (block bootstrap; Kuensch 1989)

@@ -1,4 +1,4 @@
-"""How well a finite record knows how steeply g of each hypothesis falls: from what it knows of its innovations' power.
+"""Uncertainty of the slope of g of each hypothesis, from that of the spectrum of the innovations.
 
 g goes beyond h about as often as exp(-r h), with the r where the cumulant generating function of a log-likelihood ratio
 is zero (Lundberg).  That hangs on the power S of the innovations e_0 at the frequencies where the hypothesis looks at

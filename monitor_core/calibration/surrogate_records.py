@@ -1,4 +1,4 @@
-"""Healthy records without end: the motion of a record, its innovations in another order, through the monitor itself.
+"""Surrogate records: the motion of a healthy record, its innovations in another order, through the monitor.
 
 Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their colour stays.  What the recursion makes
 of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.

@@ -1,4 +1,4 @@
-"""Innovations that never were: of the colour of a record's, and as many as are asked for.
+"""Synthetic innovations of any length with the spectrum of those of a record.
 
 Blocks of a record's innovations (blocks.py) have its colour, but what is over within a block, a burst of noise, happens
 in copies only as it happened in the record, again and again.  So the colour is taken out by an autoregression, what is

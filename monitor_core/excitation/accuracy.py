@@ -1,4 +1,4 @@
-"""What a record tells of the parameters of a drive, from the sensitivities of its output: Cramer and Rao's bound."""
+"""Cramer-Rao bound of the parameters of a drive from a record, by the sensitivities of its output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The spectrum that tells most of chosen parameters: an A-optimal design over the powers of the lines.
+"""A-optimal spectrum for chosen parameters: the powers of the lines.
 
 The information on the parameters is a sum over lines, power times |sensitivity|^2, and the designs are convex:
 

@@ -1,4 +1,4 @@
-"""What an experiment will tell: the standard deviations that its estimates will have, Cramer and Rao's bound.
+"""Predicted accuracy of an experiment: standard deviations of its estimates by the Cramer-Rao bound.
 
 They are those of the predictor that the axis has: of its output error, or of the innovations that the gain K leaves.
 """

@@ -1,4 +1,4 @@
-"""How the output of a drive depends on its parameters, for a given torque: output error at fixed parameters.
+"""Sensitivities of the output of a drive to its parameters, for a given torque.
 
 Coulomb friction and gravity are inputs that depend on the motion.  As in the monitor they count as known signals:
 those of the motion at the given values.

@@ -1,4 +1,4 @@
-"""How sure estimates are: the information in the gradients, initial states left out, and errors that are not white."""
+"""Covariance of the estimates, without initial states, also for prediction errors that are not white."""
 
 from __future__ import annotations
 

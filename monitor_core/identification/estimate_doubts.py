@@ -1,4 +1,4 @@
-"""What a fit has to say to its user, in words."""
+"""Doubts about the estimates of a fit, in sentences."""
 
 from __future__ import annotations
 

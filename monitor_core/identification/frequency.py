@@ -1,4 +1,4 @@
-"""Frequency responses of whatever kind, with their uncertainty: one type, which all plots use.
+"""Frequency responses with their uncertainty: one type for all methods and plots.
 
 G is the response from the held torque to the samples of the output, G(e^{jwh}) for the interval h: what a discrete
 model has, what spectra of samples estimate, and what a continuous model has after its zero-order hold.  Only these

@@ -1,4 +1,4 @@
-"""The vector that a fit moves: which physical number each of its entries is, and in which bounds it stays.
+"""The vector of a fit: the physical meaning and the bounds of each entry.
 
 free parameters (positive ones as logarithms), slopes b of varying ones, delay, noise levels (logarithms),
 initial state of each record

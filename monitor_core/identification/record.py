@@ -1,4 +1,4 @@
-"""What has been measured of one axis: torque in, angle or speed out, at times that need not be regular."""
+"""A record of one axis: torque in, angle or speed out, at times that need not be regular."""
 
 from __future__ import annotations
 

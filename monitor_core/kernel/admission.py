@@ -1,4 +1,4 @@
-"""What each lane does with its sample: nothing, restart, move; and what it holds until the next one."""
+"""Admission of samples: each lane skips its sample, restarts or moves; and what it holds until the next one."""
 
 import math
 from typing import Any

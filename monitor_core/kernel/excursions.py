@@ -1,4 +1,4 @@
-"""How far the sums of the tests go before they are back at zero."""
+"""Excursions of the sums of the tests from zero: their largest values and times."""
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import entry

@@ -1,4 +1,4 @@
-"""Several numbers side by side as one value of the kernel: what the compiler's own vectorisation cannot do well.
+"""Vectors of four or eight numbers as values of the kernel, where the compiler's own vectorisation is slow.
 
 The innermost loops of the kernel are so short that what a vectorised loop costs is its beginning.  Here four or eight
 numbers are loaded, multiplied, added and stored as one value that stays in a register.  Every one gets the very bits

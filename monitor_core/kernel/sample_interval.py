@@ -1,4 +1,4 @@
-"""What hangs on the real interval of a sample: the forgetting factor and the filter gain."""
+"""The real interval of a sample: forgetting factor, filter gain, delayed torque, mean speed."""
 
 import math
 from typing import Any

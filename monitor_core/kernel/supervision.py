@@ -1,4 +1,4 @@
-"""Monitoring of P, which the paper asks for: bounded for ever, and each parameter knows whether it is observed.
+"""Supervision of P, which the paper asks for: P stays bounded, each parameter is judged observed, weak or unseen.
 
 Forgetting without excitation lets P grow without bound.  Four things are done:
 

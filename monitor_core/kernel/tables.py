@@ -1,4 +1,4 @@
-"""What a drive is to the kernel: arrays of indices (shared by a bank) and of constants (one column per axis).
+"""A drive as the kernel takes it: arrays of indices (shared by a batch) and of constants (one column per axis).
 
 The drive is  x' = A(theta) x + B(theta) u,  y = C(theta) x.  All entries of A, B and C that are not zero,
 and all their derivatives that are not zero, are *slots* of one vector V.  V is a sum of Laurent terms
