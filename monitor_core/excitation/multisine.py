@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from monitor_core.arrays import Floats
 
@@ -163,6 +162,8 @@ def flattened(signal: Multisine, weights: Sequence[Complex] = ()) -> Multisine:
         weights: frequency responses (L,) from the signal to everything that has a limit, each over its limit; default
             the signal itself.
     """
+    from scipy.optimize import minimize  # 16 MB, which the daemon does not need
+
     grid = min(signal.N, max(_OVERSAMPLING * int(signal.lines.max()), 64))
     rows = [np.asarray(w, dtype=complex) for w in weights] or [np.ones(len(signal.lines), dtype=complex)]
     gains: Complex = np.array([row * signal.amplitudes for row in rows])

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine import Multisine
@@ -57,6 +56,8 @@ class OpenLoop:
 
     def move(self, size: float) -> Motion:
         """The motion (samples, 1) with the signal so many times as large."""
+        from scipy.optimize import lsq_linear  # 16 MB, which the daemon does not need
+
         wanted = size * self.schedule.window() * self.schedule.repeated(self.signal)
         one = size * self.signal.rms
         c, largest = self._start(), np.array([np.inf, *[self._highest * one] * 4])
