@@ -27,7 +27,7 @@ Monitoring:
 * ``Settings, Threshold``: all settings; their defaults are the paper's.
 * ``MonitoringOptions, recommended_settings, SettingsError``: settings for a real axis.
 * ``AxisMonitor, AxisBatch, Fleet``: one axis; axes of equal structure; axes of any kind.
-* ``SampleBlock``: samples of one axis, as ``update`` takes them.
+* ``SampleBlock``: samples of one axis, as ``update`` and ``calibrate`` take them.
 * ``AxisStatus, ParameterStatus, Status``: present state.
 * ``Alarm, AlarmChange``: an alarm with name, onset and size; what became of it in one update.
 
@@ -42,8 +42,7 @@ Long-term trend:
 
 Calibration:
 
-* ``HealthyRecord, CalibrationOptions, calibrate, CalibrationResult, CalibrationError``:
-  thresholds for a false-alarm budget.
+* ``CalibrationOptions, calibrate, CalibrationResult, CalibrationError``: thresholds for a false-alarm budget.
 
 A name is imported when it is first used, so that a program loads only the libraries that it needs.
 """
@@ -53,7 +52,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from monitor_core.calibration.calibration_procedure import CalibrationOptions, calibrate
-    from monitor_core.calibration.healthy_records import HealthyRecord as HealthyRecord
     from monitor_core.calibration.record_doubts import CalibrationError
     from monitor_core.calibration.result import CalibrationResult
     from monitor_core.detection import Alarm
@@ -120,7 +118,6 @@ __all__ = [
     "Fleet",
     "Follow",
     "Gate",
-    "HealthyRecord",
     "IdentificationError",
     "IdentificationOptions",
     "IdentificationResult",
@@ -206,7 +203,6 @@ _HOME = {
     "SlowHistory": "trend.slow_history",
     "trend_of": "trend.trend",
     "forecast": "trend.forecast",
-    "HealthyRecord": "calibration.healthy_records",
     "CalibrationOptions": "calibration.calibration_procedure",
     "calibrate": "calibration.calibration_procedure",
     "CalibrationResult": "calibration.result",

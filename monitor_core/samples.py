@@ -1,7 +1,7 @@
 """Block of samples of one axis, forward fill of slow signals, and physical limits of measured values."""
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +14,43 @@ PHYSICAL_LIMITS: Mapping[str, float] = {"torque": 1e6, "speed": 1e5, "angle": 1e
 
 
 class SampleBlock(NamedTuple):
-    """Samples of one axis, in the order of their receipt."""
+    """Samples of one axis in the order of their receipt: from the reader to the kernel, live or from a record."""
 
     t_us: NDArray[np.int64]  # (N,) time [us]
-    torque: Floats  # (N,) motor torque [N m]
-    motion: Floats  # (N,) motor speed [rad/s], or motor angle [rad]
+    u: Floats  # (N,) motor torque [N m]
+    y: Floats  # (N,) motor speed [rad/s], or motor angle [rad]
     shift: Floats | None = None
-    """(N, p) theta_0(s) - theta_0, where nominal values follow conditions; NaN: conditions unknown; None: as before"""
+    """(N, p) theta_0(s) - theta_0, where nominal values follow conditions; NaN: unknown; None: unchanged"""
     gate: NDArray[np.bool_] | None = None
-    """(N,) nothing is learned where it is False; None: all samples are used"""
+    """(N,) False where nothing is learned; None: all samples are used"""
     signals: Floats | None = None
     """(N, S) auxiliary signals, from which shift and gate are computed; NaN: unknown; None: the axis needs none"""
+    name: str = ""
+    """Of the record, as shown to the user"""
+
+    @property
+    def size(self) -> int:
+        """Number of samples N."""
+        return len(self.t_us)
+
+    def select(self, samples: slice | NDArray[Any]) -> "SampleBlock":
+        """The block of these samples only: a slice, indices or a mask (N,)."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        return self._replace(**{name: a[samples] for name, a in arrays.items() if a is not None})
+
+
+_ARRAYS = SampleBlock._fields[:-1]
+
+
+def concatenate(blocks: Sequence[SampleBlock]) -> SampleBlock:
+    """One block of several of the same axis, named as the first; an array that one of them lacks is left out."""
+    if not blocks:
+        return SampleBlock(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    joined = dict[str, NDArray[Any] | None]()
+    for name in _ARRAYS:
+        parts = [getattr(block, name) for block in blocks]
+        joined[name] = None if any(part is None for part in parts) else np.concatenate(parts)
+    return blocks[0]._replace(**joined)  # type: ignore[arg-type]
 
 
 def forward_fill(values: Floats, before: Floats) -> Floats:

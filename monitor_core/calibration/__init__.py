@@ -15,7 +15,6 @@
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions, Progress, calibrate
 from monitor_core.calibration.fault_trials import Caught
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.calibration.result import (
     FOUND_SHARE,
@@ -31,7 +30,6 @@ __all__ = [
     "CalibrationResult",
     "Caught",
     "DetectorResult",
-    "HealthyRecord",
     "MultiModelCalibration",
     "Progress",
     "calibrate",

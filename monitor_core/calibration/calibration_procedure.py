@@ -18,7 +18,7 @@ import numpy as np
 
 from monitor_core.calibration.budget import Rates, rates, thresholds
 from monitor_core.calibration.fault_trials import Caught, Fault, catch
-from monitor_core.calibration.healthy_records import HealthyRecord, deviations
+from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import Learned, learned
 from monitor_core.calibration.injection import changed
 from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
@@ -35,6 +35,7 @@ from monitor_core.calibration.result import CalibrationResult, MultiModelCalibra
 from monitor_core.calibration.surrogate_records import SAMPLES
 from monitor_core.detection.multimodel.multimodel_detector import unfit
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 
 WITHIN_MEMORIES = 10.0
@@ -105,7 +106,7 @@ def _in_sequence(task: Task) -> AbstractContextManager[Pending]:
 def calibrate(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     options: CalibrationOptions,
     progress: Progress = _no_progress,
     launch: Launcher = _in_sequence,
@@ -181,7 +182,7 @@ def _thresholds(
 def _trials(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     options: CalibrationOptions,
     within_s: float,
     progress: Progress,
@@ -208,7 +209,7 @@ def _trials(
 def _limits(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     samples: float,
     rng: np.random.Generator,
     copies: int,
@@ -223,7 +224,7 @@ def _limits(
 def _multimodel(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     limits: BankLimits,
     faults: Sequence[Fault],
     options: CalibrationOptions,

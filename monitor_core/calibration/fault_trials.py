@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.injection import Load, changed, load_of, torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection import Crossing
@@ -57,7 +56,7 @@ class Caught:
 def catch(
     model: AxisModel,
     settings: Settings,
-    one: HealthyRecord,
+    record: SampleBlock,
     faults: Sequence[Fault],
     onsets: int,
     seconds: float,
@@ -71,67 +70,69 @@ def catch(
         ValueError: the record is too short for that.
     """
     N = round(seconds / settings.interval_s)
-    at = places(model, settings, one, onsets, N)
-    columns = _columns(model, settings, one, at)
+    at = places(model, settings, record, onsets, N)
+    columns = _columns(model, settings, record, at)
     bank = AxisBatch([model] * LANES, [settings] * LANES)
     found = []
-    for number, (fault, load, u, y) in enumerate(injected(model, settings, one, faults, at, N)):
-        outcome = _watched(bank, one, u, y, at, N, columns)
+    for number, (fault, load, u, y) in enumerate(injected(model, settings, record, faults, at, N)):
+        outcome = _watched(bank, record, u, y, at, N, columns)
         found.append(_caught(fault, load, u, outcome, settings.interval_s))
         progress((number + 1) / len(faults))
     return found, len(at)
 
 
-def places(model: AxisModel, settings: Settings, one: HealthyRecord, onsets: int, N: int) -> Ints:
+def places(model: AxisModel, settings: Settings, record: SampleBlock, onsets: int, N: int) -> Ints:
     """Samples of a record at which faults begin, with N of them left to be watched.
 
     Raises:
         ValueError: the record is too short for that.
     """
-    first = _ready(AxisMonitor(model, settings), one)
-    last = len(one.t_us) - N - 1
+    first = _ready(AxisMonitor(model, settings), record)
+    last = len(record.t_us) - N - 1
     if last <= first:
         raise ValueError("the record is too short")
     return np.unique(np.linspace(first, last, onsets).astype(np.int64))
 
 
 def injected(
-    model: AxisModel, settings: Settings, one: HealthyRecord, faults: Sequence[Fault], at: Ints, N: int
+    model: AxisModel, settings: Settings, record: SampleBlock, faults: Sequence[Fault], at: Ints, N: int
 ) -> Iterator[tuple[Fault, Load | None, Floats, Floats | None]]:
     """Each fault, put into the record.
 
     How it loads the motor, if that is known exactly, and the torque of the whole record with it, wherever it begins;
     else the outputs (N, onsets) from each onset on.
     """
-    states = innovations(model, settings, one, at.tolist())
+    states = innovations(model, settings, record, at.tolist())
     u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
     for fault in faults:
         values = changed(model, fault.parameter, fault.size)
         load = load_of(model, values)
         if load is not None:
-            yield fault, load, torque(model, settings, one, load, u_scale), None
+            yield fault, load, torque(model, settings, record, load, u_scale), None
         else:
-            y = _faulty_outputs(model, settings, one, values, at, N, states.eps, states.x)
-            yield fault, None, one.u, y
+            y = _faulty_outputs(model, settings, record, values, at, N, states.eps, states.x)
+            yield fault, None, record.u, y
 
 
-def _ready(monitor: AxisMonitor, one: HealthyRecord) -> int:
+def _ready(monitor: AxisMonitor, record: SampleBlock) -> int:
     """From where on the tests run, some memories behind the start."""
     st, step = monitor.batch.state, monitor.settings.span
-    for k in range(0, len(one.t_us), step):
-        part = one.part(k, k + step)
-        monitor.update(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
+    for k in range(0, len(record.t_us), step):
+        part = record.select(slice(k, k + step))
+        monitor.update(part)
         if not st.seed_left[0] and st.t[0] >= st.settled[0]:
-            return min(k + step + round(3 * monitor.settings.memory), len(one.t_us))
-    return len(one.t_us)
+            return min(k + step + round(3 * monitor.settings.memory), len(record.t_us))
+    return len(record.t_us)
 
 
-def _columns(model: AxisModel, settings: Settings, one: HealthyRecord, at: Ints) -> list[tuple[Floats, Ints]]:
+def _columns(
+    model: AxisModel, settings: Settings, record: SampleBlock, at: Ints
+) -> list[tuple[Floats, Ints]]:
     """The state of the healthy monitor just before each of these samples."""
     monitor, done, found = AxisMonitor(model, settings), 0, []
     for end in at.tolist():
-        part = one.part(done, end)
-        monitor.update(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
+        part = record.select(slice(done, end))
+        monitor.update(part)
         found.append(monitor.batch.column(0))
         done = end
     return found
@@ -140,7 +141,7 @@ def _columns(model: AxisModel, settings: Settings, one: HealthyRecord, at: Ints)
 def _faulty_outputs(
     model: AxisModel,
     settings: Settings,
-    one: HealthyRecord,
+    record: SampleBlock,
     values: dict[str, float],
     at: Ints,
     N: int,
@@ -149,20 +150,20 @@ def _faulty_outputs(
 ) -> Floats:
     """The record's outputs (N, onsets), changed by what the model says that the fault changes."""
     rows = np.arange(N)[:, np.newaxis] + at
-    u, e = one.u[rows], np.nan_to_num(eps[rows])
+    u, e = record.u[rows], np.nan_to_num(eps[rows])
     plants, W = Plants(model, settings, [model.nominal, values]), len(at)
-    healthy, before = np.zeros(W, np.int64), one.u[at - 1]
+    healthy, before = np.zeros(W, np.int64), record.u[at - 1]
     # Up to the onset the torque of the sample before acts, on the healthy drive.
-    older = one.u[np.maximum(at - 2, 0)]
+    older = record.u[np.maximum(at - 2, 0)]
     _, x = plants.run(healthy, states, older, before[np.newaxis], np.zeros((1, W)))
     without, _ = plants.run(healthy, x, before, u, e)
     with_fault, _ = plants.run(healthy + 1, x, before, u, e)
-    return np.asarray(one.y[rows] + with_fault - without)
+    return np.asarray(record.y[rows] + with_fault - without)
 
 
 def _watched(
     bank: AxisBatch,
-    one: HealthyRecord,
+    record: SampleBlock,
     u: Floats,
     y: Floats | None,
     at: Ints,
@@ -177,12 +178,12 @@ def _watched(
         rows = np.arange(N)[:, np.newaxis] + here[lanes]
         for a in range(LANES):
             bank.restore(a, *columns[begin + lanes[a]])
-        outputs = one.y[rows] if y is None else y[:, begin + lanes]
-        shift = None if one.shift is None else np.moveaxis(one.shift[rows], 1, 2)
-        gate = None if one.gate is None else one.gate[rows]
+        outputs = record.y[rows] if y is None else y[:, begin + lanes]
+        shift = None if record.shift is None else np.moveaxis(record.shift[rows], 1, 2)
+        gate = None if record.gate is None else record.gate[rows]
         for part in np.array_split(np.arange(N), PARTS):
             for a, event in bank.run(
-                one.t_us[rows[part]],
+                record.t_us[rows[part]],
                 u[rows[part]],
                 outputs[part],
                 shift=None if shift is None else shift[part],
@@ -192,13 +193,18 @@ def _watched(
                     found[begin + a] = event
             if None not in found[begin : begin + len(here)]:
                 break
-    return [None if e is None else _since(e, one, int(k)) for e, k in zip(found, at, strict=True)]
+    return [None if e is None else _since(e, record, int(k)) for e, k in zip(found, at, strict=True)]
 
 
-def _since(event: Crossing, one: HealthyRecord, onset: int) -> Crossing:
+def _since(event: Crossing, record: SampleBlock, onset: int) -> Crossing:
     """With its time counted from the onset."""
     return Crossing(
-        event.parameter, event.direction, event.time_us - int(one.t_us[onset]), 0, event.size, event.size_sd
+        event.parameter,
+        event.direction,
+        event.time_us - int(record.t_us[onset]),
+        0,
+        event.size,
+        event.size_sd,
     )
 
 

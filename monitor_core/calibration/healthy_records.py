@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,24 +18,6 @@ Bools = NDArray[np.bool_]
 
 OUT_OF_REACH = 1e30
 """alpha_2 of a test that never alarms."""
-
-
-class HealthyRecord(NamedTuple):
-    """Samples of one axis in a healthy record; ``shift`` and ``gate`` as of ``SampleBlock``."""
-
-    name: str
-    t_us: Times  # (N,) time [us]
-    u: Floats  # (N,) motor torque [N m]
-    y: Floats  # (N,) motor speed [rad/s], or motor angle [rad]
-    shift: Floats | None = None  # (N, p) theta_0(s) - theta_0
-    gate: Bools | None = None  # (N,) nothing is learned where it is False
-
-    def part(self, start: int, end: int) -> "HealthyRecord":
-        """The samples from ``start`` to ``end``."""
-        chosen = slice(start, end)
-        shift = None if self.shift is None else self.shift[chosen]
-        gate = None if self.gate is None else self.gate[chosen]
-        return HealthyRecord(self.name, self.t_us[chosen], self.u[chosen], self.y[chosen], shift, gate)
 
 
 @dataclass(frozen=True)
@@ -65,27 +46,27 @@ def untested(settings: Settings) -> Settings:
 def deviations(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[Deviations]:
     """Run all records, one after the other in the life of the axis, as the daemon would."""
     monitor = AxisMonitor(model, untested(settings))
     whole, done, found = sum(len(record.t_us) for record in records), 0, []
-    for one in records:
-        found.append(_deviations(monitor, one, lambda part, at=done: progress((at + part) / whole)))  # type: ignore[misc]
-        done += len(one.t_us)
+    for record in records:
+        found.append(_deviations(monitor, record, lambda part, at=done: progress((at + part) / whole)))  # type: ignore[misc]
+        done += len(record.t_us)
     return found
 
 
-def _deviations(monitor: AxisMonitor, one: HealthyRecord, progress: Callable[[int], None]) -> Deviations:
+def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[int], None]) -> Deviations:
     model, lam0, st = monitor.model, monitor.settings.lam0, monitor.batch.state
-    N, p, step = len(one.t_us), len(model.scale), monitor.settings.span
+    N, p, step = len(record.t_us), len(model.scale), monitor.settings.span
     d, s, tested, seeding = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_), 0
     # In pieces as short as the looks at P, which say what is observed.
     for k in range(0, N, step):
-        part = one.part(k, k + step)
+        part = record.select(slice(k, k + step))
         before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])
-        _, trace = monitor.update_traced(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
+        _, trace = monitor.update_traced(part)
         moved = forward_fill(part.shift, before) if part.shift is not None else before
         here = slice(k, k + step)
         d[here] = (trace.theta - model.theta0 - moved) / model.scale
@@ -94,4 +75,4 @@ def _deviations(monitor: AxisMonitor, one: HealthyRecord, progress: Callable[[in
         tested[here] = learned & (not seeds)
         seeding += len(part.t_us) if seeds else 0
         progress(min(k + step, N))
-    return Deviations(one.name, one.t_us, d, s, tested, seeding, monitor.status().confounded)
+    return Deviations(record.name, record.t_us, d, s, tested, seeding, monitor.status().confounded)

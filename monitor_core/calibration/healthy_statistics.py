@@ -10,10 +10,11 @@ from scipy.special import gammaincinv  # not scipy.stats: to import that takes s
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.false_alarm_tail import Tail, tails
-from monitor_core.calibration.healthy_records import Deviations, HealthyRecord
+from monitor_core.calibration.healthy_records import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
 from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulated
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 
@@ -31,7 +32,7 @@ class Learned:
 def learned(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     found: Sequence[Deviations],
     budget: float,
     within: float,

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 _SAME = 1e-9
@@ -76,42 +76,42 @@ def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:
     return v if fits else None
 
 
-def torque(model: AxisModel, settings: Settings, one: HealthyRecord, load: Load, u_scale: Floats) -> Floats:
+def torque(model: AxisModel, settings: Settings, record: SampleBlock, load: Load, u_scale: Floats) -> Floats:
     """The torque u' (N,) that the motion of the record would have needed.
 
     A load acts with its mean over the interval in which the torque is held.  ``u_scale`` (m,) is what angles are
     multiplied by for gravity.
     """
-    needed, speed = one.u.copy(), _mean_speed(model, one, settings)
+    needed, speed = record.u.copy(), _mean_speed(model, record, settings)
     if load.viscous:
         needed += load.viscous * _held(speed, settings)
     for c, coefficient in load.inputs.items():
-        needed += coefficient * _held(_input(model, settings, one, c, u_scale[c], speed), settings)
+        needed += coefficient * _held(_input(model, settings, record, c, u_scale[c], speed), settings)
     return np.asarray(needed / load.factor)
 
 
 def _input(
-    model: AxisModel, settings: Settings, one: HealthyRecord, c: int, scale: float, speed: Floats
+    model: AxisModel, settings: Settings, record: SampleBlock, c: int, scale: float, speed: Floats
 ) -> Floats:
     """Mean of a further input over the interval that begins with each sample (N,)."""
     kind, output = model.drive.inputs[c], model.drive.output
     if kind == ONE:
-        return np.ones(len(one.u))
+        return np.ones(len(record.u))
     if kind == COULOMB:
         ratio = float(model.drive.matrix("ratio", model.nominal)[c, 0]) / settings.speed_scale
-        return _middle(np.tanh(ratio * one.y)) if output == "speed" else np.tanh(ratio * speed)
-    return _middle(np.cos(scale * one.y) if kind == COSINE else np.sin(scale * one.y))
+        return _middle(np.tanh(ratio * record.y)) if output == "speed" else np.tanh(ratio * speed)
+    return _middle(np.cos(scale * record.y) if kind == COSINE else np.sin(scale * record.y))
 
 
-def _mean_speed(model: AxisModel, one: HealthyRecord, settings: Settings) -> Floats:
+def _mean_speed(model: AxisModel, record: SampleBlock, settings: Settings) -> Floats:
     """Mean of the speed over the interval that begins with each sample (N,)."""
     if model.drive.output == "speed":
-        return _middle(one.y)
-    after = np.append(one.y[1:], one.y[-1])
+        return _middle(record.y)
+    after = np.append(record.y[1:], record.y[-1])
     if model.drive.output == "mean speed":
         return after
-    h = np.diff(one.t_us, append=one.t_us[-1] + round(settings.interval_s * 1e6)) * 1e-6
-    return np.asarray((after - one.y) / h)
+    h = np.diff(record.t_us, append=record.t_us[-1] + round(settings.interval_s * 1e6)) * 1e-6
+    return np.asarray((after - record.y) / h)
 
 
 def _middle(values: Floats) -> Floats:

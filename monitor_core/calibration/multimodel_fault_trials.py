@@ -8,12 +8,12 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.fault_trials import Caught, Fault, injected, places
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.hypotheses import Memory
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 PARTS = 20
@@ -39,7 +39,7 @@ def catch_by_bank(
     model: AxisModel,
     settings: Settings,
     own: Sequence[Limit],
-    one: HealthyRecord,
+    record: SampleBlock,
     faults: Sequence[Fault],
     onsets: int,
     seconds: float,
@@ -51,13 +51,13 @@ def catch_by_bank(
         ValueError: the record is too short for that.
     """
     N = round(seconds / settings.interval_s)
-    at = places(model, settings, one, onsets, N)
+    at = places(model, settings, record, onsets, N)
     bank = bank_of(model, settings, Limits(1.0, tuple(own)))
-    before = _healthy(bank, one, at)
+    before = _healthy(bank, record, at)
     found = []
-    for number, (fault, load, u, y) in enumerate(injected(model, settings, one, faults, at, N)):
+    for number, (fault, load, u, y) in enumerate(injected(model, settings, record, faults, at, N)):
         firsts = [
-            _first(bank, one, u, None if y is None else y[:, k], int(a), N, before[k])
+            _first(bank, record, u, None if y is None else y[:, k], int(a), N, before[k])
             for k, a in enumerate(at.tolist())
         ]
         found.append(
@@ -74,12 +74,12 @@ def catch_by_bank(
     return found
 
 
-def _healthy(bank: HypothesisBank, one: HealthyRecord, at: Ints) -> list[_Before]:
+def _healthy(bank: HypothesisBank, record: SampleBlock, at: Ints) -> list[_Before]:
     """Of the healthy bank just before each of these samples; none of its hypotheses alarms meanwhile."""
     quiet = HypothesisBank(bank.model, bank.settings, bank.hypotheses, allowance=bank.allowance)
     done, found = 0, []
     for end in at.tolist():
-        part = one.part(done, end)
+        part = record.select(slice(done, end))
         quiet.run(part.t_us, part.u, part.y, part.gate, part.shift)
         found.append(_Before(quiet.memory, quiet.moved))
         done = end
@@ -87,19 +87,19 @@ def _healthy(bank: HypothesisBank, one: HealthyRecord, at: Ints) -> list[_Before
 
 
 def _first(
-    bank: HypothesisBank, one: HealthyRecord, u: Floats, y: Floats | None, at: int, N: int, before: _Before
+    bank: HypothesisBank, record: SampleBlock, u: Floats, y: Floats | None, at: int, N: int, before: _Before
 ) -> _First:
     bank.reset()
     bank.follow(before.moved)
     bank.memory = before.memory
     first = _First()
     for rows in np.array_split(np.arange(at, at + N), PARTS):
-        outputs = one.y[rows] if y is None else y[rows - at]
-        gate = None if one.gate is None else one.gate[rows]
-        shift = None if one.shift is None else one.shift[rows]
-        for event in bank.run(one.t_us[rows], u[rows], outputs, gate, shift):
+        outputs = record.y[rows] if y is None else y[rows - at]
+        gate = None if record.gate is None else record.gate[rows]
+        shift = None if record.shift is None else record.shift[rows]
+        for event in bank.run(record.t_us[rows], u[rows], outputs, gate, shift):
             if isinstance(event, Changed) and not first.cause:
-                delay = float(event.time_us - one.t_us[at]) * 1e-6 + bank.settings.interval_s
+                delay = float(event.time_us - record.t_us[at]) * 1e-6 + bank.settings.interval_s
                 first = _First(delay, event.shares[0].cause, event.shares[0].size)
             elif isinstance(event, Named):
                 return first._replace(cause=event.shares[0].cause, size=event.shares[0].size)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_tails import Heights
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate_records import LANES, block_length, copies_of, source_of
@@ -19,6 +18,7 @@ from monitor_core.calibration.synthetic_innovations import Sieve
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 COPIES = 8_000_000
@@ -48,7 +48,7 @@ class Watched:
 def watched(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     rng: np.random.Generator,
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
@@ -64,8 +64,8 @@ def watched(
     variance = settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
     recorded, spectra = Heights(len(allowance)), Spectra(variance, allowance, LOOK * block_length(settings))
     places = _Places(settings, records)
-    for number, one in enumerate(records):
-        spectra.add(_over(bank, one, recorded, places, number))
+    for number, record in enumerate(records):
+        spectra.add(_over(bank, record, recorded, places, number))
     if not recorded.samples:
         raise ValueError("nothing was tested in any record")
     progress(0.2)
@@ -74,7 +74,7 @@ def watched(
     return Watched(bank.hypotheses, allowance, recorded, whole, spectra.covariance(), places.many)
 
 
-def allowances(bank: HypothesisBank, records: Sequence[HealthyRecord]) -> Floats:
+def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
     """What is taken from each log-likelihood ratio (H,), so that in no part of a healthy record it is positive."""
     most = np.zeros(len(bank.hypotheses))
     for record in records:
@@ -82,7 +82,7 @@ def allowances(bank: HypothesisBank, records: Sequence[HealthyRecord]) -> Floats
         sums, counts = np.zeros((PARTS, len(most))), np.zeros(PARTS)
         bank.reset()
         for k in range(0, N, _CHUNK):
-            part = record.part(k, k + _CHUNK)
+            part = record.select(slice(k, k + _CHUNK))
             _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
             tested = np.isfinite(trace.llr).any(axis=1)
             of = (k + np.flatnonzero(tested)) * PARTS // N
@@ -96,7 +96,7 @@ def allowances(bank: HypothesisBank, records: Sequence[HealthyRecord]) -> Floats
 class _Places:
     """Parts of the records, a block of innovations long, by number."""
 
-    def __init__(self, settings: Settings, records: Sequence[HealthyRecord]) -> None:
+    def __init__(self, settings: Settings, records: Sequence[SampleBlock]) -> None:
         self._length = block_length(settings)
         self._first = np.cumsum([0, *(1 + len(record.t_us) // self._length for record in records)])
         self.many = int(self._first[-1])
@@ -106,12 +106,14 @@ class _Places:
         return np.asarray(self._first[record] + samples // self._length)
 
 
-def _over(bank: HypothesisBank, one: HealthyRecord, heights: Heights, places: _Places, number: int) -> Floats:
+def _over(
+    bank: HypothesisBank, record: SampleBlock, heights: Heights, places: _Places, number: int
+) -> Floats:
     """One record, from the start; its innovations (N, 1 + H)."""
     bank.reset()
     course, found = heights.course(), []
-    for k in range(0, len(one.t_us), _CHUNK):
-        part = one.part(k, k + _CHUNK)
+    for k in range(0, len(record.t_us), _CHUNK):
+        part = record.select(slice(k, k + _CHUNK))
         _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift, what_holds=True)
         here = places.of(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, here, here, course)
@@ -122,7 +124,7 @@ def _over(bank: HypothesisBank, one: HealthyRecord, heights: Heights, places: _P
 
 def _copied(
     bank: HypothesisBank,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     places: _Places,
     samples: int,
     rng: np.random.Generator,

@@ -17,12 +17,12 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import LOWER, UPPER
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_healthy import COPIES, Watched, watched
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, Heights, bank_tails
 from monitor_core.calibration.run_length import root
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 _LARGEST = 1.1
@@ -48,7 +48,7 @@ class BankLimits:
 def bank_limits(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     samples: float,
     rng: np.random.Generator,
     copies: int = COPIES,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy_records import HealthyRecord, untested
+from monitor_core.calibration.healthy_records import untested
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
@@ -33,17 +33,15 @@ class Innovations:
 
 
 def innovations(
-    model: AxisModel, settings: Settings, one: HealthyRecord, at: Sequence[int] = ()
+    model: AxisModel, settings: Settings, record: SampleBlock, at: Sequence[int] = ()
 ) -> Innovations:
     """Innovations of the predictor at nominal, and its state just before the samples ``at``, in rising order."""
     frozen = replace(untested(settings), lam=_ENDLESS, P0=(), starved=0.0, floor=0.0, outlier=0.0)
     monitor = AxisMonitor(model, frozen)
     eps, states, done = [], [], 0
-    for end in (*at, len(one.t_us)):
-        part = one.part(done, end)
-        eps.append(
-            monitor.update_traced(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))[1].eps
-        )
+    for end in (*at, len(record.t_us)):
+        part = record.select(slice(done, end))
+        eps.append(monitor.update_traced(part)[1].eps)
         states.append(monitor.batch.state.x[:, 0].copy())
         done = end
     return Innovations(np.concatenate(eps), np.array(states[:-1]).reshape(len(at), -1))

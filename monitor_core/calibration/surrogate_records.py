@@ -16,7 +16,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import HealthyRecord, untested
+from monitor_core.calibration.healthy_records import untested
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
@@ -64,7 +64,7 @@ class Excursions:
 def simulated(
     model: AxisModel,
     settings: Settings,
-    records: Sequence[HealthyRecord],
+    records: Sequence[SampleBlock],
     k: float,
     rng: np.random.Generator,
     samples: int = SAMPLES,
@@ -121,23 +121,23 @@ class Source:
     t_us: int
 
 
-def source_of(model: AxisModel, settings: Settings, one: HealthyRecord) -> Source | None:
+def source_of(model: AxisModel, settings: Settings, record: SampleBlock) -> Source | None:
     """What copies of a record need; None where too little was learned from it."""
     monitor, start = AxisMonitor(model, untested(settings)), 0
     step = settings.span
     st = monitor.batch.state
-    for start in range(0, len(one.t_us), step):
+    for start in range(0, len(record.t_us), step):
         if start and st.t[0] >= st.settled[0] and not st.seed_left[0]:
             break
-        part = one.part(start, start + step)
-        monitor.update(SampleBlock(part.t_us, part.u, part.y, part.shift, part.gate))
-    found = innovations(model, settings, one, (start,))
+        part = record.select(slice(start, start + step))
+        monitor.update(part)
+    found = innovations(model, settings, record, (start,))
     eps = found.eps[start:]
     eps = eps[np.isfinite(eps)]
     if len(eps) < 2 * settings.memory:
         return None
     column, t_us = monitor.batch.column(0), int(st.t[0])
-    return Source(one.u[start:], eps - eps.mean(), found.x[0], float(one.u[start - 1]), column, t_us)
+    return Source(record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us)
 
 
 def block_length(settings: Settings) -> int:
@@ -361,9 +361,9 @@ class Parts:
         sums, n = np.array(self._sums), np.array(self._counts)[:, np.newaxis, np.newaxis]
         of_copy, square = sums.sum(axis=0) / n.sum()
         variance = (square - of_copy**2).mean(axis=-1, keepdims=True)
-        one, two = sums[:, 0] / n, sums[:, 1] / n
-        louder = (two - 2 * of_copy * one + of_copy**2) / variance
-        return np.concatenate([one / np.sqrt(variance), louder / 2], axis=1)
+        record, two = sums[:, 0] / n, sums[:, 1] / n
+        louder = (two - 2 * of_copy * record + of_copy**2) / variance
+        return np.concatenate([record / np.sqrt(variance), louder / 2], axis=1)
 
 
 def beyond(seen: Floats, chance: Floats, times: int) -> Floats:

@@ -25,8 +25,8 @@ NOISE: Mapping[Output, float] = {"speed": 1.0, "angle": INTERVAL_S / np.sqrt(2),
 """Standard deviation of the white noise on the output: 1 rad/s; on the angle what differences to that."""
 
 
-class Record(NamedTuple):
-    """One record: fields (N,); many: t_us (N,) and the others (N, W)."""
+class Experiment(NamedTuple):
+    """Samples of one axis, fields (N,); or of W axes, t_us (N,) and the others (N, W)."""
 
     t_us: NDArray[np.int64]
     u: Floats
@@ -50,13 +50,13 @@ def experiment(
     samples: int = SAMPLES,
     fault_at: int = FAULT_AT,
     noise: float | None = None,
-) -> Record:
+) -> Experiment:
     """One record from rest.  ``fault`` (factors, see ``faulty``) acts from sample ``fault_at`` on.
 
     ``noise`` is the standard deviation of the white noise on the output, default NOISE.
     """
     t_us, u, y = experiments([seed], fault, output=output, samples=samples, fault_at=fault_at, noise=noise)
-    return Record(t_us, u[:, 0], y[:, 0])
+    return Experiment(t_us, u[:, 0], y[:, 0])
 
 
 def experiments(
@@ -67,7 +67,7 @@ def experiments(
     samples: int = SAMPLES,
     fault_at: int = FAULT_AT,
     noise: float | None = None,
-) -> Record:
+) -> Experiment:
     """As ``experiment``, one column for each seed."""
     rngs = [np.random.default_rng(seed) for seed in seeds]
     u = np.stack([multisine(rng, samples, INTERVAL_S, BAND_HZ, TORQUE_RMS) for rng in rngs], axis=1)
@@ -77,4 +77,4 @@ def experiments(
     after, _ = simulate_linear(drive, faulty(REFERENCE_VALUES, fault or {}), u[fault_at:], INTERVAL_S, x)
     y = np.concatenate([before, after]) + (NOISE[output] if noise is None else noise) * white
     t_us = np.arange(samples, dtype=np.int64) * round(INTERVAL_S * 1e6)
-    return Record(t_us, u, y)
+    return Experiment(t_us, u, y)

@@ -66,7 +66,7 @@ from monitor_core.kernel.taylor_series import SECTIONS
 from monitor_core.kernel.work_arrays import columns, copy, floats, ints, marks, most, put_back, table, times
 
 
-class Samples(NamedTuple):
+class BatchSamples(NamedTuple):
     """Samples of all axes, axis last; axis a has number[a] samples, in the order of their receipt."""
 
     t: NDArray[np.int64]  # (N, W) time, us
@@ -175,7 +175,7 @@ def run(
     I: Ints,
     kept_t: Ints,
     kept_d: Floats,
-    samples: Samples,
+    samples: BatchSamples,
     reset: bool,
     events: Events,
     noted: Noted,

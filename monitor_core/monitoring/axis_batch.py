@@ -13,7 +13,7 @@ from monitor_core.detection.cusum.evidence_builder import EvidenceBuilder
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.stability import stable_limits
-from monitor_core.kernel.block import Samples, Trace, run
+from monitor_core.kernel.block import BatchSamples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
 from monitor_core.kernel.evidence import KEPT, NAMING, Noted, kept_numbers, noted_numbers
 from monitor_core.kernel.llvm_vectors import EIGHT
@@ -139,7 +139,7 @@ class AxisBatch:
         count: NDArray[np.int64] | None,
         shift: Floats | None,
         gate: NDArray[np.bool_] | None,
-    ) -> Samples:
+    ) -> BatchSamples:
         p, W = self._shape
         t = np.ascontiguousarray(t_us, dtype=np.int64)
         if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
@@ -155,9 +155,9 @@ class AxisBatch:
                 f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}"
             )
         u, y = np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(y, dtype=float)
-        return Samples(t, u, y, n, moved, opened)
+        return BatchSamples(t, u, y, n, moved, opened)
 
-    def _run(self, samples: Samples, trace: Trace) -> list[tuple[int, BatchEvent]]:
+    def _run(self, samples: BatchSamples, trace: Trace) -> list[tuple[int, BatchEvent]]:
         events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
         noted = self._noted(len(samples.t))
         reset = not self.settings[0].run_on

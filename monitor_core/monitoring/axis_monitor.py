@@ -189,8 +189,8 @@ class AxisMonitor:
     def _multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
         if self.multimodel is None:
             return ()
-        t_us, torque, motion, shift, gate, _ = samples
-        return self.multimodel.bank.run(t_us, torque, motion, gate, shift)
+        t_us, u, y, shift, gate = samples[:5]
+        return self.multimodel.bank.run(t_us, u, y, gate, shift)
 
     def apply(
         self, cusum: Iterable[BatchEvent] = (), multimodel: Iterable[MultiModelEvent] = ()
@@ -332,8 +332,8 @@ def _fingerprint(drive: Drive) -> int:
 
 def _columns(samples: SampleBlock) -> tuple[Any, ...]:
     """The arguments of ``AxisBatch.run`` for one axis: an axis last in every array."""
-    t_us, torque, motion, shift, gate, _ = samples
-    return _column(t_us), _column(torque), _column(motion), None, _optional(shift), _optional(gate)
+    t_us, u, y, shift, gate = samples[:5]
+    return _column(t_us), _column(u), _column(y), None, _optional(shift), _optional(gate)
 
 
 def _column(values: NDArray[_T]) -> NDArray[_T]:

@@ -115,7 +115,7 @@ class Fleet:
         if monitor.multimodel is not None:
             bank, arrays = (
                 monitor.multimodel.bank,
-                (block.t_us, block.torque, block.motion, block.gate, block.shift),
+                (block.t_us, block.u, block.y, block.gate, block.shift),
             )
             if traces:
                 found, bank_trace = bank.run_traced(*arrays)
@@ -147,7 +147,7 @@ class _Group(NamedTuple):
         t_us, u, y = np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape)
         for lane, block in taken:
             n = count[lane]
-            t_us[:n, lane], u[:n, lane], y[:n, lane] = block.t_us, block.torque, block.motion
+            t_us[:n, lane], u[:n, lane], y[:n, lane] = block.t_us, block.u, block.y
         before = self.batch.state.shift
         shift = _filled(
             {lane: block.shift for lane, block in taken},

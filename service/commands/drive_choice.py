@@ -135,7 +135,7 @@ def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> TorqueExp
     from service.ingest.records import read_record
 
     steps = read_record(path, configuration(config, without_bus=True)).steps()
-    torques = [step.samples[axis_id].torque for step in steps if axis_id in step.samples]
+    torques = [step.samples[axis_id].u for step in steps if axis_id in step.samples]
     torque = np.concatenate(torques)[:LONGEST] if torques else np.empty(0)
     if len(torque) < 2:
         raise RecordError(f"{path}: no samples of {axis_id}")

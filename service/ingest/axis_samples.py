@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
+from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock, concatenate
 from service.can.decode import Decoder, FrameKey
 from service.config.schema import Config, NamedAxis
 from service.config.schema_signals import Source
@@ -25,12 +25,10 @@ _NO_NUMBER = 1e30
 
 
 class AxisSamples(NamedTuple):
-    """Times [us], torque [N m], motion [rad or rad/s] and further signals (N,); what was dropped, by reason."""
+    """All samples of an axis in a file; the names of their auxiliary signals; what was dropped, by reason."""
 
-    t_us: Times
-    torque: Floats
-    motion: Floats
-    signals: Mapping[str, Floats]
+    block: SampleBlock
+    signal_names: tuple[str, ...]
     dropped: Mapping[str, int]
 
 
@@ -53,9 +51,9 @@ def table_samples(path: Path, axis: NamedAxis) -> AxisSamples:
     rows = _all_rows(table, list(dict.fromkeys((*wanted, *_all_columns(table)))))
     refused = _refused(rows, columns, axis)
     index, block = columns.chosen(rows, 0, ~np.any(list(refused.values()), axis=0))
-    signals = {s.name: _value(s, rows.columns[str(s.column)][index]) for s in further}
+    signals = [_value(s, rows.columns[str(s.column)][index]) for s in further]
     counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
-    return AxisSamples(block.t_us, block.torque, block.motion, signals, columns.dropped | counts)
+    return _with_signals(block, [s.name for s in further], signals, columns.dropped | counts)
 
 
 def log_samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
@@ -67,12 +65,22 @@ def log_samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
     """
     log = LogRecord(path, config)
     blocks = [step.samples[axis.id] for step in log.steps() if axis.id in step.samples]
-    t_us, torque, motion = _samples(blocks)
+    block = concatenate(blocks)
     dropped = dict(log.axis_dropped[axis.id])
-    sound = (abs(torque) <= PHYSICAL_LIMITS["torque"]) & (abs(motion) <= PHYSICAL_LIMITS[axis.config.output])
-    t_us, torque, motion = t_us[sound], torque[sound], motion[sound]
+    sound = (abs(block.u) <= PHYSICAL_LIMITS["torque"]) & (
+        abs(block.y) <= PHYSICAL_LIMITS[axis.config.output]
+    )
+    block = block.select(sound)
     dropped["absurd"] += int(np.count_nonzero(~sound))
-    return AxisSamples(t_us, torque, motion, _received(path, config, axis, t_us), dropped)
+    received = _received(path, config, axis, block.t_us)
+    return _with_signals(block, list(received), list(received.values()), dropped)
+
+
+def _with_signals(
+    block: SampleBlock, names: Sequence[str], signals: Sequence[Floats], dropped: Mapping[str, int]
+) -> AxisSamples:
+    columns = np.stack(signals, axis=1) if signals else None
+    return AxisSamples(block._replace(signals=columns), tuple(names), dropped)
 
 
 def _all_columns(table: Table) -> tuple[str, ...]:
@@ -105,14 +113,6 @@ def _absurd(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> Bools:
     for values in rows.columns.values():
         absurd |= abs(values) > _NO_NUMBER
     return np.asarray(absurd, np.bool_)
-
-
-def _samples(blocks: list[SampleBlock]) -> tuple[Times, Floats, Floats]:
-    if not blocks:
-        return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-    columns = ((b.t_us, b.torque, b.motion) for b in blocks)
-    t_us, torque, motion = (np.concatenate(parts) for parts in zip(*columns, strict=True))
-    return t_us, torque, motion
 
 
 def _joined(values: list[Floats]) -> Floats:

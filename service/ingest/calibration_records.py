@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.calibration import HealthyRecord
 from monitor_core.drive import AxisModel, Operating
-from monitor_core.samples import SampleBlock
+from monitor_core.samples import SampleBlock, concatenate
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
 from service.ingest.identification_records import wanted
@@ -34,7 +33,7 @@ def read(
     axis: NamedAxis,
     model: AxisModel,
     progress: Callable[[float], None] = lambda _: None,
-) -> tuple[list[HealthyRecord], list[Source]]:
+) -> tuple[list[SampleBlock], list[Source]]:
     """All records of an axis.
 
     Raises:
@@ -51,34 +50,27 @@ def read(
             progress((number + step.done) / len(texts))
         if not blocks:
             raise RecordError(f"{want.path}: no samples of axis {axis.id}")
-        one = _samples(want.path.name, _joined(blocks), axis, model)
-        since = (one.t_us - one.t_us[0]) * 1e-6
+        record = _samples(want.path.name, concatenate(blocks), axis, model)
+        since = (record.t_us - record.t_us[0]) * 1e-6
         start, end = np.searchsorted(
             since, [want.start_s or 0.0, np.inf if want.end_s is None else want.end_s]
         )
-        one = one.part(int(start), int(end))
-        if len(one.t_us) < 2:
-            raise RecordError(f"{text}: {len(one.t_us)} samples of axis {axis.id} in that range")
-        samples.append(one)
+        record = record.select(slice(int(start), int(end)))
+        if len(record.t_us) < 2:
+            raise RecordError(f"{text}: {len(record.t_us)} samples of axis {axis.id} in that range")
+        samples.append(record)
         digest = hashlib.sha256(want.path.read_bytes()).hexdigest()
-        sources.append(Source(text, digest, len(one.t_us), float(one.t_us[-1] - one.t_us[0]) * 1e-6))
+        sources.append(Source(text, digest, len(record.t_us), float(record.t_us[-1] - record.t_us[0]) * 1e-6))
     return samples, sources
 
 
-def _joined(blocks: Sequence[SampleBlock]) -> SampleBlock:
-    t_us, torque, motion = (np.concatenate([block[k] for block in blocks]) for k in range(3))
-    signals = [block.signals for block in blocks if block.signals is not None]
-    return SampleBlock(t_us, torque, motion, signals=np.concatenate(signals) if signals else None)
-
-
-def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -> HealthyRecord:
+def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -> SampleBlock:
     turns = turns_of(axis.config)
     if turns is not None:
-        angle, sure = turns.take(block.t_us, block.motion)
-        signals = None if block.signals is None else block.signals[sure]
-        block = SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals=signals)
+        angle, sure = turns.take(block.t_us, block.y)
+        block = block._replace(y=angle).select(sure)
     conditions = conditions_of(axis)
     shift = gate = None
     if conditions:
-        shift, gate = Operating(model, conditions).take(block.t_us, block.motion, block.signals)
-    return HealthyRecord(name, block.t_us, block.torque, block.motion, shift, gate)
+        shift, gate = Operating(model, conditions).take(block.t_us, block.y, block.signals)
+    return SampleBlock(block.t_us, block.u, block.y, shift, gate, name=name)

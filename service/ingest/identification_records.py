@@ -103,10 +103,10 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     """
     want, axis = wanted(text), axis_named(config, axis_id)
     samples = unwrapped(_samples(want.path, config, axis), axis)
-    if len(samples.t_us) < 2:
+    if samples.block.size < 2:
         dropped = ", ".join(f"{count} {reason}" for reason, count in samples.dropped.items() if count)
         raise RecordError(
-            f"{want.path}: {len(samples.t_us)} samples of axis {axis.id} in it; dropped: {dropped or 'nothing'}"
+            f"{want.path}: {samples.block.size} samples of axis {axis.id} in it; dropped: {dropped or 'nothing'}"
         )
     whole = _record(samples, axis, Path(want.path).name)
     record = _in_range(whole, want)
@@ -155,20 +155,18 @@ def unwrapped(samples: AxisSamples, axis: NamedAxis) -> AxisSamples:
     turns = turns_of(axis.config)
     if turns is None:
         return samples
-    angle, sure = turns.take(samples.t_us, samples.motion)
-    return AxisSamples(
-        samples.t_us[sure],
-        samples.torque[sure],
-        angle[sure],
-        {name: values[sure] for name, values in samples.signals.items()},
-        {**samples.dropped, AMBIGUOUS: turns.refused},
-    )
+    angle, sure = turns.take(samples.block.t_us, samples.block.y)
+    block = samples.block._replace(y=angle).select(sure)
+    return AxisSamples(block, samples.signal_names, {**samples.dropped, AMBIGUOUS: turns.refused})
 
 
 def _record(samples: AxisSamples, axis: NamedAxis, name: str) -> Record:
     # Times since the first sample: those since 1970 have no digits left for microseconds.
-    t = (samples.t_us - samples.t_us[0]) * 1e-6
-    return Record(t, samples.torque, samples.motion, axis.config.output, name, None, samples.signals)
+    block = samples.block
+    columns = () if block.signals is None else block.signals.T
+    signals = dict(zip(samples.signal_names, columns, strict=True))
+    t = (block.t_us - block.t_us[0]) * 1e-6
+    return Record(t, block.u, block.y, axis.config.output, name, None, signals)
 
 
 def _in_range(record: Record, want: Wanted) -> Record:

@@ -67,7 +67,7 @@ class AxisMonitors:
         operating = self._operating.get(axis_id)
         if operating is None:
             return block
-        shift, gate = operating.take(block.t_us, block.motion, block.signals)
+        shift, gate = operating.take(block.t_us, block.y, block.signals)
         return block._replace(shift=shift, gate=gate)
 
     def dropped(self, axis_id: str) -> Mapping[str, int]:
@@ -117,6 +117,5 @@ def _motion(monitor: AxisMonitor) -> Motion | None:
 
 
 def _unwrapped(block: SampleBlock, turns: Turns) -> SampleBlock:
-    angle, sure = turns.take(block.t_us, block.motion)
-    signals = None if block.signals is None else block.signals[sure]
-    return SampleBlock(block.t_us[sure], block.torque[sure], angle[sure], signals=signals)
+    angle, sure = turns.take(block.t_us, block.y)
+    return block._replace(y=angle).select(sure)

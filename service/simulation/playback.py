@@ -110,7 +110,7 @@ def _by_time(step: Step) -> Iterator[tuple[int, dict[str, Values]]]:
     rows: dict[int, dict[str, Values]] = {}
     for axis_id, block in step.samples.items():
         signals = np.zeros((len(block.t_us), 0)) if block.signals is None else block.signals
-        columns = (block.t_us, block.torque, block.motion, signals)
+        columns = (block.t_us, block.u, block.y, signals)
         for t_us, torque, motion, further in zip(*(c.tolist() for c in columns), strict=True):
             rows.setdefault(t_us, {})[axis_id] = (torque, motion, tuple(further))
     return iter(sorted(rows.items(), key=lambda row: row[0]))

@@ -13,7 +13,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Record, experiments
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment, experiments
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch, Fleet
@@ -59,14 +59,14 @@ def five_masses_settings(output: Output) -> Settings:
     return Settings(INTERVAL_S, lam0=lam0, K=tuple(gain) if output == "angle" else (), P0=start)
 
 
-def five_masses_record(output: Output, axes: int, samples: int, seed: int) -> Record:
+def five_masses_record(output: Output, axes: int, samples: int, seed: int) -> Experiment:
     """Records of as many axes, excited as the reference axis."""
     rng = np.random.default_rng(seed)
     u = np.stack([multisine(rng, samples, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(axes)], axis=1)
     model = five_masses(output)
     y, _ = simulate_linear(model.drive, model.nominal, u, INTERVAL_S)
     t_us = np.arange(samples, dtype=np.int64) * round(INTERVAL_S * 1e6)
-    return Record(t_us, u, y + NOISE[output] * rng.standard_normal(y.shape))
+    return Experiment(t_us, u, y + NOISE[output] * rng.standard_normal(y.shape))
 
 
 def run_of_five_masses(output: Output, axes: int, samples: int, seed: int) -> Callable[[], object]:
@@ -75,7 +75,7 @@ def run_of_five_masses(output: Output, axes: int, samples: int, seed: int) -> Ca
     return _turning(five_masses(output), five_masses_settings(output), rec, samples)
 
 
-def _turning(model: AxisModel, settings: Settings, rec: Record, samples: int) -> Callable[[], object]:
+def _turning(model: AxisModel, settings: Settings, rec: Experiment, samples: int) -> Callable[[], object]:
     """A call that runs the next so many samples of the records (N, axes).
 
     At their end the bank restarts with them: a jump would throw theta to its bounds.

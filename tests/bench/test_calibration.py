@@ -77,7 +77,7 @@ def _recursion_s(text: str, folder: Path) -> float:
     (one,), _ = read([text], config, axis, model)
     bank, found = AxisBatch([model] * LANES, [axis_settings(axis, model)] * LANES), []
     for k in range(0, 12 * TURNS, TURNS):
-        part = one.part(k, k + TURNS)
+        part = one.select(slice(k, k + TURNS))
         t_us = np.repeat(part.t_us[:, np.newaxis], LANES, axis=1)
         u, y = (np.repeat(v, LANES).reshape(TURNS, LANES) for v in (part.u, part.y))
         start = process_time()

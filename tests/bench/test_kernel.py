@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import Record, experiment
+from monitor_core.excitation.reference_experiment import Experiment, experiment
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import FEWEST_LANES
 from tests.bench.axes import (
@@ -58,7 +58,7 @@ def test_one_axis_against_the_transcription(seed: int, say: Say) -> None:
 
 def against_the_transcription(output: Output, seed: int) -> tuple[object, ...]:
     samples = experiment(seed, output=output)
-    first = Record(samples.t_us[:TRANSCRIBED], samples.u[:TRANSCRIBED], samples.y[:TRANSCRIBED])
+    first = Experiment(samples.t_us[:TRANSCRIBED], samples.u[:TRANSCRIBED], samples.y[:TRANSCRIBED])
 
     def transcription() -> object:
         return Paper(reference_model(output), settings(output, seed)).run(*first)

@@ -12,7 +12,7 @@ def alarm_versions(monitor: AxisMonitor, samples: SampleBlock) -> tuple[list[Ala
     """As ``update_traced`` of a monitor that alarms by its CUSUM tests, with the alarm after each of its events."""
     shift = None if samples.shift is None else samples.shift[..., None]
     gate = None if samples.gate is None else samples.gate[..., None]
-    t_us, torque, motion = samples.t_us[:, None], samples.torque[:, None], samples.motion[:, None]
-    events, trace = monitor.batch.run_traced(t_us, torque, motion, shift=shift, gate=gate)
+    t_us, u, y = samples.t_us[:, None], samples.u[:, None], samples.y[:, None]
+    events, trace = monitor.batch.run_traced(t_us, u, y, shift=shift, gate=gate)
     versions = [change.alarm for _, event in events for change in monitor.apply([event])]
     return versions, Trace(*(field[..., 0] for field in trace))

@@ -11,7 +11,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import NOISE, Record
+from monitor_core.excitation.reference_experiment import NOISE, Experiment
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.settings import Settings
@@ -131,9 +131,9 @@ CASES = (
 BY_NAME = {case.name: case for case in CASES}
 
 
-def as_columns(rec: Record) -> Record:
+def as_columns(rec: Experiment) -> Experiment:
     """A record as the samples of a bank of one axis."""
-    return Record(rec.t_us[:, np.newaxis], rec.u[:, np.newaxis], rec.y[:, np.newaxis])
+    return Experiment(rec.t_us[:, np.newaxis], rec.u[:, np.newaxis], rec.y[:, np.newaxis])
 
 
 def record(
@@ -144,7 +144,7 @@ def record(
     jitter: float = 0.0,
     gaps: int = 0,
     true: Mapping[str, float] | None = None,
-) -> Record:
+) -> Experiment:
     """A record with noise; the share ``jitter`` of its intervals is anything from 1 to 50 ms.
 
     The plant knows no torque delay; ``true`` are its values, by default those of the case.
@@ -159,4 +159,4 @@ def record(
     mean = np.append(0.0, np.diff(angle) / (h_us[1:] * 1e-6))
     y = {"angle": angle, "speed": speed, "mean speed": mean}[case.output]
     t_us = np.cumsum(h_us) - h_us[0]
-    return Record(t_us.astype(np.int64), u, y + NOISE[case.output] * rng.standard_normal(samples))
+    return Experiment(t_us.astype(np.int64), u, y + NOISE[case.output] * rng.standard_normal(samples))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.excitation.reference_experiment import Record
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.block import Trace
 from tests.core.oracle.paper import Log, Paper
 
@@ -32,7 +32,7 @@ def worst(trace: Trace, log: Log) -> dict[str, float]:
     }
 
 
-def by_rounding(paper: Callable[[], Paper], rec: Record, log: Log) -> float:
+def by_rounding(paper: Callable[[], Paper], rec: Experiment, log: Log) -> float:
     """How far the transcription itself moves when every input is changed in its last place, at most of three times."""
     rng, most = np.random.default_rng(1), 0.0
     for _ in range(3):

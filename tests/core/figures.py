@@ -11,7 +11,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Record, experiments
+from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experiment, experiments
 from monitor_core.kernel.block import Trace
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch
@@ -41,7 +41,7 @@ def steady_p(model: AxisModel, settings: Settings, seeds: Sequence[int]) -> tupl
     return steady_p_of(model, settings, experiments(seeds, output=model.drive.output, samples=4000))
 
 
-def steady_p_of(model: AxisModel, settings: Settings, records: Record) -> tuple[float, ...]:
+def steady_p_of(model: AxisModel, settings: Settings, records: Experiment) -> tuple[float, ...]:
     """The same, of these records."""
     settings = replace(settings, P0=())
     t_us, u, y = records

@@ -16,7 +16,14 @@ from monitor_core.detection.multimodel.events import Changed, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, SAMPLES, Record, experiments, faulty
+from monitor_core.excitation.reference_experiment import (
+    FAULT_AT,
+    NOISE,
+    SAMPLES,
+    Experiment,
+    experiments,
+    faulty,
+)
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE, settings_of, steady_p_of
@@ -53,7 +60,7 @@ def records(
     *,
     samples: int = WATCHED,
     noise: float | None = None,
-) -> Record:
+) -> Experiment:
     """The reference experiment, also of an axis with Coulomb friction, which goes by the measured speed as the model's.
 
     Without friction these are ``experiments``; with it the same torques and the same noise.
@@ -69,7 +76,7 @@ def records(
     which, x, rest = np.zeros(W, np.int64), np.zeros((W, len(model.drive.states))), np.zeros(W)
     before, x = plants.run(which, x, rest, found.u[:FAULT_AT], eps[:FAULT_AT])
     after, _ = plants.run(which + 1, x, found.u[FAULT_AT - 1], found.u[FAULT_AT:], eps[FAULT_AT:])
-    return Record(found.t_us, found.u, np.concatenate([before, after]))
+    return Experiment(found.t_us, found.u, np.concatenate([before, after]))
 
 
 class Delays(NamedTuple):
@@ -107,7 +114,7 @@ def delays(bank: HypothesisBank, fault: Mapping[str, float], seeds: Sequence[int
     found: list[One] = []
     for k in range(0, len(seeds), AT_ONCE):
         t_us, u, y = records(bank.model, seeds[k : k + AT_ONCE], fault)
-        found += [_run(bank, Record(t_us, u[:, a], y[:, a])) for a in range(u.shape[1])]
+        found += [_run(bank, Experiment(t_us, u[:, a], y[:, a])) for a in range(u.shape[1])]
     return summed_up(found, right)
 
 
@@ -128,7 +135,7 @@ def share(of: Sequence[bool]) -> float:
     return float(np.mean(of)) if of else math.nan
 
 
-def _run(bank: HypothesisBank, rec: Record) -> One:
+def _run(bank: HypothesisBank, rec: Experiment) -> One:
     bank.reset()
     one = One()
     for at in range(0, len(rec.u), BLOCK):
@@ -147,7 +154,7 @@ def _run(bank: HypothesisBank, rec: Record) -> One:
 def false_alarms(bank: HypothesisBank, seed: int, samples: int) -> tuple[int, int]:
     """Alarms of a healthy record, and samples tested; after each alarm the bank restarts."""
     t_us, u, y = records(bank.model, [seed], samples=samples)
-    rec = Record(t_us, u[:, 0], y[:, 0])
+    rec = Experiment(t_us, u[:, 0], y[:, 0])
     at, alarms, settling = 0, 0, round(bank.settings.settle_s / INTERVAL_S)
     begun = 0
     while at < samples:
@@ -158,7 +165,7 @@ def false_alarms(bank: HypothesisBank, seed: int, samples: int) -> tuple[int, in
     return alarms, samples - begun * settling
 
 
-def _until_alarm(bank: HypothesisBank, rec: Record, at: int) -> int:
+def _until_alarm(bank: HypothesisBank, rec: Experiment, at: int) -> int:
     while at < len(rec.u):
         block = slice(at, at + 20 * BLOCK)
         events = bank.run(rec.t_us[block], rec.u[block], rec.y[block])

@@ -3,7 +3,7 @@
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from monitor_core.excitation.reference_experiment import Record
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.settings import Settings
 from tests.core.cases import CASES, Case
@@ -20,8 +20,8 @@ def lively(case: Case) -> Settings:
     return case.settings(relative_sd=0.05, lam=0.97, alpha1=0.2, alpha2=0.2, settle_s=0.1)
 
 
-def part(rec: Record, start: int, stop: int | None = None) -> Record:
-    return Record(rec.t_us[start:stop], rec.u[start:stop], rec.y[start:stop])
+def part(rec: Experiment, start: int, stop: int | None = None) -> Experiment:
+    return Experiment(rec.t_us[start:stop], rec.u[start:stop], rec.y[start:stop])
 
 
 def state(monitor: AxisMonitor) -> tuple[bytes, bytes]:

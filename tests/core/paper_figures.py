@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.calibration.budget import rates, thresholds
-from monitor_core.calibration.healthy_records import HealthyRecord, deviations
+from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import learned
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import FAULT_AT
 from monitor_core.modeling.standard_drives import INTERVAL_S
 from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.figures import AT_ONCE
 from tests.core.hypothesis_figures import WATCHED, WITHIN_S, Delays, One, records, summed_up
@@ -28,7 +29,7 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
     """With the thresholds that most likely alarm once in so many samples of the healthy axis; and how that is known."""
     rng = np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
-    one = [HealthyRecord("healthy", t_us, u[:, 0], y[:, 0])]
+    one = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]
     known = learned(model, settings, one, deviations(model, settings, one), between, WITHIN, rng)
     asked = between
     for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.excitation.reference_experiment import Record, experiment
+from monitor_core.excitation.reference_experiment import Experiment, experiment
 from monitor_core.monitoring import AxisMonitor, Observation
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -61,7 +61,7 @@ def test_an_axis_that_never_moves_learns_nothing_and_can_be_asked(
     other = AxisMonitor(MODEL, monitor.settings)
     other.from_arrays(monitor.to_arrays())
     rec = experiment(seed, samples=4000, fault_at=4000)
-    later = Record(rec.t_us + 5000 * N, rec.u, rec.y)
+    later = Experiment(rec.t_us + 5000 * N, rec.u, rec.y)
     assert other.update(SampleBlock(*later)) == monitor.update(SampleBlock(*later))
     assert Observation.UNSEEN not in {p.observation for p in monitor.status().parameters}
     assert (abs(monitor.batch.state.theta[:, 0] / MODEL.theta0 - 1) < [0.3, 0.15, 0.9]).all()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monitor_core.detection import DIRECTIONS, Crossing
-from monitor_core.excitation.reference_experiment import Record
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import AxisBatch, AxisMonitor
@@ -31,24 +31,26 @@ def shape(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.fixture(scope="module")
-def results(seed: int) -> dict[object, tuple[Record, Paper]]:
+def results(seed: int) -> dict[object, tuple[Experiment, Paper]]:
     """The transcription's results, which are slow, for both shapes of the kernel; filled as they are asked for."""
     return {}
 
 
 def once(
-    known: dict[object, tuple[Record, Paper]],
+    known: dict[object, tuple[Experiment, Paper]],
     of: object,
-    rec: Callable[[], Record],
+    rec: Callable[[], Experiment],
     paper: Callable[[], Paper],
-) -> tuple[Record, Paper]:
+) -> tuple[Experiment, Paper]:
     if of not in known:
         known[of] = rec(), paper()
         known[of][1].run(*known[of][0])
     return known[of]
 
 
-def by_the_paper(case: Case, seed: int, known: dict[object, tuple[Record, Paper]]) -> tuple[Record, Paper]:
+def by_the_paper(
+    case: Case, seed: int, known: dict[object, tuple[Experiment, Paper]]
+) -> tuple[Experiment, Paper]:
     samples = SAMPLES if case.name in IN_FULL else SAMPLES // 2
     return once(
         known,
@@ -61,7 +63,7 @@ def by_the_paper(case: Case, seed: int, known: dict[object, tuple[Record, Paper]
 @pytest.mark.usefixtures("shape")
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_kernel_equals_the_transcription(
-    case: Case, seed: int, results: dict[object, tuple[Record, Paper]]
+    case: Case, seed: int, results: dict[object, tuple[Experiment, Paper]]
 ) -> None:
     rec, paper = by_the_paper(case, seed, results)
     bank = AxisBatch([case.model], [paper.s])
@@ -86,7 +88,7 @@ OWN = (Threshold(0.7, 1.5, 0.02), Threshold(0.4, 3.0), Threshold(0.0, 2.5, 0.1))
 @pytest.mark.usefixtures("shape")
 @pytest.mark.parametrize(("widen", "own"), [(0.0, ()), (5.0, ()), (0.0, OWN)])
 def test_alarms_and_their_onsets(
-    widen: float, own: tuple[Threshold, ...], seed: int, results: dict[object, tuple[Record, Paper]]
+    widen: float, own: tuple[Threshold, ...], seed: int, results: dict[object, tuple[Experiment, Paper]]
 ) -> None:
     case = BY_NAME["paper"]
     settings = replace(case.settings(alpha1=0.5, alpha2=2.0, widen=widen), thresholds=own)

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.excitation.reference_experiment import Record, experiment
+from monitor_core.excitation.reference_experiment import Experiment, experiment
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisMonitor
@@ -57,17 +57,17 @@ class JointFilter:
 
 
 @pytest.fixture(scope="module")
-def rec(seed: int) -> Record:
+def rec(seed: int) -> Experiment:
     rng, known = np.random.default_rng(seed), experiment(seed, samples=1500)
     acting = known.u + TORQUE_NOISE * rng.standard_normal(known.u.shape)
     y = simulate_linear(MODEL.drive, REFERENCE_VALUES, acting[:, np.newaxis], INTERVAL_S)[0][:, 0]
     y += OUTPUT_NOISE * rng.standard_normal(y.shape)
     y[0] = 0.0  # as the peer starts
-    return Record(known.t_us, known.u, y)
+    return Experiment(known.t_us, known.u, y)
 
 
 @pytest.fixture(scope="module")
-def expected(rec: Record) -> tuple[Floats, Floats]:
+def expected(rec: Experiment) -> tuple[Floats, Floats]:
     """theta (N, p), and its variance as the joint filter has it."""
     theirs, theta, variance = JointFilter(MODEL, LAM0 * P0, (1 - LAM) * LAM0 * P0), [], []
     for u, y in zip(rec.u, rec.y, strict=True):
@@ -78,7 +78,7 @@ def expected(rec: Record) -> tuple[Floats, Floats]:
 
 @pytest.mark.parametrize(("joint", "drift", "farther"), [(False, True, 1), (True, False, 4)])
 def test_with_the_state_that_moves_it_is_the_joint_filter(
-    joint: bool, drift: bool, farther: float, rec: Record, expected: tuple[Floats, Floats]
+    joint: bool, drift: bool, farther: float, rec: Experiment, expected: tuple[Floats, Floats]
 ) -> None:
     """Of 80 records they are 3 to 9 % of a standard deviation apart.
 

@@ -101,7 +101,7 @@ def test_what_does_not_fit_is_refused_before_any_axis_moves(seed: int) -> None:
     good = samples(seed, CASES[0], rng)
     before = [state(m) for m in fleet.monitors]
     for block, message in (
-        (good._replace(torque=good.torque[1:]), r"axis 1: torque has the shape \(119,\): need \(120,\)"),
+        (good._replace(u=good.u[1:]), r"axis 1: u has the shape \(119,\): need \(120,\)"),
         (
             good._replace(shift=np.zeros((SAMPLES, 7))),
             r"axis 1: shift has the shape \(120, 7\): need \(120, 3\)",

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Matrix, Output
-from monitor_core.excitation.reference_experiment import Record
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.tables import COSINE, SINE
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
@@ -173,6 +173,6 @@ def test_both_kinds_of_gravity_are_told_apart() -> None:
     case = BY_NAME["gravity-behind-the-gear"]
     assert case.model.drive.inputs[4:] == (COSINE, SINE)
     monitor = AxisMonitor(case.model, case.settings())
-    rec = Record(np.array([0]), np.zeros(1), np.array([0.25]))
+    rec = Experiment(np.array([0]), np.zeros(1), np.array([0.25]))
     monitor.update(SampleBlock(*rec))
     assert monitor.batch.state.u[4:, 0] == pytest.approx([0.96891242171, 0.24740395925], rel=1e-10)

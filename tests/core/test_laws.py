@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.excitation.reference_experiment import Record
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.monitoring import axis_batch as bank_module
@@ -58,13 +58,13 @@ def different_axes(rng: np.random.Generator, case: Case, W: int) -> list[tuple[A
     return axes
 
 
-def side_by_side(records: list[Record], counts: list[int]) -> tuple[Record, NDArray[np.int64]]:
+def side_by_side(records: list[Experiment], counts: list[int]) -> tuple[Experiment, NDArray[np.int64]]:
     """Samples of several axes as one block; behind the last sample of an axis stands nonsense."""
     N = max(counts)
     t_us, u, y = (np.full((N, len(counts)), filler) for filler in (-77, 1e300, -1e300))
     for a, (rec, n) in enumerate(zip(records, counts, strict=True)):
         t_us[:n, a], u[:n, a], y[:n, a] = part(rec, 0, n)
-    return Record(t_us.astype(np.int64), u, y), np.array(counts)
+    return Experiment(t_us.astype(np.int64), u, y), np.array(counts)
 
 
 @law
@@ -99,7 +99,7 @@ UNUSABLE = {
 }
 
 
-def with_unusable(rec: Record, at: int, reason: str, value: float, torque: bool) -> Record:
+def with_unusable(rec: Experiment, at: int, reason: str, value: float, torque: bool) -> Experiment:
     """The record with one more sample, right behind sample ``at``."""
     t, u, y = rec.t_us[at], rec.u[at] + 1.0, rec.y[at] + 1.0
     if reason == "not_increasing":
@@ -109,7 +109,7 @@ def with_unusable(rec: Record, at: int, reason: str, value: float, torque: bool)
     else:
         y = value
     t += 1_000 if reason == "not_finite" else 0
-    return Record(*(np.insert(f, at + 1, new) for f, new in zip(rec, (t, u, y), strict=True)))
+    return Experiment(*(np.insert(f, at + 1, new) for f, new in zip(rec, (t, u, y), strict=True)))
 
 
 @law

@@ -14,7 +14,7 @@ from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import gains_after
 from monitor_core.drive.structure import split_name
-from monitor_core.excitation.reference_experiment import NOISE, Record
+from monitor_core.excitation.reference_experiment import NOISE, Experiment
 from monitor_core.monitoring import AlarmChange, AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -36,7 +36,7 @@ seeds, cases, ways = st.integers(0, 2**32 - 1), st.sampled_from(CASES), st.sampl
 law = settings(deadline=None, max_examples=80)
 
 
-def with_pause(seed: int, case: Case, samples: int = SAMPLES) -> Record:
+def with_pause(seed: int, case: Case, samples: int = SAMPLES) -> Experiment:
     """With lost samples, outliers, and without torque in its second half."""
     rec = record(seed, case, samples, jitter=0.3, gaps=1)
     rng = np.random.default_rng(seed)
@@ -193,7 +193,7 @@ def test_a_missing_sample_is_a_double_interval(seed: int, case: Case) -> None:
         s, interval_s=2 * H, lam=s.lam**2, K=s.K_after[1] if s.K else (), K_after=(), delay_s=s.delay_s
     )
     rec = record(seed, case, SAMPLES)
-    half = Record(rec.t_us[::2], rec.u[::2], rec.y[::2])
+    half = Experiment(rec.t_us[::2], rec.u[::2], rec.y[::2])
     _, missing = AxisMonitor(case.model, replace(s, lost_s=0.0)).update_traced(SampleBlock(*half))
     _, double = AxisMonitor(case.model, replace(slow, lost_s=0.0)).update_traced(SampleBlock(*half))
     for a, b in zip(missing, double, strict=True):

@@ -14,7 +14,7 @@ from monitor_core.excitation.reference_experiment import (
     FAULT_AT,
     NOISE,
     TORQUE_RMS,
-    Record,
+    Experiment,
     experiments,
 )
 from monitor_core.kernel.state import COUNTERS
@@ -136,7 +136,7 @@ def test_as_transcribed(name: str, grows: bool, seed: int) -> None:
     y[300:310] += 50 * NOISE[case.output]  # more in a row than are passed over
     y[0] += 1000 * NOISE[case.output]  # it restarts
     y[10:14] += 1000 * NOISE[case.output]  # later than that it does not, though it has not settled
-    rec = Record(rec.t_us, rec.u, y)
+    rec = Experiment(rec.t_us, rec.u, y)
     monitor, paper = AxisMonitor(case.model, s), Paper(case.model, s)
     _, trace = monitor.update_traced(SampleBlock(*rec))
     log = paper.run(*rec)

@@ -12,7 +12,14 @@ from scipy.stats import binom
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.operating_conditions import Conditions, Follow, Operating, Term
-from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, SAMPLES, Record, experiments, faulty
+from monitor_core.excitation.reference_experiment import (
+    FAULT_AT,
+    NOISE,
+    SAMPLES,
+    Experiment,
+    experiments,
+    faulty,
+)
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
@@ -35,7 +42,7 @@ SLOPE = REFERENCE_VALUES["Ja"] * CHANGE / 2 / np.cos(ANGLE2).max()
 FOLLOWS = Follow("Ja", Term("cos", "angle2"), float(SLOPE), 0.0, -0.99, 0.99)
 
 
-def posed(seeds: Sequence[int], fault: Mapping[str, float]) -> Record:
+def posed(seeds: Sequence[int], fault: Mapping[str, float]) -> Experiment:
     """As ``experiments``, the drive's own matrices at every sample."""
     t_us, u, quiet = experiments(seeds, noise=0.0)
     noise = experiments(seeds, noise=NOISE["speed"]).y - quiet
@@ -47,10 +54,10 @@ def posed(seeds: Sequence[int], fault: Mapping[str, float]) -> Record:
         Ad, Bd = zero_order_hold(MODEL.drive.matrix("A", broken), MODEL.drive.matrix("B", broken), INTERVAL_S)
         torque[0] = u[k]
         x = Ad @ x + Bd @ torque
-    return Record(t_us, u, y + noise)
+    return Experiment(t_us, u, y + noise)
 
 
-def shift_of(record: Record) -> Floats:
+def shift_of(record: Experiment) -> Floats:
     """theta_0(s) - theta_0 (N, p)."""
     operating = Operating(MODEL, Conditions(("angle2",), (FOLLOWS,)))
     shift, gate = operating.take(record.t_us, record.y[:, 0], ANGLE2[:, np.newaxis])
@@ -66,7 +73,7 @@ class Outcome(NamedTuple):
     early: np.ndarray
 
 
-def watched(record: Record, settings: Settings, parameter: str, shift: Floats | None) -> Outcome:
+def watched(record: Experiment, settings: Settings, parameter: str, shift: Floats | None) -> Outcome:
     W = record.u.shape[1]
     bank = AxisBatch([MODEL] * W, [settings] * W)
     moved = None if shift is None else np.repeat(shift[..., np.newaxis], W, axis=2)

@@ -9,7 +9,7 @@ import pytest
 from monitor_core.detection import Alarm
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Record, experiment
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment, experiment
 from monitor_core.kernel.state import NEVER
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import reference_model
@@ -26,7 +26,9 @@ def alone(case: Case) -> AxisMonitor:
     return AxisMonitor(case.model, case.settings(alpha2=1e9))
 
 
-def run(monitor: AxisMonitor, rec: Record, start: int, stop: int | None = None, later_us: int = 0) -> None:
+def run(
+    monitor: AxisMonitor, rec: Experiment, start: int, stop: int | None = None, later_us: int = 0
+) -> None:
     piece = slice(start, stop)
     monitor.update(SampleBlock(rec.t_us[piece] + later_us, rec.u[piece], rec.y[piece]))
 

@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Record, faulty
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment, faulty
 from monitor_core.kernel.block import Trace
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
@@ -30,12 +30,12 @@ def lively_then_still(rng: np.random.Generator, lively: int, still: int, again: 
     return np.concatenate([parts[0], np.zeros(still), parts[1]])
 
 
-def moved(case: Case, u: Floats, rng: np.random.Generator) -> Record:
+def moved(case: Case, u: Floats, rng: np.random.Generator) -> Experiment:
     """The reference drive's linear part under this torque; what it lacks of the case's drive is noise to both."""
     output = case.model.drive.output
     y, _ = simulate_linear(three_mass(output), REFERENCE_VALUES, u[:, np.newaxis], H)
     noisy = y[:, 0] + NOISE[output] * rng.standard_normal(len(u))
-    return Record(np.arange(len(u), dtype=np.int64) * round(H * 1e6), u, noisy)
+    return Experiment(np.arange(len(u), dtype=np.int64) * round(H * 1e6), u, noisy)
 
 
 @pytest.mark.parametrize("name", [*CASES, "speed-drift", "angle-drift"])
@@ -211,7 +211,7 @@ def test_what_is_not_observed_shows_its_last_observed_value_and_raises_no_alarm(
     assert monitor.status().parameters[i].observation is Observation.UNSEEN
     shown, g = monitor.status().parameters[i].estimate, monitor.batch.state.g.copy()
     monitor.batch.state.theta[i] *= 2  # as far off as can be
-    later = Record(rec.t_us[-1] + 5000 * np.arange(1, 401), u[-400:], rec.y[-400:])
+    later = Experiment(rec.t_us[-1] + 5000 * np.arange(1, 401), u[-400:], rec.y[-400:])
     monitor.update(SampleBlock(*later))
     assert monitor.status().parameters[i].estimate == shown
     assert (monitor.batch.state.g[:, i] == g[:, i]).all()

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.injection import load_of, torque
 from monitor_core.detection import Alarm
 from monitor_core.drive.assembly import Assembly
@@ -116,13 +115,13 @@ def calibrated(config: Config, half: Half, budget_s: float = BUDGET_S) -> Calibr
     return calibrate_axis(config, config.axes[0], [half.text], request, Provenance("", "", ""))
 
 
-def samples(config: Config, found: Calibration, text: str) -> HealthyRecord:
+def samples(config: Config, found: Calibration, text: str) -> SampleBlock:
     """The record, or a part of it, through the pipeline of the daemon."""
     (one,), _ = read([text], config, config.axes[0], found.result.model)
     return one
 
 
-def faulty(found: Calibration, one: HealthyRecord, change: Mapping[str, float], start: int) -> HealthyRecord:
+def faulty(found: Calibration, one: SampleBlock, change: Mapping[str, float], start: int) -> SampleBlock:
     """From sample ``start`` on these parameters are off by such parts: the force that the same motion needed."""
     nominal = found.result.model.nominal
     values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
@@ -135,14 +134,14 @@ def faulty(found: Calibration, one: HealthyRecord, change: Mapping[str, float], 
     return one._replace(u=u)
 
 
-def said(found: Calibration, one: HealthyRecord) -> tuple[list[Alarm], AxisMonitor]:
+def said(found: Calibration, one: SampleBlock) -> tuple[list[Alarm], AxisMonitor]:
     """All that the monitor reports of it, and the monitor."""
     monitor = AxisMonitor(found.result.model, found.result.settings)
-    return alarm_versions(monitor, SampleBlock(one.t_us, one.u, one.y))[0], monitor
+    return alarm_versions(monitor, one)[0], monitor
 
 
-def peak_of_g(found: Calibration, one: HealthyRecord) -> float:
+def peak_of_g(found: Calibration, one: SampleBlock) -> float:
     """Largest g over its threshold, of any test."""
     monitor = AxisMonitor(found.result.model, found.result.settings)
-    _, trace = monitor.update_traced(SampleBlock(one.t_us, one.u, one.y))
+    _, trace = monitor.update_traced(one)
     return float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import pytest
 
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
+from monitor_core.samples import SampleBlock
 from service.reports.calibration_report import Calibration
 from tests.real.emps_cart import (
     BUDGET_S,
@@ -41,7 +41,7 @@ class Halves(NamedTuple):
     """What was found in one, the other as the daemon sees it, and where the nominal values are."""
 
     found: Calibration
-    other: HealthyRecord
+    other: SampleBlock
     folder: Path
     own: Half
 

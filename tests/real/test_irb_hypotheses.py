@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.events import Changed, Event, Named
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of
+from monitor_core.samples import SampleBlock
 from tests.real.irb import Record, model_and_settings, read, with_torque_constant, with_viscous_friction
 
 pytestmark = pytest.mark.records
@@ -31,7 +31,7 @@ def bank(record: Record, seed: int) -> HypothesisBank:
     t_us, u, y = record
     samples = BETWEEN_S / settings.interval_s
     own = bank_limits(
-        model, settings, [HealthyRecord("irb", t_us, u, y)], samples, np.random.default_rng(seed), COPIES
+        model, settings, [SampleBlock(t_us, u, y, name="irb")], samples, np.random.default_rng(seed), COPIES
     ).own
     return bank_of(model, settings, Limits(BETWEEN_S, own))
 

@@ -216,8 +216,8 @@ def test_a_can_log_becomes_the_samples_of_replay(tmp_path: Path, suffix: str) ->
     blocks = [step.samples["r.one"] for step in read_record(path, config).steps() if "r.one" in step.samples]
     t_us = np.concatenate([block.t_us for block in blocks])
     assert found.record.t == pytest.approx((t_us - t_us[0]) / 1e6, abs=1e-12)
-    assert np.array_equal(found.record.u, np.concatenate([block.torque for block in blocks]))
-    assert np.array_equal(found.record.y, np.concatenate([block.motion for block in blocks]))
+    assert np.array_equal(found.record.u, np.concatenate([block.u for block in blocks]))
+    assert np.array_equal(found.record.y, np.concatenate([block.y for block in blocks]))
     assert len(found.record) == 200
     speed = found.record.signals["speed"]
     assert np.isnan(speed[:5]).all()

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import HealthyRecord, untested
+from monitor_core.calibration.healthy_records import untested
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
@@ -16,6 +16,7 @@ from monitor_core.kernel.compile import entry
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 
 TORQUE_NOISE, OUTPUT_NOISE = 0.3, 1.0
@@ -54,7 +55,7 @@ class Axes:
         self._state = np.zeros((1, axes))
         self._at = 0
 
-    def take(self, samples: int) -> HealthyRecord:
+    def take(self, samples: int) -> SampleBlock:
         """The next samples: t_us, u and y (samples, axes)."""
         index = np.arange(self._at, self._at + samples)
         while len(self._torque) < samples:
@@ -68,7 +69,7 @@ class Axes:
         y += OUTPUT_NOISE * self._rng.standard_normal(u.shape)
         self._at += samples
         t_us = np.repeat(index[:, np.newaxis] * round(INTERVAL_S * 1e6), self._axes, axis=1)
-        return HealthyRecord("simulated", t_us, u, y)
+        return SampleBlock(t_us, u, y, name="simulated")
 
     def _motion(self) -> Floats:
         """Torque (MOTION, axes)."""
@@ -76,10 +77,10 @@ class Axes:
         return np.stack(each, axis=1)
 
 
-def record(of: Plant, seed: int, samples: int) -> HealthyRecord:
+def record(of: Plant, seed: int, samples: int) -> SampleBlock:
     """A healthy record of one axis."""
     one = Axes(of, np.random.default_rng(seed), 1).take(samples)
-    return HealthyRecord("simulated", one.t_us[:, 0], one.u[:, 0], one.y[:, 0])
+    return SampleBlock(one.t_us[:, 0], one.u[:, 0], one.y[:, 0], name="simulated")
 
 
 def count(

@@ -12,7 +12,6 @@ from scipy.stats import poisson
 from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
 from monitor_core.calibration.fault_trials import Fault, catch
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
 from monitor_core.calibration.multimodel_healthy import PARTS, allowances
 from monitor_core.calibration.multimodel_tails import Heights
@@ -21,6 +20,7 @@ from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection.multimodel.events import Changed
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed
+from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import Axes, Plant, plant, record
 
 BUDGET = 12_000.0
@@ -104,7 +104,7 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
         assert directions == {"up" if one.fault.size > 0 else "down"}
     assert by_bank[2].found_within(6.0) < 0.5
     with pytest.raises(ValueError, match="too short"):
-        catch_by_bank(of.model, of.settings, own, healthy.part(0, 1000), faults, 20, 6.0)
+        catch_by_bank(of.model, of.settings, own, healthy.select(slice(0, 1000)), faults, 20, 6.0)
 
 
 def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
@@ -113,7 +113,7 @@ def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
     """The measured torque is a quarter too large in one part of eight, in whatever pieces it is read."""
     of, number = plant(0.0), 16_000
     healthy = record(of, seed, number)
-    scaled = HealthyRecord("scaled", healthy.t_us, healthy.u.copy(), healthy.y)
+    scaled = SampleBlock(healthy.t_us, healthy.u.copy(), healthy.y, name="scaled")
     scaled.u[number // 2 : number // 2 + number // PARTS] *= 1.25
     bank = HypothesisBank(of.model, of.settings)
     causes = [(one.cause, one.size) for one in bank.hypotheses]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.fault_trials import Fault, catch
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.modeling.simulated_axis import simulate_linear
@@ -23,15 +22,13 @@ FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0
 
 
 @pytest.fixture(scope="module")
-def healthy(seed: int) -> HealthyRecord:
+def healthy(seed: int) -> SampleBlock:
     """With thresholds as low as these now and then one holds a false alarm: not this one."""
     records = (record(OF, seed + k, 6000) for k in range(20))
-    return next(
-        one for one in records if not AxisMonitor(MODEL, SETTINGS).update(SampleBlock(one.t_us, one.u, one.y))
-    )
+    return next(one for one in records if not AxisMonitor(MODEL, SETTINGS).update(one))
 
 
-def test_faults_are_found_and_named(healthy: HealthyRecord) -> None:
+def test_faults_are_found_and_named(healthy: SampleBlock) -> None:
     found, onsets = catch(MODEL, SETTINGS, healthy, FAULTS, 20, 6.0)
     assert onsets == 20
     for one in found:
@@ -45,7 +42,7 @@ def test_faults_are_found_and_named(healthy: HealthyRecord) -> None:
     assert [one.exact for one in found] == [True, True, False, True]
 
 
-def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: HealthyRecord) -> None:
+def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: SampleBlock) -> None:
     """To the sample: the state is restored at the onset, the rest is the monitor's own."""
     (found,), onsets = catch(MODEL, SETTINGS, healthy, FAULTS[:1], 2, 6.0)
     assert onsets == 2
@@ -59,15 +56,15 @@ def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Health
     assert (first - int(healthy.t_us[at])) * 1e-6 + INTERVAL_S == pytest.approx(found.delay_s[-1], abs=1e-9)
 
 
-def test_without_a_fault_nothing_is_found(healthy: HealthyRecord) -> None:
+def test_without_a_fault_nothing_is_found(healthy: SampleBlock) -> None:
     found, _ = catch(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
     assert all(one.found_within(6.0) == 0.0 for one in found)
     assert all(one.delay(0.5) == np.inf for one in found)
 
 
-def test_a_record_that_is_too_short(healthy: HealthyRecord) -> None:
+def test_a_record_that_is_too_short(healthy: SampleBlock) -> None:
     with pytest.raises(ValueError, match="too short"):
-        catch(MODEL, SETTINGS, healthy.part(0, 1500), FAULTS, 5, 6.0)
+        catch(MODEL, SETTINGS, healthy.select(slice(0, 1500)), FAULTS, 5, 6.0)
 
 
 def test_the_simulated_plant_is_the_model(seed: int) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.injection import changed, load_of, torque
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Output, split_name
 from monitor_core.excitation import multisine
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 
@@ -71,7 +71,7 @@ def test_the_faulty_plant_moves_as_the_record_says(
     faulty = changed(of, name, change)
     load = load_of(of, faulty)
     assert load is not None
-    record = HealthyRecord("r", np.arange(SAMPLES) * 5000, u, angle if output == "angle" else speed)
+    record = SampleBlock(np.arange(SAMPLES) * 5000, u, angle if output == "angle" else speed, name="r")
     needed = torque(of, Settings(H), record, load, np.zeros(len(of.drive.inputs)))
     _, with_it = moved(faulty, needed)
     _, without = moved(faulty, u)
@@ -86,7 +86,7 @@ def test_a_torque_that_acts_late(seed: int) -> None:
     load = load_of(of, changed(of, "fm", 1.0))
     assert load is not None
     y = np.random.default_rng(seed).standard_normal(50).cumsum()
-    record = HealthyRecord("r", np.arange(50) * 5000, np.zeros(50), y)
+    record = SampleBlock(np.arange(50) * 5000, np.zeros(50), y, name="r")
     at_once, late = (
         torque(of, replace(Settings(H), delay_s=delay), record, load, np.zeros(3)) for delay in (0.0, H / 2)
     )

@@ -216,8 +216,8 @@ def test_a_log_gives_the_samples_of_the_pipeline(tmp_path: Path, suffix: str) ->
     write(tmp_path / f"a{suffix}", plant_frames())
     steps = list(read_record(tmp_path / f"a{suffix}", config).steps())
     live = Ingest(config, "bus0").feed(plant_frames())["r.two"]
-    assert [x for step in steps for x in step.samples["r.two"].torque] == [s.torque for s in live]
-    assert [x for step in steps for x in step.samples["r.two"].motion] == [s.motion for s in live]
+    assert [x for step in steps for x in step.samples["r.two"].u] == [s.torque for s in live]
+    assert [x for step in steps for x in step.samples["r.two"].y] == [s.motion for s in live]
     times = [int(t) for step in steps for t in step.samples["r.two"].t_us]
     assert [t - times[0] for t in times] == [s.t_us - live[0].t_us for s in live]
     assert steps[-1].done == 1.0

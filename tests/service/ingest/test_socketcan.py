@@ -269,5 +269,5 @@ def test_what_was_recorded_from_the_bus_gives_the_same_samples(tmp_path: Path) -
     (step,) = read_record(tmp_path / "a.log", config).steps()
     replayed = step.samples["r.four"]
     assert replayed.t_us.tolist() == [s.t_us for s in live]
-    assert replayed.torque.tolist() == [s.torque for s in live]
-    assert replayed.motion.tolist() == [s.motion for s in live]
+    assert replayed.u.tolist() == [s.torque for s in live]
+    assert replayed.y.tolist() == [s.motion for s in live]

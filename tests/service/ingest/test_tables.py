@@ -14,7 +14,7 @@ import pyarrow.parquet
 import pytest
 import scipy.io
 
-from monitor_core.samples import SampleBlock
+from monitor_core.samples import SampleBlock, concatenate
 from service.can.user_errors import RecordError
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, make_config
@@ -63,8 +63,7 @@ def samples_of(path: Path, folder: Path, axis: dict[str, Any]) -> tuple[SampleBl
     assert [step.done for step in steps] == sorted(step.done for step in steps)
     assert steps[-1].done == 1.0
     dropped = record.axis_dropped[f"r.{axis['name']}"]
-    joined = SampleBlock(*(np.concatenate(parts) for parts in zip(*(b[:3] for b in blocks), strict=True)))
-    return joined, {reason: n for reason, n in dropped.items() if n}
+    return concatenate(blocks), {reason: n for reason, n in dropped.items() if n}
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
@@ -75,8 +74,8 @@ def test_columns_become_samples(tmp_path: Path, suffix: str, seed: int) -> None:
     axis["torque"] |= {"factor": -2.0, "offset": 0.5}
     block, dropped = samples_of(tmp_path / f"a{suffix}", tmp_path, axis)
     assert np.array_equal(block.t_us, 100_000_000 + 5000 * np.arange(N))
-    assert np.array_equal(block.torque, -2.0 * table["torque_one"] + 0.5)
-    assert np.array_equal(block.motion, table["angle_one"])
+    assert np.array_equal(block.u, -2.0 * table["torque_one"] + 0.5)
+    assert np.array_equal(block.y, table["angle_one"])
     assert dropped == {}
 
 
@@ -118,7 +117,7 @@ def test_two_axes_in_one_table(tmp_path: Path, seed: int) -> None:
     write_csv(tmp_path / "a.csv", {**table, "torque_two": np.ones(5), "speed_two": np.ones(5)})
     (step,) = read_record(tmp_path / "a.csv", make_config(tmp_path, timed(), axis2())).steps()
     assert step.samples["r.one"].t_us[0] == 100_000_000
-    assert step.samples["r.two"].motion.tolist() == [1.0] * 5
+    assert step.samples["r.two"].y.tolist() == [1.0] * 5
 
 
 def test_an_axis_without_columns_is_left_out(tmp_path: Path, seed: int) -> None:
@@ -137,7 +136,7 @@ def test_csv_without_names(tmp_path: Path, delimiter: str) -> None:
     axis["torque"]["column"], axis["angle"]["column"] = "1", "2"
     block, dropped = samples_of(tmp_path / "a.csv", tmp_path, axis)
     assert block.t_us.tolist() == [0, 10_000]
-    assert block.motion.tolist() == [2.5, 1000.0]
+    assert block.y.tolist() == [2.5, 1000.0]
     assert dropped == {"not_finite": 1, "missing": 1}
 
 
@@ -145,7 +144,7 @@ def test_csv_of_a_spreadsheet(tmp_path: Path) -> None:
     text = '\ufeff"t" ; "torque_one";angle_one\r\n0;1;2\r\n\r\n0.005;3;4\r\n'
     (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
     block, _ = samples_of(tmp_path / "a.csv", tmp_path, timed())
-    assert block.torque.tolist() == [1.0, 3.0]
+    assert block.u.tolist() == [1.0, 3.0]
 
 
 def test_structures_and_row_vectors_in_mat(tmp_path: Path) -> None:

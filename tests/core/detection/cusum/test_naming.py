@@ -12,7 +12,7 @@ from monitor_core.excitation.reference_experiment import (
     BAND_HZ,
     FAULT_AT,
     TORQUE_RMS,
-    Record,
+    Experiment,
     experiments,
     faulty,
 )
@@ -84,7 +84,7 @@ def test_sizes_of_friction_scatter_as_stated(seed: int) -> None:
     assert within > 0.82
 
 
-def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float], W: int = 8) -> Record:
+def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float], W: int = 8) -> Experiment:
     """The first after 5 s, the second after 20 s, of 40 s."""
     rngs = [np.random.default_rng(seed + k) for k in range(W)]
     N, at = 8000, (FAULT_AT, 4000)
@@ -95,7 +95,7 @@ def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float
         y, x = simulate_linear(drive, values, part, INTERVAL_S, x)
         parts.append(y)
     noise = np.stack([rng.standard_normal(N) for rng in rngs], axis=1)
-    return Record(np.arange(N, dtype=np.int64) * H_US, u, np.concatenate(parts) + noise)
+    return Experiment(np.arange(N, dtype=np.int64) * H_US, u, np.concatenate(parts) + noise)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from monitor_core.detection.multimodel.multimodel_detector import (
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.detection.multimodel.quantities import causes_of, quantity_of
 from monitor_core.drive.structure import DELAY
-from monitor_core.excitation.reference_experiment import FAULT_AT, Record, experiment
+from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AlarmTracker, AxisMonitor, Fleet
 from monitor_core.samples import SampleBlock
@@ -157,11 +157,11 @@ def monitor(seed: int, alarms: str = "multimodel") -> AxisMonitor:
     return AxisMonitor(MODEL, settings, MultiModelDetector(MODEL, settings, DAY), alarms)  # type: ignore[arg-type]
 
 
-def part(rec: Record, start: int, end: int | None = None) -> Record:
-    return Record(rec.t_us[start:end], rec.u[start:end], rec.y[start:end])
+def part(rec: Experiment, start: int, end: int | None = None) -> Experiment:
+    return Experiment(rec.t_us[start:end], rec.u[start:end], rec.y[start:end])
 
 
-def swapped(rec: Record) -> Record:
+def swapped(rec: Experiment) -> Experiment:
     return rec._replace(u=np.where(np.arange(len(rec.u)) < FAULT_AT, rec.u, -rec.u))
 
 
@@ -242,7 +242,7 @@ def test_a_fleet_does_what_its_axes_do(seed: int) -> None:
 # --- after a restart: the journal is right about what is open ------------------------------------------
 
 
-def repaired(seed: int, broken: int, samples: int) -> tuple[Record, Floats]:
+def repaired(seed: int, broken: int, samples: int) -> tuple[Experiment, Floats]:
     """Well again from sample ``broken`` on: the torque is scaled as kT was, exactly."""
     rec = experiment(seed, samples=samples, fault_at=samples - 1)
     return rec._replace(u=np.where(np.arange(samples) < broken, rec.u / 1.3, rec.u)), rec.u

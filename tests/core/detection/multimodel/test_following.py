@@ -5,7 +5,6 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.fault_trials import Fault
-from monitor_core.calibration.healthy_records import HealthyRecord
 from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
 from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.events import Changed, Named
@@ -147,7 +146,7 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
     limits = []
     for moved, told in ((shift, shift), (shift, still), (still, still)):
         u, y = axis(np.random.default_rng(seed), moved, {}, N)
-        one = HealthyRecord("r", T, u, y, told)
+        one = SampleBlock(T, u, y, told, name="r")
         limits.append(bank_limits(OF.model, OF.settings, [one], 12_000.0, rng, 100_000).own)
         if moved is told is shift:
             faults = [Fault("kT", 0.4), Fault("kT", -0.4)]

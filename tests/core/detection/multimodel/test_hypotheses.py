@@ -15,7 +15,7 @@ from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
-from monitor_core.excitation.reference_experiment import Record
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.predictors import FARTHEST
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
@@ -26,7 +26,7 @@ seeds = st.integers(0, 2**32 - 1)
 law = settings(deadline=None, max_examples=12)
 
 
-def held(model: AxisModel, s: Settings, rec: Record) -> Floats:
+def held(model: AxisModel, s: Settings, rec: Experiment) -> Floats:
     """Innovations (N,) of the recursion whose theta does not move."""
     certain = tuple(1e-30 * model.scale**2)
     bank = AxisBatch([model], [replace(s, P0=certain, lam=1 - 1e-12)])
@@ -34,12 +34,12 @@ def held(model: AxisModel, s: Settings, rec: Record) -> Floats:
     return np.asarray(trace.eps[:, 0])
 
 
-def predicted(model: AxisModel, s: Settings, of: Hypothesis, rec: Record) -> Floats:
+def predicted(model: AxisModel, s: Settings, of: Hypothesis, rec: Experiment) -> Floats:
     _, trace = HypothesisBank(model, s, [of]).run_traced(*rec)
     return np.asarray(trace.eps[:, 0])
 
 
-def nearly_equal(rec: Record) -> bool:
+def nearly_equal(rec: Experiment) -> bool:
     """An interval that is not the nominal one is taken for it."""
     return bool((abs(np.diff(rec.t_us) - 5000) == 1).any())
 
@@ -79,7 +79,7 @@ def test_a_distorted_signal_is_that_of_the_recursion_with_the_signal_put_right(
     assume(not nearly_equal(rec))
     torque, output = (Distortion(float(rng.uniform(-2, -0.5)), float(rng.normal())) for _ in range(2))
     of = Hypothesis("some", torque=torque, output=output)
-    right = Record(rec.t_us, torque.scale * rec.u + torque.offset, (rec.y - output.offset) / output.scale)
+    right = Experiment(rec.t_us, torque.scale * rec.u + torque.offset, (rec.y - output.offset) / output.scale)
     expected, found = output.scale * held(case.model, s, right), predicted(case.model, s, of, rec)
     both = np.isfinite(expected)
     size = abs(output.scale) * np.abs(right.y).max()
@@ -100,7 +100,9 @@ def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, 
     rec.u[:3] = 0.0  # both start alike
     early = share < 0
     late = replace(s, delay_s=(share + early) * s.interval_s)
-    expected = held(case.model, late, Record(rec.t_us, np.append(rec.u[1:], 0.0) if early else rec.u, rec.y))
+    expected = held(
+        case.model, late, Experiment(rec.t_us, np.append(rec.u[1:], 0.0) if early else rec.u, rec.y)
+    )
     found = predicted(case.model, s, Hypothesis("delay", delay_s=share * s.interval_s), rec)
     np.testing.assert_allclose(found[2:-1], expected[2:-1], rtol=1e-6, atol=1e-7 * np.abs(rec.y).max())
 
@@ -111,7 +113,7 @@ def test_nearly_equal_intervals_are_taken_as_they_are(seed: int) -> None:
     s, of = case.settings(settle_s=0.0), Hypothesis("some", factors={"Jm": 1.2})
     jitter = np.random.default_rng(seed).integers(0, 2, SAMPLES)
     a = predicted(case.model, s, of, rec)
-    b = predicted(case.model, s, of, Record(rec.t_us + 2 * jitter, rec.u, rec.y))
+    b = predicted(case.model, s, of, Experiment(rec.t_us + 2 * jitter, rec.u, rec.y))
     assert 0 < np.nanmax(abs(a - b)) < 1e-2 * np.abs(rec.y).max()
 
 

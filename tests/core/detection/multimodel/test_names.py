@@ -23,7 +23,7 @@ from monitor_core.detection.multimodel.events import Changed, Named, Over
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
-from monitor_core.excitation.reference_experiment import FAULT_AT, Record, experiment, faulty
+from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment, faulty
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
@@ -114,30 +114,30 @@ def test_onset_and_size_are_within_their_intervals(bank: HypothesisBank, seed: i
     assert np.mean(np.abs(sizes) < 4) > 0.85
 
 
-def stuck(rec: Record) -> Record:
-    return Record(rec.t_us, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.u, rec.u[FAULT_AT]), rec.y)
+def stuck(rec: Experiment) -> Experiment:
+    return Experiment(rec.t_us, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.u, rec.u[FAULT_AT]), rec.y)
 
 
-def frozen(rec: Record) -> Record:
-    return Record(rec.t_us, rec.u, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.y, rec.y[FAULT_AT]))
+def frozen(rec: Experiment) -> Experiment:
+    return Experiment(rec.t_us, rec.u, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.y, rec.y[FAULT_AT]))
 
 
-def torque(change: Callable[[Floats], Floats]) -> Callable[[Record], Record]:
+def torque(change: Callable[[Floats], Floats]) -> Callable[[Experiment], Experiment]:
     """The measured torque from the fault on."""
-    return lambda rec: Record(rec.t_us, np.append(rec.u[:FAULT_AT], change(rec.u)[FAULT_AT:]), rec.y)
+    return lambda rec: Experiment(rec.t_us, np.append(rec.u[:FAULT_AT], change(rec.u)[FAULT_AT:]), rec.y)
 
 
-def late(rec: Record) -> Record:
+def late(rec: Experiment) -> Experiment:
     return torque(lambda u: np.append(u[1:], 0.0))(rec)
 
 
-def early(rec: Record) -> Record:
+def early(rec: Experiment) -> Experiment:
     return torque(lambda u: np.append(0.0, u[:-1]))(rec)
 
 
-def noisy(rec: Record) -> Record:
+def noisy(rec: Experiment) -> Experiment:
     more = np.random.default_rng(1).normal(0, 2, len(rec.y))
-    return Record(rec.t_us, rec.u, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.y, rec.y + more))
+    return Experiment(rec.t_us, rec.u, np.where(np.arange(len(rec.u)) < FAULT_AT, rec.y, rec.y + more))
 
 
 SENSOR_FAULTS = {
@@ -189,7 +189,7 @@ def test_a_second_change_is_seen_and_the_end_of_both(bank: HypothesisBank, seed:
     assert right >= 1
 
 
-def two_faults(seed: int) -> Record:
+def two_faults(seed: int) -> Experiment:
     """The reference axis, whose parameters change three times."""
     healthy = experiment(seed, samples=36000, fault_at=35000)
     values = [
@@ -203,7 +203,7 @@ def two_faults(seed: int) -> Record:
         y, x = simulate_linear(three_mass("speed"), held, healthy.u[a:b, np.newaxis], INTERVAL_S, x)
         parts.append(y[:, 0])
     noise = np.random.default_rng(seed).standard_normal(36000)
-    return Record(healthy.t_us, healthy.u, np.concatenate(parts) + noise)
+    return Experiment(healthy.t_us, healthy.u, np.concatenate(parts) + noise)
 
 
 def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> None:
