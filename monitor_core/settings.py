@@ -173,5 +173,9 @@ def _after(K: Floats, later: tuple[tuple[float, ...], ...]) -> Floats:
     return np.insert(after, 1, K, axis=0)
 
 
-def _usable(one: Threshold) -> bool:
-    return 0 <= one.alpha1 < math.inf and 0 < one.alpha2 < math.inf and 0 <= one.allowance < math.inf
+def _usable(threshold: Threshold) -> bool:
+    return (
+        0 <= threshold.alpha1 < math.inf
+        and 0 < threshold.alpha2 < math.inf
+        and 0 <= threshold.allowance < math.inf
+    )

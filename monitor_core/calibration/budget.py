@@ -31,7 +31,7 @@ class Rates:
     """
 
     parameters: Floats
-    whole: float
+    total: float
     lower: float
     upper: float
     beyond: float
@@ -124,11 +124,11 @@ def rates(
 ) -> Rates:
     """How often these thresholds will alarm on axes that are like the healthy records, off by the allowance or not."""
     h = [threshold.alpha2 for threshold in own]
-    one = np.array([tail.most_likely(h[i], float(scatter.offset[i])) for i, tail in enumerate(tails)])
-    beyond = max(tail.log_known - rate for tail, rate in zip(tails, one, strict=True))
+    likely = np.array([tail.most_likely(h[i], float(scatter.offset[i])) for i, tail in enumerate(tails)])
+    beyond = max(tail.log_known - rate for tail, rate in zip(tails, likely, strict=True))
     draws = _draws(scatter, len(tails), rng)
     spare = np.array([threshold.allowance for threshold in own]) - scatter.beyond
     lower = math.exp(_bound(LOWER, scatter, tails, h, draws, np.maximum(spare, 0.0)))
     upper = math.exp(_bound(UPPER, scatter, tails, h, draws))
-    parameters = np.exp(one)
+    parameters = np.exp(likely)
     return Rates(parameters, float(parameters.sum()), lower, upper, math.exp(max(0.0, float(beyond))))

@@ -70,13 +70,13 @@ class Tail:
         """
         sigma = self.sigma * np.sqrt(power)
         apart = np.zeros((1, 4)) if chance is None else chance
-        one = []
+        sides = []
         for d, (sign, way) in enumerate(zip((1, -1), self.ways, strict=True)):
             log_tau, level = (way.best + apart[:, 2 * d : 2 * d + 2] @ way.root.T).T
             tau = np.exp(log_tau)
             k = (self.nu + spare - sign * offset) / sigma
-            one.append(level - log_mean_time(k, h / (sigma * tau), tau))
-        return np.asarray(np.logaddexp(*one))
+            sides.append(level - log_mean_time(k, h / (sigma * tau), tau))
+        return np.asarray(np.logaddexp(*sides))
 
 
 def tails(scatter: Scatter, found: Excursions) -> tuple[Tail, ...]:
@@ -89,10 +89,10 @@ def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
     off = float(found.mean[i]) / sigma
     heights = [ways[i] / (sigma * scatter.memory) for ways in found.largest]
     up, down = (
-        fitted(max(k - sign * off, _LEAST_K), of, scatter.memory, found.samples)
-        for sign, of in zip((1, -1), heights, strict=True)
+        fitted(max(k - sign * off, _LEAST_K), side, scatter.memory, found.samples)
+        for sign, side in zip((1, -1), heights, strict=True)
     )
-    often = min(max(len(of) for of in heights), FEW)
+    often = min(max(len(side) for side in heights), FEW)
     return Tail(k, float(scatter.sigma[i]), (up, down), math.log(max(often, 1) / found.samples))
 
 

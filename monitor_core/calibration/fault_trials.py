@@ -173,9 +173,9 @@ def _watched(
     """The first alarm after each onset."""
     found: list[Crossing | None] = [None] * len(at)
     for begin in range(0, len(at), LANES):
-        here = at[begin : begin + LANES]
-        lanes = np.minimum(np.arange(LANES), len(here) - 1)  # lanes to spare repeat the last one
-        rows = np.arange(N)[:, np.newaxis] + here[lanes]
+        onsets_now = at[begin : begin + LANES]
+        lanes = np.minimum(np.arange(LANES), len(onsets_now) - 1)  # lanes to spare repeat the last one
+        rows = np.arange(N)[:, np.newaxis] + onsets_now[lanes]
         for a in range(LANES):
             bank.restore(a, *columns[begin + lanes[a]])
         outputs = record.y[rows] if y is None else y[:, begin + lanes]
@@ -189,9 +189,9 @@ def _watched(
                 shift=None if shift is None else shift[part],
                 gate=None if gate is None else gate[part],
             ):
-                if a < len(here) and found[begin + a] is None and isinstance(event, Crossing):
+                if a < len(onsets_now) and found[begin + a] is None and isinstance(event, Crossing):
                     found[begin + a] = event
-            if None not in found[begin : begin + len(here)]:
+            if None not in found[begin : begin + len(onsets_now)]:
                 break
     return [None if e is None else _since(e, record, int(k)) for e, k in zip(found, at, strict=True)]
 

@@ -51,9 +51,9 @@ def deviations(
 ) -> list[Deviations]:
     """Run all records, one after the other in the life of the axis, as the daemon would."""
     monitor = AxisMonitor(model, untested(settings))
-    whole, done, found = sum(len(record.t_us) for record in records), 0, []
+    total, done, found = sum(len(record.t_us) for record in records), 0, []
     for record in records:
-        found.append(_deviations(monitor, record, lambda part, at=done: progress((at + part) / whole)))  # type: ignore[misc]
+        found.append(_deviations(monitor, record, lambda part, at=done: progress((at + part) / total)))  # type: ignore[misc]
         done += len(record.t_us)
     return found
 
@@ -68,11 +68,11 @@ def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[i
         before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])
         _, trace = monitor.update_traced(part)
         moved = forward_fill(part.shift, before) if part.shift is not None else before
-        here = slice(k, k + step)
-        d[here] = (trace.theta - model.theta0 - moved) / model.scale
-        s[here] = np.sqrt(lam0 * trace.P) / model.scale
+        rows = slice(k, k + step)
+        d[rows] = (trace.theta - model.theta0 - moved) / model.scale
+        s[rows] = np.sqrt(lam0 * trace.P) / model.scale
         learned = np.isfinite(trace.eps)[:, np.newaxis] & (st.observed[:, 0] != UNSEEN)
-        tested[here] = learned & (not seeds)
+        tested[rows] = learned & (not seeds)
         seeding += len(part.t_us) if seeds else 0
         progress(min(k + step, N))
     return Deviations(record.name, record.t_us, d, s, tested, seeding, monitor.status().confounded)

@@ -53,9 +53,9 @@ def learned(
     k = nu_over_sigma(len(model.scale), memory, budget, within)
     excursions = simulated(model, settings, records, k, rng, copies, progress)
     seen = scatter(found, memory, rng)
-    told = informed(seen, excursions, rng)
-    alone = replace(told, off=seen.off, power=seen.power)
-    return Learned(told, alone, allowance(found, told), tails(told, excursions))
+    shrunk = informed(seen, excursions, rng)
+    alone = replace(shrunk, off=seen.off, power=seen.power)
+    return Learned(shrunk, alone, allowance(found, shrunk), tails(shrunk, excursions))
 
 
 # --- What records and their copies say together of the scatter of healthy estimates -----------------------------------
@@ -127,8 +127,8 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
     """
     q = max(1, round(scatter.memory / BINS))
     means, weights = [], []
-    for one in found:
-        d = binned(one, q)[:, 0]
+    for record in found:
+        d = binned(record, q)[:, 0]
         count = int(np.clip(len(d) // (SHORTEST * BINS), 1, MOST))
         for part in np.array_split(d, count) if len(d) else ():
             means.append(part.mean(axis=0))
@@ -178,8 +178,8 @@ def drawn(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
     log = np.log(of_tau) + np.log(weights.sum(axis=1)).sum(axis=-1)
     likely = np.exp(log - log.max())
     which = rng.choice(len(kappa), size=(B, 1), p=likely / likely.sum())
-    of = np.hstack([_chosen(kappa, weights[:, :, i], which[:, 0], rng) for i in range(n)])
-    return np.asarray(e - of * _near(e) + np.sqrt(1 - of) * chance)
+    share = np.hstack([_chosen(kappa, weights[:, :, i], which[:, 0], rng) for i in range(n)])
+    return np.asarray(e - share * _near(e) + np.sqrt(1 - share) * chance)
 
 
 def _chosen(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:

@@ -62,10 +62,14 @@ def load_of(model: AxisModel, values: Mapping[str, float]) -> Load | None:
     return Load(factor, viscous, {c: v for c, v in loads.items() if v})
 
 
-def _share(of: Floats, b: Floats) -> float | None:
+def _share(change: Floats, b: Floats) -> float | None:
     """The number that b is multiplied by to give a vector; None: there is none."""
-    share = float(of @ b / (b @ b))
-    return share if np.allclose(of, share * b, rtol=_SAME, atol=_SAME * np.abs(of).max(initial=0.0)) else None
+    share = float(change @ b / (b @ b))
+    return (
+        share
+        if np.allclose(change, share * b, rtol=_SAME, atol=_SAME * np.abs(change).max(initial=0.0))
+        else None
+    )
 
 
 def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:

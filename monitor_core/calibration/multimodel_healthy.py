@@ -70,8 +70,8 @@ def watched(
         raise ValueError("nothing was tested in any record")
     progress(0.2)
     copied = _copied(bank, records, places, copies, rng, lambda part: progress(0.2 + 0.8 * part))
-    whole = copied if copied.samples else recorded
-    return Watched(bank.hypotheses, allowance, recorded, whole, spectra.covariance(), places.many)
+    pooled = copied if copied.samples else recorded
+    return Watched(bank.hypotheses, allowance, recorded, pooled, spectra.covariance(), places.many)
 
 
 def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
@@ -85,9 +85,9 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
             part = record.select(slice(k, k + _CHUNK))
             _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
             tested = np.isfinite(trace.llr).any(axis=1)
-            of = (k + np.flatnonzero(tested)) * PARTS // N
-            np.add.at(sums, of, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
-            np.add.at(counts, of, 1.0)
+            index = (k + np.flatnonzero(tested)) * PARTS // N
+            np.add.at(sums, index, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
+            np.add.at(counts, index, 1.0)
         means = sums[counts > 0] / counts[counts > 0, np.newaxis]
         most = np.maximum(most, 2 * means.max(axis=0, initial=0.0))
     return most
@@ -101,7 +101,7 @@ class _Places:
         self._first = np.cumsum([0, *(1 + len(record.t_us) // self._length for record in records)])
         self.many = int(self._first[-1])
 
-    def of(self, record: int, samples: NDArray[np.int64]) -> NDArray[np.int64]:
+    def index(self, record: int, samples: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of samples of a record."""
         return np.asarray(self._first[record] + samples // self._length)
 
@@ -115,8 +115,8 @@ def _over(
     for k in range(0, len(record.t_us), _CHUNK):
         part = record.select(slice(k, k + _CHUNK))
         _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift, what_holds=True)
-        here = places.of(number, np.arange(k, k + len(part.t_us)))
-        heights.take(trace.g[:, 1:], k, here, here, course)
+        at_places = places.index(number, np.arange(k, k + len(part.t_us)))
+        heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
         found.append(trace.eps)
     return np.concatenate(found)
@@ -133,15 +133,15 @@ def _copied(
     """Copies of the records, at least so many samples."""
     heights, clock = Heights(len(bank.hypotheses)), 0
     found = ((number, source_of(bank.model, bank.settings, record)) for number, record in enumerate(records))
-    sources = [(number, of) for number, of in found if of is not None]
+    sources = [(number, source) for number, source in found if source is not None]
     while sources and heights.samples < samples:
         for number, source in sources:
             copies = _Copies(bank, heights, clock, len(source.u))
             at, skipped = 0, len(records[number].t_us) - len(source.u)
             sieve = Sieve(source.eps, LANES, rng)
             for t_us, u, y in copies_of(bank.model, bank.settings, source, sieve):
-                here = places.of(number, skipped + at + np.arange(len(t_us)))
-                copies.run(t_us, u, y, at, here, places.of(number, skipped + sieve.origin))
+                at_places = places.index(number, skipped + at + np.arange(len(t_us)))
+                copies.run(t_us, u, y, at, at_places, places.index(number, skipped + sieve.origin))
                 at += len(t_us)
                 progress(min(1.0, heights.samples / samples))
                 if heights.samples >= samples:
@@ -176,6 +176,6 @@ class _Copies:
             self._bank.memory = self._memories[a]
             _, trace = self._bank.run_traced(t_us, u[:, a], y[:, a])
             self._memories[a] = self._bank.memory
-            clock, of = self._clock + a * self._length + at, np.ascontiguousarray(origin[:, a])
-            self._heights.take(trace.g, clock, place, of, self._courses[a])
+            clock, index = self._clock + a * self._length + at, np.ascontiguousarray(origin[:, a])
+            self._heights.take(trace.g, clock, place, index, self._courses[a])
             self._heights.samples += int(np.isfinite(trace.llr).any(axis=1).sum())

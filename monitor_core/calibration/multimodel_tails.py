@@ -67,11 +67,11 @@ class BankTails:
         return sigma, xi, end, 1 / (sigma + xi * end)
 
 
-def bank_tails(of: Heights, many: int, weights: tuple[Floats, Floats], farther: Floats) -> BankTails:
+def bank_tails(heights: Heights, many: int, weights: tuple[Floats, Floats], farther: Floats) -> BankTails:
     """Of so many hypotheses; weights (B, places) of motion and innovations, and ``farther`` (B,), standard normal."""
-    highest = [of.highest(i) for i in range(many)]
-    base = np.array([one[0] for one in highest])
-    number = np.array([len(one[1]) for one in highest])
+    highest = [heights.highest(i) for i in range(many)]
+    base = np.array([pair[0] for pair in highest])
+    number = np.array([len(pair[1]) for pair in highest])
     alike = np.where(number == TOP, 0, ALIKE)[:, np.newaxis]
     count, first, lower = (np.empty((many, len(farther))) for _ in range(3))
     own = np.array([_own_variances(above, ALIKE * (len(above) < TOP)) for _, above, _ in highest])
@@ -86,7 +86,7 @@ def bank_tails(of: Heights, many: int, weights: tuple[Floats, Floats], farther: 
     # With fewer the base is where small excursions begin, and no tail.
     shape = np.clip(_shrunk(_scattered(shape, own[:, 2]), number == TOP), _LEAST_SHAPE, _MOST_SHAPE)
     shape *= np.maximum(1 + _UNSURE * farther, 0.0)
-    log_rate = _scattered(np.log(np.maximum(count, 1.0) / max(of.samples, 1)), own[:, 0])
+    log_rate = _scattered(np.log(np.maximum(count, 1.0) / max(heights.samples, 1)), own[:, 0])
     mean = np.exp(_scattered(np.log(mean), own[:, 1]))
     return BankTails(base, log_rate.T, mean.T, shape.T, float(np.log(TOP)))
 

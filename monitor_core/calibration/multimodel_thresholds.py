@@ -40,7 +40,7 @@ class BankLimits:
     """Limits of all hypotheses; false alarms per sample of the whole bank, most likely, and a 90 % interval."""
 
     own: tuple[Limit, ...]
-    whole: float
+    total: float
     lower: float
     upper: float
 
@@ -62,24 +62,26 @@ def bank_limits(
     return limits(watched(model, settings, records, rng, copies, progress), samples, rng)
 
 
-def limits(of: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
+def limits(statistics: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
     """Thresholds with one false alarm of the whole bank in so many samples, kept with a certainty of 95 %.
 
     Every hypothesis has the same share of the budget.
     """
-    many, log_budget = len(of.hypotheses), -float(np.log(max(samples, 1.0)))
-    weights = (_weights(of.places, rng), _weights(of.places, rng))
+    many, log_budget = len(statistics.hypotheses), -float(np.log(max(samples, 1.0)))
+    weights = (_weights(statistics.places, rng), _weights(statistics.places, rng))
     farther = rng.standard_normal(1 + _DRAWS)
     farther[0] = 0.0
-    tails, seen = (bank_tails(heights, many, weights, farther) for heights in (of.copied, of.recorded))
-    off = rng.multivariate_normal(np.zeros(many), of.covariance, 1 + _DRAWS, method="eigh")
-    of_bank = log_share(of.copied, many, log_budget, rng.standard_normal(_DRAWS))
-    least = np.maximum(_LARGEST * of.recorded.largest, LEAST_HEIGHT)
+    tails, seen = (
+        bank_tails(heights, many, weights, farther) for heights in (statistics.copied, statistics.recorded)
+    )
+    off = rng.multivariate_normal(np.zeros(many), statistics.covariance, 1 + _DRAWS, method="eigh")
+    of_bank = log_share(statistics.copied, many, log_budget, rng.standard_normal(_DRAWS))
+    least = np.maximum(_LARGEST * statistics.recorded.largest, LEAST_HEIGHT)
 
     def each(h: Floats) -> Floats:
         return tails.log_rates(h, np.exp(-off))[1:]
 
-    def whole(h: Floats) -> Floats:
+    def total(h: Floats) -> Floats:
         return np.asarray(np.logaddexp.reduce(each(h), axis=1) + of_bank)
 
     def h_for(less: float) -> Floats:
@@ -88,15 +90,17 @@ def limits(of: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
         return _where(lambda h: seen.log_rates(h, np.ones((1, many)))[0], share, of_copies)
 
     def excess(less: float) -> float:
-        return float(np.quantile(whole(h_for(less)), UPPER)) - log_budget
+        return float(np.quantile(total(h_for(less)), UPPER)) - log_budget
 
     less = root(excess, -_MOST, _MOST, xtol=_NEAR) if excess(-_MOST) > 0 > excess(_MOST) else 0.0
     h = h_for(less)
     own = tuple(
-        Limit(hypothesis.cause, hypothesis.size, float(h[i]), float(of.allowance[i]), hypothesis.alike)
-        for i, hypothesis in enumerate(of.hypotheses)
+        Limit(
+            hypothesis.cause, hypothesis.size, float(h[i]), float(statistics.allowance[i]), hypothesis.alike
+        )
+        for i, hypothesis in enumerate(statistics.hypotheses)
     )
-    lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(whole(h), [LOWER, 0.5, UPPER])))
+    lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(total(h), [LOWER, 0.5, UPPER])))
     return BankLimits(own, most_likely, lower, upper)
 
 

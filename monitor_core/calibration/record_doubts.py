@@ -52,8 +52,8 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
         CalibrationError: they do not.
     """
     h, memory = settings.interval_s, settings.memory
-    tested = np.concatenate([one.tested for one in found])
-    after = len(tested) - sum(one.seeding for one in found)
+    tested = np.concatenate([deviations.tested for deviations in found])
+    after = len(tested) - sum(deviations.seeding for deviations in found)
     if not tested.any() and after < memory:
         raise CalibrationError(
             f"the records hold {len(tested) * h:.3g} s, and P(0) was not found in them: that takes ten memories of"
@@ -63,15 +63,16 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
     for i, name in enumerate(model.monitored):
         share = tested[:, i].sum() / max(after, 1)
         if share < LEAST_TESTED:
-            said = "".join(f"; {words}" for one in found for words in one.confounded[:2])
+            hints = "".join(f"; {words}" for deviations in found for words in deviations.confounded[:2])
             raise CalibrationError(
                 f"{name} is observed in {100 * share:.0f} % of the time after the start, {tested[:, i].sum() * h:.3g}"
-                f" of {after * h:.3g} s{said}: give records that move the axis as in operation"
+                f" of {after * h:.3g} s{hints}: give records that move the axis as in operation"
             )
-    whole = tested.all(axis=1).sum()
-    if whole < FEWEST * memory:
+    tested_samples = tested.all(axis=1).sum()
+    if tested_samples < FEWEST * memory:
         raise CalibrationError(
-            f"{whole * h:.3g} s of the records can be used, {whole / memory:.0f} memories of {memory * h:.3g} s:"
+            f"{tested_samples * h:.3g} s of the records can be used, {tested_samples / memory:.0f} memories of"
+            f" {memory * h:.3g} s:"
             f" at least {FEWEST} are needed, {FEWEST * memory * h:.3g} s"
         )
 
@@ -82,15 +83,15 @@ def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviatio
     Raises:
         CalibrationError: something does.
     """
-    for one in found:
-        _no_change(model, settings, one)
+    for deviations in found:
+        _no_change(model, settings, deviations)
     _no_offset(model, settings, found)
 
 
-def _no_change(model: AxisModel, settings: Settings, one: Deviations) -> None:
+def _no_change(model: AxisModel, settings: Settings, deviations: Deviations) -> None:
     q = max(1, round(settings.memory / BINS))
-    use = np.flatnonzero(one.tested.all(axis=1))[q - 1 :: q]
-    d = one.d[use]
+    use = np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
+    d = deviations.d[use]
     n, edge = len(d), _EDGE * BINS
     if n < 4 * edge:
         return
@@ -105,13 +106,14 @@ def _no_change(model: AxisModel, settings: Settings, one: Deviations) -> None:
     ratio, i, k, step, _ = worst
     # The estimate has changed by half within a memory of the fault.
     at = max(0, k - round(0.7 * BINS))
-    seconds = (one.t_us[use[at]] - one.t_us[0]) * 1e-6
+    seconds = (deviations.t_us[use[at]] - deviations.t_us[0]) * 1e-6
     unit = model.parameters[i].unit
     raise CalibrationError(
-        f"{one.name}: {model.monitored[i]} changes by {step * model.scale[i]:+.3g}{'' if unit == '1' else f' {unit}'}"
+        f"{deviations.name}: {model.monitored[i]} changes by {step * model.scale[i]:+.3g}"
+        f"{'' if unit == '1' else f' {unit}'}"
         f" ({100 * step:+.1f} % of its size, {ratio:.0f} standard deviations of the estimate) about {seconds:.4g} s"
         f" after the beginning: this is no healthy record. Leave that out, as with"
-        f" {one.name}@0:{max(seconds - 1, 0):.0f}"
+        f" {deviations.name}@0:{max(seconds - 1, 0):.0f}"
     )
 
 
@@ -131,7 +133,7 @@ def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
 
 def _no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
     q = max(1, round(settings.memory / BINS))
-    d = np.concatenate([binned(one, q)[:, 0] for one in found])
+    d = np.concatenate([binned(deviations, q)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():
         if abs(mean[i]) > max(STEP * sd[i], OFF):
@@ -150,7 +152,7 @@ def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, 
     Raises:
         CalibrationError: it cannot.
     """
-    most = max(rates.upper, alone.upper) / rates.whole
+    most = max(rates.upper, alone.upper) / rates.total
     widest = max(WIDEST, math.sqrt(samples / scatter.memory))
     if most <= widest and math.isfinite(rates.upper) and rates.upper * samples <= 1.5:
         return

@@ -107,4 +107,4 @@ class CalibrationResult:
 
     def _between(self, rates: Rates | BankLimits) -> tuple[float, float, float]:
         h = self.settings.interval_s
-        return h / rates.whole, h / rates.upper, h / rates.lower
+        return h / rates.total, h / rates.upper, h / rates.lower

@@ -81,10 +81,10 @@ def scatter(
     return Scatter(mean, s.mean(axis=0), np.sqrt(variance), power, off, memories, memory)
 
 
-def binned(one: Deviations, q: int) -> Floats:
+def binned(deviations: Deviations, q: int) -> Floats:
     """Deviation and s (n, 2, p) at every q-th of the tested samples."""
-    use = np.flatnonzero(one.tested.all(axis=1))[q - 1 :: q]
-    return np.stack([one.d[use], one.s[use]], axis=1)
+    use = np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
+    return np.stack([deviations.d[use], deviations.s[use]], axis=1)
 
 
 def _correlation(values: Floats) -> Floats:

@@ -53,8 +53,8 @@ class Spectra:
         """Of one record; samples without a finite innovation are left out."""
         kept = eps[np.isfinite(eps).all(axis=1)]
         segments = len(kept) // self._length
-        for one in kept[: segments * self._length].reshape(segments, self._length, -1):
-            wave = np.fft.rfft(one * self._window[:, np.newaxis], axis=0)
+        for segment in kept[: segments * self._length].reshape(segments, self._length, -1):
+            wave = np.fft.rfft(segment * self._window[:, np.newaxis], axis=0)
             own, difference = wave[:, :1], wave[:, 1:] - wave[:, :1]
             self._eps += np.abs(own) ** 2
             self._difference += np.abs(difference) ** 2
@@ -114,13 +114,13 @@ class Spectra:
         return D, S * (1 / self._lam - gain / self._lam_i), D * S * gain / (2 * self._lam_i**2)
 
 
-def _root(of: Callable[[Floats], Floats], most: Floats) -> Floats:
+def _root(f: Callable[[Floats], Floats], most: Floats) -> Floats:
     """Where convex functions that fall from 0 at 0 are 0 again (H,), below ``most``; far out if they never are."""
     low, high = np.zeros_like(most), np.minimum(most, 1.0)
     for _ in range(_DOUBLINGS):
-        high = np.where(of(high) < 0, np.minimum(2 * high, most), high)
+        high = np.where(f(high) < 0, np.minimum(2 * high, most), high)
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        below = of(middle) < 0
+        below = f(middle) < 0
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return high

@@ -79,10 +79,10 @@ def simulated(
     if not sources:
         raise ValueError("nothing was learned from any record")
     copies = _Copies(model, settings)
-    whole = sum(len(source.u) for source in sources)
+    total = sum(len(source.u) for source in sources)
     # Of the first memories sigma is had; short records go by for it a first time.
-    least = 1 if whole > 4 * _KNOWN * settings.memory else 2
-    turns = max(least, round(samples / whole / LANES))
+    least = 1 if total > 4 * _KNOWN * settings.memory else 2
+    turns = max(least, round(samples / total / LANES))
     error, watch = _own_error(copies, sources, rng), _Watch(model, settings, k)
     progress(1 / (turns + 1))
     for turn in range(turns):
@@ -145,10 +145,10 @@ def block_length(settings: Settings) -> int:
     return max(2, round(BLOCK * settings.memory))
 
 
-def blocks_of(settings: Settings, of: Source, share: float, rng: np.random.Generator) -> Blocks:
+def blocks_of(settings: Settings, source: Source, share: float, rng: np.random.Generator) -> Blocks:
     """Innovations for LANES copies of a record, each of which has so many times those of the record."""
     length = block_length(settings)
-    return Blocks(of.eps, length, max(FEWEST, round(share * len(of.eps) / length)), LANES, rng)
+    return Blocks(source.eps, length, max(FEWEST, round(share * len(source.eps) / length)), LANES, rng)
 
 
 class Innovations(Protocol):
@@ -159,22 +159,22 @@ class Innovations(Protocol):
 
 
 def copies_of(
-    model: AxisModel, settings: Settings, of: Source, draw: Innovations
+    model: AxisModel, settings: Settings, source: Source, draw: Innovations
 ) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
     """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES)."""
     plants = Plants(model, settings, [model.nominal])
     which = np.zeros(LANES, np.int64)
     # From the sample before, whose torque acts up to the first.
-    before = np.full((1, LANES), of.u_before)
-    start = np.repeat(of.x[np.newaxis], LANES, axis=0)
+    before = np.full((1, LANES), source.u_before)
+    start = np.repeat(source.x[np.newaxis], LANES, axis=0)
     _, x = plants.run(which, start, before[0], before, np.zeros((1, LANES)))
-    step, N = round(settings.interval_s * 1e6), len(of.u)
+    step, N = round(settings.interval_s * 1e6), len(source.u)
     chunk = min(CHUNK, N // LEAST_PARTS + 1)
     for k in range(0, N, chunk):
-        u = np.repeat(of.u[k : k + chunk, np.newaxis], LANES, axis=1)
+        u = np.repeat(source.u[k : k + chunk, np.newaxis], LANES, axis=1)
         y, x = plants.run(which, x, before[0], u, draw.take(len(u)))
         before = u[-1:]
-        t_us = of.t_us + step * np.arange(k + 1, k + 1 + len(u), dtype=np.int64)
+        t_us = source.t_us + step * np.arange(k + 1, k + 1 + len(u), dtype=np.int64)
         yield t_us, u, y
 
 
@@ -195,10 +195,10 @@ class _Copies:
             _, trace = self._bank.run_traced(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
             first = max(0, round(SETTLED * settings.memory) - since)
             since += len(u)
-            here = slice(first + q - 1, None, q)
-            d = np.ascontiguousarray((trace.theta[here] - model.theta0[:, np.newaxis]) / scale)
+            rows = slice(first + q - 1, None, q)
+            d = np.ascontiguousarray((trace.theta[rows] - model.theta0[:, np.newaxis]) / scale)
             if len(d):
-                yield d, np.sqrt(settings.lam0 * trace.P[here]) / scale
+                yield d, np.sqrt(settings.lam0 * trace.P[rows]) / scale
 
 
 def every(settings: Settings) -> int:
@@ -286,7 +286,7 @@ class Blocks:
         order = np.argsort(promised[first - 1], axis=1)
         self._first = np.take_along_axis(first, order, axis=1)  # (copies, blocks), by what came before
         before, at_end = promised[self._first - 1], promised[self._first + self._length - 1]
-        self._next = np.array([np.searchsorted(*of) for of in zip(before, at_end, strict=True)])
+        self._next = np.array([np.searchsorted(*source) for source in zip(before, at_end, strict=True)])
         self._at = rng.integers(0, first.shape[1], copies)
         self._left = np.zeros((0, copies))
 
@@ -299,8 +299,8 @@ class Blocks:
         """The next (count, copies)."""
         copies, blocks = np.arange(len(self._at)), self._first.shape[1]
         while len(self._left) < count:
-            here = self._first[copies, self._at] + np.arange(self._length)[:, np.newaxis]
-            self._left = np.concatenate([self._left, self._eps[here]])
+            rows = self._first[copies, self._at] + np.arange(self._length)[:, np.newaxis]
+            self._left = np.concatenate([self._left, self._eps[rows]])
             after = self._next[copies, self._at] + self._rng.integers(-self._near, self._near, len(copies))
             after = np.where(after < 0, -1 - after, after)  # what would be beyond an end is as far within
             self._at = np.where(after < blocks, after, 2 * blocks - 1 - after)

@@ -47,9 +47,9 @@ class Sieve:
         while len(self._left) < count:
             many = (count - len(self._left)) // piece + 1
             first = self._rng.integers(0, len(self._shocks) - piece + 1, (many, 1, self._copies))
-            of = (first + np.arange(piece)[:, np.newaxis]).reshape(many * piece, self._copies)
-            self._left = np.concatenate([self._left, self._shocks.drawn(of, self._rng)])
-            self._left_of = np.concatenate([self._left_of, of + len(self._a) - 1])
+            index = (first + np.arange(piece)[:, np.newaxis]).reshape(many * piece, self._copies)
+            self._left = np.concatenate([self._left, self._shocks.drawn(index, self._rng)])
+            self._left_of = np.concatenate([self._left_of, index + len(self._a) - 1])
         out, self._left = self._left[:count], self._left[count:]
         self.origin, self._left_of = self._left_of[:count], self._left_of[count:]
         out, self._state = lfilter([1.0], self._a, out, axis=0, zi=self._state)

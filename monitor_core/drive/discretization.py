@@ -25,6 +25,6 @@ def zero_order_hold_slopes(
     """
     n, m, p, G = *B.shape, len(dA), len(intervals_s)
     X, dX = np.empty((G, n, n + m)), np.empty((G, p, n, n + m))
-    A, B, dA, dB, h = (np.ascontiguousarray(of, dtype=float) for of in (A, B, dA, dB, intervals_s))
+    A, B, dA, dB, h = (np.ascontiguousarray(array, dtype=float) for array in (A, B, dA, dB, intervals_s))
     hold_intervals(A, B, dA, dB, h, X, dX)
     return X, dX

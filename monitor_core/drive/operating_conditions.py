@@ -63,7 +63,7 @@ class Term(NamedTuple):
             raise ValueError(f'"{text}" is neither a signal nor one of {functions} of a signal')
         return cls(match["function"] or "", match["inner"] or match["signal"])
 
-    def of(self, values: Floats) -> Floats:
+    def value(self, values: Floats) -> Floats:
         """The term at values of its signal (N,); NaN where they are not finite."""
         # One by one: vectorised cosines may differ in the last bit with the place in the array.
         function = FUNCTIONS[self.function] if self.function else float
@@ -83,7 +83,7 @@ class Follow(NamedTuple):
 
     def change(self, values: Floats) -> Floats:
         """By how much the parameter changes (N,), at values of the signal (N,); NaN where it is not known."""
-        at = self.term.of(values)
+        at = self.term.value(values)
         reach = MARGIN * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
         known = (at >= self.low - reach) & (at <= self.high + reach)
         return np.where(known, self.slope * (at - self.reference), math.nan)
@@ -157,8 +157,8 @@ class Operating:
         for follower in self._followers:
             shift[:, follower.i] = follower.shift(s, self._column)
         gate = np.ones(N, np.bool_)
-        for one in c.gates:
-            gate &= one.open(s[:, self._column[one.signal]])
+        for entry in c.gates:
+            gate &= entry.open(s[:, self._column[entry.signal]])
         speed = self._speeds(t_us, y) if c.min_speed > 0 else np.zeros(N)
         gate &= speed >= c.min_speed
         if N:
@@ -226,7 +226,7 @@ class _Follower(NamedTuple):
         for follow in self.follows:
             value = s[:, column[follow.term.signal]]
             if math.isnan(follow.change(value)[0]):
-                at = follow.term.of(value)[0]
+                at = follow.term.value(value)[0]
                 beyond = "" if math.isnan(at) else f", beyond {follow.low:g} to {follow.high:g}"
                 yield _at(str(follow.term), at) + beyond
                 return
@@ -245,18 +245,18 @@ def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
         ValueError: what is to follow is not monitored.
     """
     bases = [split_name(name)[0] for name in model.monitored]
-    for one in follows:
-        if split_name(one.name)[0] not in bases:
-            raise ValueError(f"{one.name} is to follow {one.term}, but is not monitored")
-        if one.term.function and one.term.function not in FUNCTIONS:
-            raise ValueError(f"no function {one.term.function} of signals; there is {', '.join(FUNCTIONS)}")
+    for entry in follows:
+        if split_name(entry.name)[0] not in bases:
+            raise ValueError(f"{entry.name} is to follow {entry.term}, but is not monitored")
+        if entry.term.function and entry.term.function not in FUNCTIONS:
+            raise ValueError(f"no function {entry.term.function} of signals; there is {', '.join(FUNCTIONS)}")
     return sorted({bases.index(split_name(follow.name)[0]) for follow in follows})
 
 
 def _follower(model: AxisModel, i: int, follows: tuple[Follow, ...]) -> _Follower:
     base, inverse = split_name(model.monitored[i])
     mine = tuple(follow for follow in follows if split_name(follow.name)[0] == base)
-    if len({one.name for one in mine}) > 1:
+    if len({entry.name for entry in mine}) > 1:
         raise ValueError(f"slopes of both {base} and 1/{base}: give those of one of them")
     of_inverse = split_name(mine[0].name)[1]
     value, unit = model.nominal[base], float(model.unit[i])

@@ -167,7 +167,7 @@ class Drive:
         out = np.zeros(shape, dtype=kind)
         if which == "ratio":
             stated = {term.row for term in self.terms if term.matrix == which}
-            at_sensor = [c for c, of in enumerate(self.inputs) if of in OF_MOTION and c not in stated]
+            at_sensor = [c for c, kind in enumerate(self.inputs) if kind in OF_MOTION and c not in stated]
             out[at_sensor] = 1.0
         for term in self.terms:
             if term.matrix == which:

@@ -225,8 +225,8 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
             inside = [pair for pair in pairs if _inside(pair, direction)]
             # Where more of them correlate it is the joint change that says so.
             if len(inside) == 1:
-                one, other, r = inside[0]
-                effect += f", and the estimates of {one} and {other} correlate by {r:.2f}"
+                first, other, r = inside[0]
+                effect += f", and the estimates of {first} and {other} correlate by {r:.2f}"
         sentence = (
             f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be told from this record:"
             f" the joint change {change} {effect}."

@@ -35,7 +35,7 @@ def _ends(experiment: Experiment) -> Iterator[str]:
     motions = [replace(plant, coulomb=factor).moved(torque) for factor in (1 - _OFF, 1 + _OFF)]
     away, speed = (max(abs(float(getattr(m, what)[-1, 0])) for m in motions) for what in ("angle", "speed"))
     shares = [share for m in motions for share in task.limits.used(m).items() if share[1] > 1]
-    name, share = max(shares, key=lambda of: of[1], default=("", 0.0))
+    name, share = max(shares, key=lambda pair: pair[1], default=("", 0.0))
     beyond = f", and comes to {100 * share:.0f} % of the {name} limit on its way" if share else ""
     yield (
         f"The torque brings the drive back and to rest with the friction that is configured; with {percent(_OFF)} more"
@@ -75,8 +75,8 @@ def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
     wide = np.concatenate([inside, np.linspace(high, 0.8 * nyquist, _MOST_LINES)[1:]])
     if high >= 0.8 * nyquist:
         return None
-    here, there = (_best(task, names, name, lines) for lines in (inside, wide))
-    if here is None or there is None or here[0] < _WORTH_IT**2 * there[0]:
+    best_inside, there = (_best(task, names, name, lines) for lines in (inside, wide))
+    if best_inside is None or there is None or best_inside[0] < _WORTH_IT**2 * there[0]:
         return None
     below = np.cumsum(there[1]) / there[1].sum()
     top = float(wide[np.searchsorted(below, 0.95)])

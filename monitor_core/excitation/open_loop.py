@@ -59,14 +59,14 @@ class OpenLoop:
         from scipy.optimize import lsq_linear  # 16 MB, which the daemon does not need
 
         wanted = size * self.schedule.window() * self.schedule.repeated(self.signal)
-        one = size * self.signal.rms
-        c, largest = self._start(), np.array([np.inf, *[self._highest * one] * 4])
+        step_size = size * self.signal.rms
+        c, largest = self._start(), np.array([np.inf, *[self._highest * step_size] * 4])
         best: tuple[float, Motion] | None = None
         for _ in range(_STEPS):
-            tried = c + _STEP * one * np.vstack([np.zeros(5), np.eye(5)])
+            tried = c + _STEP * step_size * np.vstack([np.zeros(5), np.eye(5)])
             with np.errstate(all="ignore"):
                 motion = self.plant.moved(wanted[:, None] + self._corrections @ tried.T)
-            misses = np.vstack([self._misses(motion, size), self._reluctance * tried.T[1:] / one])
+            misses = np.vstack([self._misses(motion, size), self._reluctance * tried.T[1:] / step_size])
             if not np.isfinite(misses).all():
                 break
             worst = float(np.linalg.norm(misses[:, 0]))
@@ -75,8 +75,14 @@ class OpenLoop:
             if worst < _CLOSE:
                 break
             slopes = (misses[:, 1:] - misses[:, :1]) / _STEP
-            room = np.minimum(largest - c, self._reach * one), np.maximum(-largest - c, -self._reach * one)
-            c = c + one * lsq_linear(slopes, -misses[:, 0], (room[1] / one, room[0] / one)).x
+            room = (
+                np.minimum(largest - c, self._reach * step_size),
+                np.maximum(-largest - c, -self._reach * step_size),
+            )
+            c = (
+                c
+                + step_size * lsq_linear(slopes, -misses[:, 0], (room[1] / step_size, room[0] / step_size)).x
+            )
         return self._checked(best)
 
     def _start(self) -> Floats:

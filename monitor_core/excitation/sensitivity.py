@@ -96,16 +96,16 @@ def sensitivity_responses(
     Raises:
         KeyError, ValueError: as ``sensitivities``.
     """
-    of, slopes = _linearised(drive, values, names, scales or {})
+    system, slopes = _linearised(drive, values, names, scales or {})
     torque = np.array([kind == TORQUE for kind in drive.inputs], dtype=float)[:, np.newaxis]
-    n = len(of.A)
-    X, dX = _held(of, slopes, interval_s)
+    n = len(system.A)
+    X, dX = _held(system, slopes, interval_s)
     Ad, Bd = X[:, :n], X[:, n:]
     z = np.exp(2j * np.pi * np.asarray(frequency_hz) * interval_s)[:, np.newaxis, np.newaxis]
     resolvent = np.linalg.inv(z * np.eye(len(Ad)) - Ad)
     x = resolvent @ (Bd @ torque)
     columns = [
-        of.C @ (resolvent @ (of_slope[:, :n] @ x + of_slope[:, n:] @ torque)) + slope.C @ x
+        system.C @ (resolvent @ (of_slope[:, :n] @ x + of_slope[:, n:] @ torque)) + slope.C @ x
         for of_slope, slope in zip(dX, slopes, strict=True)
     ]
     return np.asarray(np.hstack(columns) if columns else np.empty((len(z), 0), dtype=complex))
@@ -157,27 +157,27 @@ def _slopes(drive: Drive, stepped: Mapping[str, Any]) -> Linear:
     return Linear(A, B, C[0])
 
 
-def _in_units(of: Linear, d: Floats) -> Linear:
+def _in_units(system: Linear, d: Floats) -> Linear:
     """In states x_i / d_i: springs on the arm's side and inertias on the motor's would cost digits."""
-    return Linear(of.A / d[:, None] * d, of.B / d[:, None], of.C * d)
+    return Linear(system.A / d[:, None] * d, system.B / d[:, None], system.C * d)
 
 
-def _propagated(of: Linear, slopes: Sequence[Linear], u: Floats, interval_s: float) -> Floats:
+def _propagated(system: Linear, slopes: Sequence[Linear], u: Floats, interval_s: float) -> Floats:
     """S (N, p) by the exact zero-order hold of  (z_i, x)' = [A A_i; 0 A] (z_i, x) + (B_i, B) u,  z_i = dx/dtheta_i."""
-    n, p = len(of.A), len(slopes)
-    X, dX = _held(of, slopes, interval_s)
+    n, p = len(system.A), len(slopes)
+    X, dX = _held(system, slopes, interval_s)
     by_input = np.ascontiguousarray(dX.transpose(2, 1, 0)).reshape(X.shape[1], n * p)
     C_slope = np.array([slope.C for slope in slopes]).reshape(p, n)
     S = np.empty((len(u), p))
-    C, known = np.ascontiguousarray(of.C), np.ascontiguousarray(u, dtype=float)
+    C, known = np.ascontiguousarray(system.C), np.ascontiguousarray(u, dtype=float)
     simulate_known(known, X, by_input, C, np.ascontiguousarray(C_slope.T), S)
     return S
 
 
-def _held(of: Linear, slopes: Sequence[Linear], interval_s: float) -> tuple[Floats, Floats]:
+def _held(system: Linear, slopes: Sequence[Linear], interval_s: float) -> tuple[Floats, Floats]:
     """[Ad Bd] (n, n + m) and its derivatives (p, n, n + m)."""
-    dA, dB = (np.array([slope[k] for slope in slopes]).reshape(len(slopes), *of[k].shape) for k in (0, 1))
-    X, dX = zero_order_hold_slopes(of.A, of.B, dA, dB, np.array([interval_s]))
+    dA, dB = (np.array([slope[k] for slope in slopes]).reshape(len(slopes), *system[k].shape) for k in (0, 1))
+    X, dX = zero_order_hold_slopes(system.A, system.B, dA, dB, np.array([interval_s]))
     return X[0], dX[0]
 
 

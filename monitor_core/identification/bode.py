@@ -91,7 +91,7 @@ def _drive(
     covariance: Floats | None = None,
 ) -> FrequencyResponse:
     """As ``drive_response``, also for delays of more than an interval."""
-    whole, rest = divmod(delay_s, interval_s)
+    intervals, rest = divmod(delay_s, interval_s)
     found = drive_response(
         drive, values, interval_s, f, names=names, covariance=covariance, delay_s=rest, name=name
     )
@@ -99,7 +99,7 @@ def _drive(
     mean = (
         (1 - turns) / interval_s if drive.mean_state >= 0 else 1.0
     )  # of the angle: the way of each interval
-    return replace(found, G=found.G * mean * turns**whole)
+    return replace(found, G=found.G * mean * turns**intervals)
 
 
 def band(records: Sequence[Record]) -> Floats:

@@ -113,8 +113,8 @@ def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
         return xi
 
     def evaluate(own: Floats) -> Normal:
-        whole = criterion(predictor, np.concatenate([xi[:shared], own]), np.inf)
-        return whole._replace(g=whole.g[shared:], H=whole.H[shared:, shared:])
+        value = criterion(predictor, np.concatenate([xi[:shared], own]), np.inf)
+        return value._replace(g=value.g[shared:], H=value.H[shared:, shared:])
 
     own = xi[shared:]
     endless = np.full(own.size, np.inf)

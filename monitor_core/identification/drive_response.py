@@ -30,12 +30,12 @@ from monitor_core.kernel.tables import TORQUE
 
 
 def held_response(
-    of: Linear, torque: Bools, interval_s: float, frequency_hz: ArrayLike, delay_s: float = 0.0
+    system: Linear, torque: Bools, interval_s: float, frequency_hz: ArrayLike, delay_s: float = 0.0
 ) -> tuple[Complexes, Complexes]:
     """G (F,) and its derivatives (F, p + 1) with respect to the parameters and, last, the delay of the torque.
 
     Args:
-        of: A, B, C and their derivatives.
+        system: A, B, C and their derivatives.
         torque: (m,) which inputs are the motor torque.
         interval_s: s.
         frequency_hz: (F,) Hz.
@@ -47,18 +47,18 @@ def held_response(
     if not 0 <= delay_s <= interval_s:
         raise ValueError(f"delay {delay_s} s: need 0 to the interval, {interval_s} s")
     _, z = on_circle(frequency_hz, interval_s)
-    n, m = of.B.shape
-    late = hold_late(of, torque, np.array([interval_s]), delay_s)
+    n, m = system.B.shape
+    late = hold_late(system, torque, np.array([interval_s]), delay_s)
     now = np.concatenate([np.zeros(n, np.bool_), torque, [False]])
     X, dX = late.X[0], late.dX[0]
     b = X[:, now].sum(axis=-1) + X[:, n + m] / z[:, None]
     db = dX[:, :, now].sum(axis=-1) + dX[:, :, n + m] / z[:, None, None]
     resolvent = z[:, None, None] * np.eye(n) - X[:, :n]
     r = np.linalg.solve(resolvent, b[..., None])[..., 0]
-    l = np.linalg.solve(resolvent.swapaxes(1, 2), of.C[:, None].astype(np.complex128))[..., 0]
+    l = np.linalg.solve(resolvent.swapaxes(1, 2), system.C[:, None].astype(np.complex128))[..., 0]
     dG: Complexes = np.einsum("fi,pij,fj->fp", l, dX[..., :n], r) + np.einsum("fi,fpi->fp", l, db)
-    dG[:, :-1] += r @ of.dC
-    return np.asarray(r @ of.C, dtype=np.complex128), dG
+    dG[:, :-1] += r @ system.dC
+    return np.asarray(r @ system.C, dtype=np.complex128), dG
 
 
 def drive_response(
@@ -98,18 +98,20 @@ def drive_response(
     if covariance.shape != (len(names), len(names)):
         raise ValueError(f"covariance {covariance.shape} for {len(names)} names")
     model = AxisModel(drive, values, ())
-    free = [one for one in names if one != DELAY and " per " not in one]
-    of = Structure(drive, free, model.balance()).at(model.nominal)
+    free = [p for p in names if p != DELAY and " per " not in p]
+    system = Structure(drive, free, model.balance()).at(model.nominal)
     f, _ = on_circle(frequency_hz, interval_s)
-    G, slopes = held_response(of, np.array([kind == TORQUE for kind in drive.inputs]), interval_s, f, delay_s)
+    G, slopes = held_response(
+        system, np.array([kind == TORQUE for kind in drive.inputs]), interval_s, f, delay_s
+    )
     dG = np.zeros((f.size, len(names)), dtype=np.complex128)
-    for i, one in enumerate(names):
-        if one in free or one == DELAY:
-            dG[:, i] = slopes[:, free.index(one) if one in free else -1]
-    told = np.isfinite(np.diag(covariance))
-    root = root_of(covariance[np.ix_(told, told)])
-    found = by_gradient(f, G, dG[:, told], root, n_effective, name)
-    lost = np.any(dG[:, ~told] != 0, axis=1)
+    for i, parameter in enumerate(names):
+        if parameter in free or parameter == DELAY:
+            dG[:, i] = slopes[:, free.index(parameter) if parameter in free else -1]
+    known = np.isfinite(np.diag(covariance))
+    root = root_of(covariance[np.ix_(known, known)])
+    found = by_gradient(f, G, dG[:, known], root, n_effective, name)
+    lost = np.any(dG[:, ~known] != 0, axis=1)
     return replace(
         found, sd_db=np.where(lost, np.inf, found.sd_db), sd_phase=np.where(lost, np.inf, found.sd_phase)
     )

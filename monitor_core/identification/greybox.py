@@ -66,11 +66,13 @@ def fit(
     """
     starts = [start or {}] if start is None or isinstance(start, Mapping) else list(start)
     rng = np.random.default_rng(seed)
-    starts = [one for given in starts for one in (given, *_around(problem, given, spread, rng, tries - 1))]
+    starts = [
+        values for given in starts for values in (given, *_around(problem, given, spread, rng, tries - 1))
+    ]
     ends, problems = [], list[ValueError]()
-    for one in starts:
+    for values in starts:
         try:
-            ends.append(solve(_started(problem, one), records, most_iterations, progress))
+            ends.append(solve(_started(problem, values), records, most_iterations, progress))
         except ValueError as error:
             problems.append(error)
     if not ends:
@@ -121,8 +123,8 @@ def _around(
     drawn = [xi + spread * log * rng.standard_normal(xi.size) for _ in range(count)]
     free = layout.names[: len(problem.free)]
     return [
-        {**start, **dict(zip(free, layout.numbers(np.clip(one, lower, upper)).tolist(), strict=False))}
-        for one in drawn
+        {**start, **dict(zip(free, layout.numbers(np.clip(point, lower, upper)).tolist(), strict=False))}
+        for point in drawn
     ]
 
 
@@ -142,7 +144,7 @@ def _estimate(predictor: Predictor, end: End, limit: float, outliers: tuple[int,
     layout, xi = predictor.layout, end.xi
     errors = predictor.errors(xi)
     lam0 = _variance(end, errors, limit)
-    told = _information(predictor, xi, errors, lam0, limit)
+    information = _information(predictor, xi, errors, lam0, limit)
     p = len(layout.names)
     theta = layout.numbers(xi)[:p]
     final = settled(predictor, xi)
@@ -157,7 +159,7 @@ def _estimate(predictor: Predictor, end: End, limit: float, outliers: tuple[int,
         problem=final,
         names=layout.names,
         theta=theta,
-        covariance=told.covariance[:p, :p],
+        covariance=information.covariance[:p, :p],
         values=point.values,
         delay_s=point.delay_s,
         K=gain.K * predictor.d,
@@ -167,15 +169,15 @@ def _estimate(predictor: Predictor, end: End, limit: float, outliers: tuple[int,
         cost=end.normal.cost,
         whiteness=whiteness(eps),
         independence=independence([s.u for s in predictor.series], eps),
-        accuracy=told.accuracy,
-        coloured=told.order,
+        accuracy=information.accuracy,
+        coloured=information.order,
         fit=_nrmse(predictor, errors),
         fit_simulation=_nrmse(predictor, errors)
         if _simulates(predictor, point.values)
         else _simulated(final, [s.record for s in predictor.series]),
         iterations=end.evaluations,
         converged=end.converged,
-        moving=() if end.converged else _moving(predictor, end, told.covariance),
+        moving=() if end.converged else _moving(predictor, end, information.covariance),
         outliers=outliers,
     )
     return replace(found, words=tuple(sentences(found, layout, xi)))

@@ -21,13 +21,13 @@ class Held(NamedTuple):
     dX: Floats  # (G, p, n, n + m)
 
 
-def hold(of: Linear, intervals_s: Floats) -> Held:
+def hold(system: Linear, intervals_s: Floats) -> Held:
     """The drive over these intervals (G,), in s, exactly."""
-    dA, dB = (np.moveaxis(slopes, 2, 0) for slopes in (of.dA, of.dB))
-    return Held(*zero_order_hold_slopes(of.A, of.B, dA, dB, intervals_s))
+    dA, dB = (np.moveaxis(slopes, 2, 0) for slopes in (system.dA, system.dB))
+    return Held(*zero_order_hold_slopes(system.A, system.B, dA, dB, intervals_s))
 
 
-def hold_late(of: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> Held:
+def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> Held:
     """The drive with its torque delayed by tau_d: until then that of the sample before acts, a further input.
 
         [t, t + tau_d): u[k-1],   [t + tau_d, t + h): u[k];   the other inputs do not wait
@@ -35,19 +35,19 @@ def hold_late(of: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_
     ``torque`` (m,) says which inputs are the motor torque.  The derivative with respect to tau_d is the last one.
     A delay beyond the interval ends with it, as in the monitor.
     """
-    n, m = of.B.shape
-    whole = hold(of, intervals_s)
+    n, m = system.B.shape
+    held = hold(system, intervals_s)
     late = np.minimum(delay_s, intervals_s)
-    rest = hold(of, intervals_s - late)
-    G, p = whole.dX.shape[:2]
+    rest = hold(system, intervals_s - late)
+    G, p = held.dX.shape[:2]
     X, dX = np.empty((G, n, n + m + 1)), np.zeros((G, p + 1, n, n + m + 1))
     columns = np.flatnonzero(np.concatenate([np.zeros(n, bool), torque]))
-    for to, all_, last in ((X, whole.X, rest.X), (dX[:, :p], whole.dX, rest.dX)):
+    for to, all_, last in ((X, held.X, rest.X), (dX[:, :p], held.dX, rest.dX)):
         to[..., : n + m] = all_
         to[..., columns] = last[..., columns]
         to[..., n + m] = (all_[..., columns] - last[..., columns]).sum(axis=-1)
     # d/dtau of what acts over the rest: the integrand at its end, exp(A (h - tau)) B.
-    edge = (rest.X[:, :, :n] @ of.B[:, torque]) * (delay_s <= intervals_s)[:, None, None]
+    edge = (rest.X[:, :, :n] @ system.B[:, torque]) * (delay_s <= intervals_s)[:, None, None]
     dX[:, p][..., columns] = -edge
     dX[:, p, :, n + m] = edge.sum(axis=-1)
     return Held(X, dX)
@@ -161,7 +161,7 @@ def averaged(held: Held, s: int, over_s: Floats) -> Held:
 
 
 def hold_mean(
-    of: Linear,
+    system: Linear,
     torque: NDArray[np.bool_],
     intervals_s: Floats,
     late_s: float | None,
@@ -172,10 +172,10 @@ def hold_mean(
     late = np.minimum(late_s or 0.0, intervals_s)
     own_s = np.where(intervals_s > LOST * interval_s, np.minimum(intervals_s - late, interval_s), 0.0)
     before_s = intervals_s - own_s
-    held = hold(of, before_s) if late_s is None else hold_late(of, torque, before_s, late_s)
+    held = hold(system, before_s) if late_s is None else hold_late(system, torque, before_s, late_s)
     found = averaged(held, s, before_s)
     for g in np.flatnonzero(own_s).tolist():
-        own = averaged(hold(of, own_s[g : g + 1]), s, own_s[g : g + 1])
+        own = averaged(hold(system, own_s[g : g + 1]), s, own_s[g : g + 1])
         found.X[g], found.dX[g] = _after(own, Held(found.X[g : g + 1], found.dX[g : g + 1]))
     return found
 

@@ -44,7 +44,7 @@ class Gain(NamedTuple):
 
 
 def gain(
-    of: Linear,
+    system: Linear,
     torque: NDArray[np.bool_],
     at: Levels,
     free: Sequence[str],
@@ -59,30 +59,30 @@ def gain(
     Raises:
         ValueError: there is no stable filter.
     """
-    enters = _noise_inputs(of, torque, at)
+    enters = _noise_inputs(system, torque, at)
     held = hold(enters, np.array([at.interval_s]))
     if mean >= 0:
         held = averaged(held, mean, np.array([at.interval_s]))
-    n = len(of.A)
+    n = len(system.A)
     Ad, G, dX = held.X[0, :, :n], held.X[0, :, n:], held.dX[0]
     s2, ds2 = _variances(at, torque, G.shape[1])
-    P = prediction_variance(Ad, of.C, G * s2 @ G.T)
+    P = prediction_variance(Ad, system.C, G * s2 @ G.T)
     dQ = _plus_transposed(dX[:, :, n:] * s2 @ G.T)
     if time_constant is not None:
         dQ[time_constant] += G * ds2["time_constant"] @ G.T
     dQ = np.concatenate([dQ, *((G * ds2[name] @ G.T)[None] for name in free)])
     zeros = np.zeros((len(free), n, n))
-    dC = np.hstack([of.dC, np.zeros((n, len(free)))])
-    return _differentiated(Ad, of.C, P, np.concatenate([dX[:, :, :n], zeros]), dC, dQ)
+    dC = np.hstack([system.dC, np.zeros((n, len(free)))])
+    return _differentiated(Ad, system.C, P, np.concatenate([dX[:, :, :n], zeros]), dC, dQ)
 
 
-def _noise_inputs(of: Linear, torque: NDArray[np.bool_], at: Levels) -> Linear:
+def _noise_inputs(system: Linear, torque: NDArray[np.bool_], at: Levels) -> Linear:
     """What noise enters by: the torque's inputs, and the last state, d, if there is one."""
-    n, p = len(of.A), of.dA.shape[2]
+    n, p = len(system.A), system.dA.shape[2]
     ends = np.eye(n)[:, n - 1 :] / at.unit if math.isfinite(at.time_constant_s) else np.zeros((n, 0))
     slopes = np.zeros((n, ends.shape[1], p))
-    return of._replace(
-        B=np.hstack([of.B[:, torque], ends]), dB=np.concatenate([of.dB[:, torque], slopes], axis=1)
+    return system._replace(
+        B=np.hstack([system.B[:, torque], ends]), dB=np.concatenate([system.dB[:, torque], slopes], axis=1)
     )
 
 

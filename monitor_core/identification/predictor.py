@@ -157,24 +157,24 @@ class Predictor:
         theta = self.layout.theta_of(values)
         for (i, _), slope, signal in zip(varying, point.slopes, signals, strict=True):
             theta[i] += slope * signal
-        of = self._structure.at(self.layout.values_with(values, theta))
+        system = self._structure.at(self.layout.values_with(values, theta))
         which = [i for i, _ in varying]
-        more = [np.concatenate([slopes, slopes[..., which] * signals], axis=-1) for slopes in of[5:]]
-        return Linear(*of[:5], *more)
+        more = [np.concatenate([slopes, slopes[..., which] * signals], axis=-1) for slopes in system[5:]]
+        return Linear(*system[:5], *more)
 
     def _record_errors(self, xi: Floats, i: int, K: Gain) -> Errors:
         s, point = self.series[i], self.layout.point(xi)
         levels = [self._linear(point, signals) for signals in s.signals]
         acts = self._acts(levels)
-        levels = [_with_inputs(of, acts) for of in levels]
+        levels = [_with_inputs(system, acts) for system in levels]
         x0, Z0 = self._start(xi, i, levels[s.level[0]])
         P = Z0.shape[1]
         dK = np.zeros((self.n, P))
         dK[:, : K.dK.shape[1]] = K.dK
         X, dX = self._held(point, s, levels, self._torque[acts])
         scale, dscale = self._scales(levels, self._kinds[acts], dX.shape[2] // self.n)
-        C = np.array([of.C for of in levels])
-        dC = _widened(np.array([of.dC for of in levels]), dX.shape[2] // self.n)
+        C = np.array([system.C for system in levels])
+        dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
         eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
         good = predict_record(
             s.step, s.level, s.u, s.y, s.measured, self._kinds[acts], self._source[acts], self.drive.speed_state,
@@ -184,10 +184,10 @@ class Predictor:
 
     def _acts(self, levels: Sequence[Linear]) -> NDArray[np.bool_]:
         """Which inputs (m,) act at all: friction and gravity may be held at zero."""
-        acts = [of.B.any(axis=0) | of.dB.any(axis=(0, 2)) for of in levels]
+        acts = [system.B.any(axis=0) | system.dB.any(axis=(0, 2)) for system in levels]
         return np.asarray(np.logical_or.reduce([self._torque, *acts]))
 
-    def _start(self, xi: Floats, i: int, of: Linear) -> tuple[Floats, Floats]:
+    def _start(self, xi: Floats, i: int, system: Linear) -> tuple[Floats, Floats]:
         columns, shared, initial = self.columns(i), self.layout.shared, self.problem.initial
         Z0, own = np.zeros((self.n, columns.size)), xi[columns[shared:]]
         if initial == "free":
@@ -196,13 +196,13 @@ class Predictor:
         output = (
             self.series[i].first if initial == "first" else float(own.sum())
         )  # a speed at rest: of none, 0
-        Z0[:, : of.drest.shape[1]] = of.drest * output
-        Z0[:, shared:] = self._rest(of)[:, None]
-        return self._rest(of) * output, Z0
+        Z0[:, : system.drest.shape[1]] = system.drest * output
+        Z0[:, shared:] = self._rest(system)[:, None]
+        return self._rest(system) * output, Z0
 
-    def _rest(self, of: Linear) -> Floats:
+    def _rest(self, system: Linear) -> Floats:
         """The state of rigid motion with output 1; that of a mean speed is here the mean itself."""
-        rest = of.rest.copy()
+        rest = system.rest.copy()
         if self.drive.mean_state >= 0:
             rest[self.drive.mean_state] = 1 / self.d[self.drive.mean_state]
         return rest
@@ -212,8 +212,8 @@ class Predictor:
     ) -> tuple[Floats, Floats]:
         """X (G, n, n + m) and dX (G, n + m, n q) for the pairs of the series."""
         parts = [
-            self._held_level(point, s.pairs[s.pairs[:, 1] == j, 0] * 1e-6, of, torque)
-            for j, of in enumerate(levels)
+            self._held_level(point, s.pairs[s.pairs[:, 1] == j, 0] * 1e-6, system, torque)
+            for j, system in enumerate(levels)
         ]
         order = np.argsort(np.concatenate([np.flatnonzero(s.pairs[:, 1] == j) for j in range(len(levels))]))
         X = np.concatenate([part[0] for part in parts])[order]
@@ -221,39 +221,47 @@ class Predictor:
         return X, np.ascontiguousarray(dX.transpose(0, 3, 2, 1)).reshape(len(X), X.shape[2], -1)
 
     def _held_level(
-        self, point: Point, intervals_s: Floats, of: Linear, torque: NDArray[np.bool_]
+        self, point: Point, intervals_s: Floats, system: Linear, torque: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         late_s = max(point.delay_s - self._whole_s, 0.0)
         late = late_s if self.layout.free_delay or late_s else None
         if self.drive.mean_state >= 0:
-            X, dX = hold_mean(of, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
+            X, dX = hold_mean(system, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
         elif late is None:
-            return hold(of, intervals_s)
+            return hold(system, intervals_s)
         else:
-            X, dX = hold_late(of, torque, intervals_s, late)
+            X, dX = hold_late(system, torque, intervals_s, late)
         if late is None:
             return X, dX
         return X, dX if self.layout.free_delay else dX[:, :-1]
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """What angle or speed is multiplied by to give the argument of an input (L, m), and derivatives (L, m, q)."""
-        scale, dscale = np.array([of.ratio for of in levels]), np.array([of.dratio for of in levels])
+        scale, dscale = (
+            np.array([system.ratio for system in levels]),
+            np.array([system.dratio for system in levels]),
+        )
         friction = kinds == COULOMB
         scale[:, friction] /= self.problem.speed_scale
         dscale[:, friction] /= self.problem.speed_scale
         if self.drive.output != "speed" and friction.any():
-            for j, of in enumerate(levels):
+            for j, system in enumerate(levels):
                 # The speed at the sensor is (C A x), of which x[speed_state] is all.
                 k = self.drive.speed_state
-                sensor, dsensor = of.C @ of.A[:, k], of.dC.T @ of.A[:, k] + of.C @ of.dA[:, k]
+                sensor, dsensor = (
+                    system.C @ system.A[:, k],
+                    system.dC.T @ system.A[:, k] + system.C @ system.dA[:, k],
+                )
                 dscale[j, friction] = dscale[j, friction] * sensor + scale[j, friction, None] * dsensor
                 scale[j, friction] *= sensor
         return scale, _widened(dscale, q)
 
 
-def _with_inputs(of: Linear, which: NDArray[np.bool_]) -> Linear:
+def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
     """With these inputs alone."""
-    return of._replace(B=of.B[:, which], dB=of.dB[:, which], ratio=of.ratio[which], dratio=of.dratio[which])
+    return system._replace(
+        B=system.B[:, which], dB=system.dB[:, which], ratio=system.ratio[which], dratio=system.dratio[which]
+    )
 
 
 def _widened(slopes: Floats, q: int) -> Floats:

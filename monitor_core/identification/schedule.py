@@ -114,4 +114,4 @@ def _values(name: str, record: Record) -> Floats:
     values = record.signals.get(term.signal)
     if values is None or not np.isfinite(values).any():
         raise IdentificationError(f"{record.name}: the signal {term.signal} was never measured in it")
-    return term.of(values)
+    return term.value(values)

@@ -92,15 +92,15 @@ def on_grid(
 def _on_grid(record: Record, h: float, reference: str | None) -> Regular:
     # Stamps drift by the last digits of the interval: each step is judged by itself.
     steps = record.intervals / h
-    whole = np.maximum(np.rint(steps), 1).astype(np.int64)
-    off = abs(steps - whole)
+    steps_rounded = np.maximum(np.rint(steps), 1).astype(np.int64)
+    off = abs(steps - steps_rounded)
     if off.max() > _TOLERANCE:
         raise ValueError(
             f"record {record.name or '(no name)'}: {np.count_nonzero(off > _TOLERANCE)} of {off.size} intervals are"
             f" not {1e3 * h:.5g} ms or a multiple of it (up to {1e3 * h * off.max():.3g} ms off): a discrete model"
             " needs regular samples, resample it"
         )
-    place = np.concatenate([[0], np.cumsum(whole)])
+    place = np.concatenate([[0], np.cumsum(steps_rounded)])
     u, y = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1)
     u_known, y_known = np.zeros(u.size, np.bool_), np.zeros(u.size, np.bool_)
     u[place], u_known[place] = record.u, True

@@ -142,11 +142,11 @@ def _varies(slopes: Floats) -> bool:
 @aside
 def _moves(kind: Ints, source: Ints, measured: Ints, dscale: Floats) -> bool:
     """An input has derivatives: of the motion that is predicted, or that is measured but scaled by a parameter."""
-    whole = True
+    complete = True
     for k in range(measured.size):
-        whole &= measured[k] != 0
+        complete &= measured[k] != 0
     for c in range(kind.size):
-        if kind[c] != TORQUE and kind[c] != ONE and not (source[c] == FROM_RECORD and whole):
+        if kind[c] != TORQUE and kind[c] != ONE and not (source[c] == FROM_RECORD and complete):
             return True
     return _varies(dscale)
 

@@ -67,7 +67,7 @@ class Memory(NamedTuple):
     numbers: (
         Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
     )
-    whole: NDArray[
+    integers: NDArray[
         np.int64
     ]  # (COUNTS + len(COUNTERS), 1) time of the last sample; time settled; outliers in a row; phase; wait;
     #                          looks; time of the last g > h that began a change; what became of samples
@@ -91,12 +91,12 @@ class BankTrace(NamedTuple):
 
 
 @kernel
-def _stops(crossed: bool, whole: Ints) -> None:
+def _stops(crossed: bool, integers: Ints) -> None:
     """WAIT becomes 0 where the run is to stop."""
-    if whole[PHASE, 0] == WATCHING:
-        whole[WAIT, 0] = 0 if crossed else 1
+    if integers[PHASE, 0] == WATCHING:
+        integers[WAIT, 0] = 0 if crossed else 1
     else:
-        whole[WAIT, 0] = max(whole[WAIT, 0] - 1, 0)
+        integers[WAIT, 0] = max(integers[WAIT, 0] - 1, 0)
 
 
 @kernel
@@ -123,7 +123,7 @@ def run_hypotheses(
 
     ``lanes``: an array of H numbers.
     """
-    one = (0,)
+    lane = (0,)
     n, m, H = T.n, T.m, len(lanes)
     x, u, own, axis = M.x, M.u, P.own, P.axis
     X, flat_u, new = x.reshape(x.size), u.reshape(u.size), floats(n * H)
@@ -137,18 +137,18 @@ def run_hypotheses(
     t, ut, y, does, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
     moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
     e0, believed, S = floats(1), floats(1), floats(1)
-    numbers, whole = M.numbers, M.whole
-    counts = whole[COUNTS:]
+    numbers, integers = M.numbers, M.integers
+    counts = integers[COUNTS:]
     interval = axis[INTERVAL, 0]
     nominal_K = P.K[n : 2 * n]
     gains, most = corrects(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     # fmt: off
     for k in range(start, block.t.size):
         t[0], ut[0], y[0], does[0] = block.t[k], block.u[k], block.y[k], TRACK
-        admit(one, t, ut, y, axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST], whole[LAST], whole[SETTLED],
+        admit(lane, t, ut, y, axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST], integers[LAST], integers[SETTLED],
               seed_left, counts, does, h)
         if block.gate.shape[0]:
-            close(one, k, 0, block.gate, does)
+            close(lane, k, 0, block.gate, does)
         tested = False
         if does[0] >= SETTLE:
             for a in range(H):
@@ -169,7 +169,7 @@ def run_hypotheses(
             off = errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, eps)
             if not off <= most and not rejoin(most, eps, x):
                 counts[DIVERGED, 0] += 1
-                whole[LAST, 0] = NEVER
+                integers[LAST, 0] = NEVER
                 does[0] = SKIP
                 for e in range(X.size):
                     X[e] = 0.0
@@ -177,9 +177,10 @@ def run_hypotheses(
                 moves[0], learns[0], tracks[0] = 1, does[0] == TRACK, does[0] == TRACK
                 lam[0] = S[0] = axis[LAM, 0]
                 e0[0] = eps[0]
-                sift(one, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], whole[IN_A_ROW], does, moves, learns,
-                     tracks, believed)
-                doubt_the_start(one, axis[SETTLES], axis[INTERVAL], t, whole[SETTLED], whole[IN_A_ROW], counts, does)
+                sift(lane, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], does, moves,
+                     learns, tracks, believed)
+                doubt_the_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
+                                does)
                 if moves[0] and gains:
                     correct(lanes, K_now, eps, x)
                 if tracks[0]:
@@ -187,7 +188,7 @@ def run_hypotheses(
                     likelihoods(lanes, own, ut[0] != numbers[TORQUE_HELD, 0], y[0] != numbers[LAST_OUTPUT, 0], eps,
                                 llr)
                     crossed = accumulate(lanes, own, t[0], llr, M.sums, M.when)
-                    _stops(crossed, whole)
+                    _stops(crossed, integers)
         if does[0] == RESTART:
             for a in range(H):
                 motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
@@ -202,13 +203,13 @@ def run_hypotheses(
                     doing[a] = TRACK
                 hold(lanes, T.kind, T.speed_state, T.filtered_speed, P.u_scale, last, motion, motion,
                      doing, x, last, u, du, no_torque)
-            whole[LAST, 0] = t[0]
+            integers[LAST, 0] = t[0]
             numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
             numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = ut[0], y[0]
         _tally(does[0], counts)
         if trace.g.shape[0]:
             _record(k, does[0] >= SETTLE, tested, eps, llr, M.sums, trace)
-        if tested and whole[WAIT, 0] == 0:
+        if tested and integers[WAIT, 0] == 0:
             return k + 1
     # fmt: on
     return block.t.size

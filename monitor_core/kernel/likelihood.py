@@ -26,11 +26,11 @@ ONSET, LATE, FIRST_MARK = 0, 1, 2
 @kernel
 def likelihoods(lanes: Any, own: Floats, moved: bool, turned: bool, eps: Floats, llr: Floats) -> None:
     """l_i (H,): minus infinity where torque or output are said to be stuck and move, in whatever digit."""
-    here = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
+    step = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
     for a in range(len(lanes)):
         there = min(eps[a] * eps[a] * own[PRECISION, a], _CLIP)
         alive = not (moved and own[STILL, a] > 0.0) and not (turned and own[FROZEN, a] > 0.0)
-        llr[a] = 0.5 * (here - there) + own[LEVEL, a] if alive else -math.inf
+        llr[a] = 0.5 * (step - there) + own[LEVEL, a] if alive else -math.inf
 
 
 @kernel

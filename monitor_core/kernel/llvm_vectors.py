@@ -81,8 +81,8 @@ def _spreader(width: int) -> Callable[..., Any]:
     def spread(_typing: Any, _value: Any) -> Any:
         def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
             index = ir.IntType(32)
-            one = builder.insert_element(ir.Constant(_llvm(width), ir.Undefined), args[0], index(0))
-            return builder.shuffle_vector(one, one, ir.Constant(_llvm(width, index), [0] * width))
+            single = builder.insert_element(ir.Constant(_llvm(width), ir.Undefined), args[0], index(0))
+            return builder.shuffle_vector(single, single, ir.Constant(_llvm(width, index), [0] * width))
 
         return _Vector(width)(types.float64), code
 

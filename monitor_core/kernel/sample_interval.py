@@ -142,11 +142,11 @@ def own_interval(
     """
     any_lost = False
     for a in range(len(lanes)):
-        whole = h_first[a] + h[a]
-        lost[a] = whole > LOST * interval[a]
+        interval_h = h_first[a] + h[a]
+        lost[a] = interval_h > LOST * interval[a]
         h_before[a] = max(h[a] - interval[a], 0.0) if lost[a] else 0.0
         h[a] -= h_before[a]
-        over[a] = h[a] if lost[a] else whole
+        over[a] = h[a] if lost[a] else interval_h
         any_lost |= lost[a] != 0
     return any_lost
 

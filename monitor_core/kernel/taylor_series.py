@@ -57,8 +57,8 @@ def _times_one(
                 total = spread4(V[q]) * load4(work, c + col[q])
                 q += _ONE
             while q < last:
-                one = spread4(V[q]) * load4(work, c + col[q])
-                total = total + fused(spread4(V[q + _ONE]), load4(work, c + col[q + _ONE]), one)
+                product = spread4(V[q]) * load4(work, c + col[q])
+                total = total + fused(spread4(V[q + _ONE]), load4(work, c + col[q + _ONE]), product)
                 q += _TWO
             total = fused(s, total, load4(work, b))
             last = more_start[r]

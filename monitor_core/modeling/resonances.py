@@ -129,8 +129,8 @@ def _balanced(A: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
 
     Of A alone it would not be enough: an angle that nothing depends on but the sensor has any unit there.
     """
-    whole = np.block([[A, b[:, None]], [c[None], np.zeros((1, 1))]])
-    balanced, _ = sla.matrix_balance(whole, permute=False, separate=True)
+    pencil = np.block([[A, b[:, None]], [c[None], np.zeros((1, 1))]])
+    balanced, _ = sla.matrix_balance(pencil, permute=False, separate=True)
     out = np.asarray(balanced, dtype=float)
     return out[:-1, :-1], out[:-1, -1], out[-1, :-1]
 

@@ -72,7 +72,7 @@ class SimulatedAxis:
             KeyError: a parameter that the drive does not have.
             ValueError: a value that makes no sense.
         """
-        merged = {whole for name in values for whole in self._drive.merged_from(name)}
+        merged = {part for name in values for part in self._drive.merged_from(name)}
         given = {name: v for name, v in self._values.items() if name not in merged} | dict(values)
         model = AxisModel(self._drive, given, ())
         self._values = given

@@ -163,8 +163,8 @@ def _by_noise(w: Weighed, G: int, M: int) -> Floats:
 
 
 def _scatter(noises: Noises, likely: Floats, variance: Floats) -> float:
-    one = noises.white + noises.lasting + np.median(variance)
-    return float(np.sqrt(likely @ one / likely.sum()))
+    variances = noises.white + noises.lasting + np.median(variance)
+    return float(np.sqrt(likely @ variances / likely.sum()))
 
 
 def _told(

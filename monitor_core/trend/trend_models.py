@@ -59,9 +59,9 @@ def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> 
         prior: (M - 1,) of the times of all changes but the first.
     """
     M, (_, G, _) = len(s.at), W.shape
-    y, one, F = W[:, :, 0], W[:, :, 1], W[:, :, 2:].reshape(len(W), G, 2, M)
-    a, b, c = (one**2).sum(0), (one * y).sum(0), (y**2).sum(0)
-    af, bf = np.einsum("ng,ngfm->gfm", one, F), np.einsum("ng,ngfm->gfm", y, F)
+    y, ones, F = W[:, :, 0], W[:, :, 1], W[:, :, 2:].reshape(len(W), G, 2, M)
+    a, b, c = (ones**2).sum(0), (ones * y).sum(0), (y**2).sum(0)
+    af, bf = np.einsum("ng,ngfm->gfm", ones, F), np.einsum("ng,ngfm->gfm", y, F)
     aff = np.einsum("ngfm,nghm->gfhm", F, F)
     # With the level integrated out, it takes part of everything with it.
     R = aff - np.einsum("gfm,ghm->gfhm", af, af) / a[:, None, None, None]

@@ -87,7 +87,7 @@ def calibrate(
     parameter are found how soon, and under which name. Records that are too short for the budget, in which the axis
     does not move, or in which something changes, are refused with the place.
     """
-    files = Files.of(None, output, report, json)
+    files = Files.chosen(None, output, report, json)
     files.check(force, "thresholds")
     wanted = seconds_of(budget), within, _sizes(sizes), onsets
     read = configuration(config, without_bus=True, thresholds=False)

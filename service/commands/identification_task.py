@@ -305,7 +305,7 @@ def _record_warnings(loaded: Sequence[Loaded], known: Known) -> tuple[str, ...]:
     Raises:
         IdentificationError: one of them is refused.
     """
-    findings = [(one.record.name, finding) for one in loaded for finding in suspicions(one.record, known)]
+    findings = [(item.record.name, finding) for item in loaded for finding in suspicions(item.record, known)]
     refused = [_sentence(name, finding) for name, finding in findings if finding.severity == "refuse"]
     if refused:
         raise IdentificationError("refused: " + "\n".join(refused))

@@ -81,7 +81,7 @@ def identify(
     Writes nominal.toml, which the configuration of the daemon points at, and report.html. Where a parameter cannot be
     told or the fit does not converge, the report says so, there are no nominal values, and the exit code is 2.
     """
-    files = Files.of(output_dir, output, report, json)
+    files = Files.chosen(output_dir, output, report, json)
     files.check(force)
     read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)

@@ -38,11 +38,13 @@ class _LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             ctx.fail(f"no command {cmd_name!r}: {did_you_mean(cmd_name, COMMANDS)}")
-        one = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
+        typer_app = typer.Typer(
+            add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False
+        )
         module = import_module(f"service.commands.{cmd_name}")
         kind = getattr(module, "Command", None)  # a command that reads its line in a way of its own
-        one.command(cmd_name, cls=kind, epilog=" ".join(EXIT_CODES.split()))(getattr(module, cmd_name))
-        return typer.main.get_command(one)
+        typer_app.command(cmd_name, cls=kind, epilog=" ".join(EXIT_CODES.split()))(getattr(module, cmd_name))
+        return typer.main.get_command(typer_app)
 
 
 app = typer.Typer(

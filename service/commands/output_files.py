@@ -25,7 +25,9 @@ class Files(NamedTuple):
     json: Path | None
 
     @classmethod
-    def of(cls, folder: Path | None, nominal: Path | None, report: Path | None, json: Path | None) -> Files:
+    def chosen(
+        cls, folder: Path | None, nominal: Path | None, report: Path | None, json: Path | None
+    ) -> Files:
         """Nominal values in the folder, the report beside them, unless told otherwise."""
         nominal = nominal or (folder or Path()) / "nominal.toml"
         return cls(nominal, report or (folder or nominal.parent) / "report.html", json)

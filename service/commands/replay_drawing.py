@@ -51,11 +51,19 @@ class Drawing:
         axes = [self._axis(report, axis) for axis in report.config.axes]
         command = shlex.join(["axiswatch", *sys.argv[1:]])
         date = datetime.now(UTC).isoformat(timespec="seconds")
-        of = [record.name for record in records]
+        record_names = [record.name for record in records]
         write(
             self._path,
             as_html(
-                Replayed(axes, report.frames_dropped, of, str(config), command, version("axiswatch"), date)
+                Replayed(
+                    axes,
+                    report.frames_dropped,
+                    record_names,
+                    str(config),
+                    command,
+                    version("axiswatch"),
+                    date,
+                )
             ),
         )
         print(f"written: {self._path}", file=sys.stderr)
@@ -72,6 +80,6 @@ class Drawing:
             quantities={e.parameter: report.quantity(axis.id, e.parameter) for e in report.alarms(axis.id)},
             dropped=report.dropped_of(axis.id),
             clock=report.clock[axis.id],
-            trends=[of for of in report.monitors.trends.of(axis.id) if of.trend is not None],
+            trends=[trend for trend in report.monitors.trends.for_axis(axis.id) if trend.trend is not None],
             notes=[*(f"{axis.id}: {words}" for words in status.confounded), *remarks_of(report, axis)],
         )

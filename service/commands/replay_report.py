@@ -100,7 +100,7 @@ def doubts(report: Report) -> Iterator[str]:
 def trends(report: Report) -> Iterator[str]:
     """What the slow courses say, of axes whose records are long enough, in words."""
     for axis in report.config.axes:
-        for p in report.monitors.trends.of(axis.id):
+        for p in report.monitors.trends.for_axis(axis.id):
             if p.trend is not None:
                 yield "; ".join([f"{axis.id}: {trend_words(p.name, p.unit, p.trend)}", *_reached(p)])
 
@@ -148,7 +148,7 @@ def _alarm_table(report: Report) -> Table:
         title_justify="left",
         caption_justify="left",
     )
-    said = list[str]()
+    lines = list[str]()
     for axis in report.config.axes:
         for e in report.alarms(axis.id):
             p = report.quantity(axis.id, e.parameter)
@@ -157,8 +157,8 @@ def _alarm_table(report: Report) -> Table:
             times = (_onset(e), _short(e.raised_us), _short(e.ended_us))
             cells = (axis.id, e.parameter, change, *times)
             table.add_row(*map(escape, cells), style="red" if e.ended_us is None else None)
-            said.append(f"{axis.id}: {_said(e, p)}")
-    table.caption = Text("\n".join(said))
+            lines.append(f"{axis.id}: {_sentence(e, p)}")
+    table.caption = Text("\n".join(lines))
     if not table.row_count:
         table.add_row("none")
     return table
@@ -179,7 +179,7 @@ def _axis(report: Report, axis_id: str) -> Json:
         "stamps": report.stamps[axis_id]._asdict() if axis_id in report.stamps else None,
         "parameters": [_parameter(p) for p in status.parameters],
         "detectors": [_detector(d) for d in status.detectors],
-        "trends": [_trend(p) for p in report.monitors.trends.of(axis_id)],
+        "trends": [_trend(p) for p in report.monitors.trends.for_axis(axis_id)],
         "alarms": [_alarm(e, report.quantity(axis_id, e.parameter)) for e in report.alarms(axis_id)],
     }
 
@@ -220,11 +220,11 @@ def _limit(r: Reach, words: str) -> Json:
     return {"name": r.name, "limit": r.limit, "unit": r.unit, "state": r.state, **times, "words": words}
 
 
-def _alarm(e: Alarm, of: Quantity) -> Json:
+def _alarm(e: Alarm, quantity: Quantity) -> Json:
     return {
         "parameter": e.parameter,
         "direction": e.direction,
-        "words": _said(e, of),
+        "words": _sentence(e, quantity),
         "stage": e.stage,
         "causes": [cause._asdict() for cause in e.causes],
         "doubt": e.doubt,
@@ -252,8 +252,8 @@ def _name(name: Name) -> Json:
     }
 
 
-def _said(e: Alarm, of: Quantity) -> str:
-    return episode_words(e, of.nominal, of.unit)
+def _sentence(e: Alarm, quantity: Quantity) -> str:
+    return episode_words(e, quantity.nominal, quantity.unit)
 
 
 def _onset(e: Alarm) -> str:

@@ -81,8 +81,8 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
     period = abs(axis.angle.factor) * axis.angle.wrap_period
     turns = [
         period * abs(r) / (2 * math.pi)
-        for r, of in zip(ratio, drive.inputs, strict=True)
-        if of in (COSINE, SINE)
+        for r, kind in zip(ratio, drive.inputs, strict=True)
+        if kind in (COSINE, SINE)
     ]
     parts = [t for t in turns if round(t) == 0 or abs(t - round(t)) > _NEARLY]
     if parts:

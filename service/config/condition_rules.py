@@ -148,14 +148,14 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
 
 def choice(axis: AxisConfig) -> Iterator[Finding]:
     """What is said of the conditions is what is configured."""
-    said, path = axis.model.conditions, ("model", "conditions")
-    if said == "followed" and not varying_of(axis):
+    stated, path = axis.model.conditions, ("model", "conditions")
+    if stated == "followed" and not varying_of(axis):
         yield Finding(
             path, "nothing follows anything: add [[robot.axis.model.schedule]], or a nominal_file with some"
         )
-    if said == "gated" and not axis.gate:
+    if stated == "gated" and not axis.gate:
         yield Finding(path, "there is no gate: add [[robot.axis.gate]]")
-    if said == "others stand still":
+    if stated == "others stand still":
         moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
         for v in varying_of(axis):
             if (other := moving.get(_signal(v, axis))) is not None:

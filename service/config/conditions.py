@@ -129,5 +129,5 @@ def unsaid(config: Config) -> Iterator[str]:
 
 
 def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
-    said = axis.model.conditions is not None or axis.gate or varying_of(axis)
-    return len(robot.axis) > 1 and not said
+    stated = axis.model.conditions is not None or axis.gate or varying_of(axis)
+    return len(robot.axis) > 1 and not stated

@@ -64,10 +64,10 @@ def readable(axis: AxisConfig) -> Iterator[Finding]:
 def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
     """It has a threshold for every monitored parameter, and for no other."""
     found = _found(axis)
-    of = [entry.parameter for entry in found.threshold]
-    if of != list(axis.model.monitor):
+    names = [entry.parameter for entry in found.threshold]
+    if names != list(axis.model.monitor):
         watched = ", ".join(axis.model.monitor)
-        message = f"has thresholds of {', '.join(of)}, but {watched} are monitored: calibrate again"
+        message = f"has thresholds of {', '.join(names)}, but {watched} are monitored: calibrate again"
         yield Finding(FILE, message)
 
 

@@ -47,7 +47,7 @@ def content_of(path: Path, refusal: type[Exception]) -> dict[str, Any]:
         raise refusal(f"{path} is no TOML: {error}") from None
 
 
-def validated(whole: type[_F], content: dict[str, Any], path: Path, refusal: type[Exception]) -> _F:
+def validated(schema: type[_F], content: dict[str, Any], path: Path, refusal: type[Exception]) -> _F:
     """The content as the type of the whole file.
 
     Raises:
@@ -57,7 +57,7 @@ def validated(whole: type[_F], content: dict[str, Any], path: Path, refusal: typ
         if (change := RENAMED_KEYS.get(key)) is not None:
             raise refusal(f"{path}: {key}: is now called {change}")
     try:
-        return whole.model_validate({**content, "path": path})
+        return schema.model_validate({**content, "path": path})
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(map(str, first["loc"]))

@@ -76,10 +76,10 @@ def same_values(axis: AxisConfig) -> Iterator[Finding]:
     found = _found(axis)
     other = _other(usable_drive(axis), axis.model.nominal, found)
     if other:
-        name, (here, there) = next(iter(other.items()))
+        name, (left, right) = next(iter(other.items()))
         more = f" and {len(other) - 1} more" if len(other) > 1 else ""
         message = (
-            f"{name} = {here:g}, but {_name(found)} has {there:.6g}{more}: remove what is in the file, or"
+            f"{name} = {left:g}, but {_name(found)} has {right:.6g}{more}: remove what is in the file, or"
         )
         yield Finding(("model", "nominal"), message, FILE)
 
@@ -99,12 +99,12 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
             found.drive.friction_speed_scale,
         ),
     ]
-    for path, here, there in pairs:
-        if here is not None and not _alike(here, there):
-            shown = f"has {there:.6g}" if isinstance(there, float) else f"has {there or 'none'}"
+    for path, left, right in pairs:
+        if left is not None and not _alike(left, right):
+            shown = f"has {right:.6g}" if isinstance(right, float) else f"has {right or 'none'}"
             yield Finding(path, f"but {_name(found)} {shown}: remove this, or", FILE)
     given = _given(e, "innovation_variance")
-    if given is not None and not any(_alike(given, there) for there in (p.innovation_variance, p.lam0)):
+    if given is not None and not any(_alike(given, right) for right in (p.innovation_variance, p.lam0)):
         message = f"but {_name(found)} has {p.lam0:.6g}: remove this, or"
         yield Finding(("estimator", "innovation_variance"), message, FILE)
     gain = e.gain
@@ -143,20 +143,20 @@ def _given(table: Table, name: str) -> object:
     return getattr(table, name) if name in table.model_fields_set else None
 
 
-def _alike(here: object, there: object) -> bool:
-    if isinstance(here, float) and isinstance(there, float):
-        return math.isclose(here, there, rel_tol=_SAME)
-    return here == there
+def _alike(left: object, right: object) -> bool:
+    if isinstance(left, float) and isinstance(right, float):
+        return math.isclose(left, right, rel_tol=_SAME)
+    return left == right
 
 
 def _other(drive: Drive, given: Mapping[str, float], found: NominalFile) -> dict[str, tuple[float, float]]:
     """Values given here that differ from the file's, merged ones by what they are made of."""
-    here = dict(given)
+    left = dict(given)
     for definition in drive.definitions:
-        if definition.name not in here and definition.names <= here.keys():
+        if definition.name not in left and definition.names <= left.keys():
             with suppress(ValueError):
-                here[definition.name] = definition.value(here)
-    both = {name: (here[name], value) for name, value in found.values.items() if name in here}
+                left[definition.name] = definition.value(left)
+    both = {name: (left[name], value) for name, value in found.values.items() if name in left}
     return {name: pair for name, pair in both.items() if not _alike(*pair)}
 
 

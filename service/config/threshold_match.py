@@ -42,8 +42,8 @@ def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile)
     Raises:
         ValueError: they were made with other nominal values, or for another estimator.
     """
-    for here, there in ((dict(model.nominal), found.nominal), (made_with(model, settings), found.made_with)):
-        if reason := _difference(here, there):
+    for left, right in ((dict(model.nominal), found.nominal), (made_with(model, settings), found.made_with)):
+        if reason := _difference(left, right):
             raise ValueError(
                 f"{found.path.name} was made with {reason}: run `axiswatch calibrate` again, or leave out"
                 " thresholds_file"
@@ -52,21 +52,21 @@ def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile)
     return replace(settings, thresholds=own)
 
 
-def _difference(here: Mapping[str, object], there: Mapping[str, object]) -> str:
+def _difference(left: Mapping[str, object], right: Mapping[str, object]) -> str:
     """What differs, in words; empty: nothing."""
-    for name, value in here.items():
-        other = there.get(name)
+    for name, value in left.items():
+        other = right.get(name)
         if not _alike(value, other):
             return f"{name} = {_shown(other)}, now it is {_shown(value)}"
     return ""
 
 
-def _alike(here: object, there: object) -> bool:
-    if isinstance(here, list) and isinstance(there, list):
-        return len(here) == len(there) and all(map(_alike, here, there))
-    if isinstance(here, int | float) and isinstance(there, int | float):
-        return math.isclose(here, there, rel_tol=_SAME, abs_tol=1e-300)
-    return here == there
+def _alike(left: object, right: object) -> bool:
+    if isinstance(left, list) and isinstance(right, list):
+        return len(left) == len(right) and all(map(_alike, left, right))
+    if isinstance(left, int | float) and isinstance(right, int | float):
+        return math.isclose(left, right, rel_tol=_SAME, abs_tol=1e-300)
+    return left == right
 
 
 def _shown(value: object) -> str:

@@ -97,7 +97,7 @@ def _refused(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> dict[str, Boo
     """Which rows (N,) cannot be trusted, by reason."""
     time = axis.config.time.column
     absurd = _absurd(rows, columns, axis)
-    values = [of for name, of in rows.columns.items() if name != time]
+    values = [column for name, column in rows.columns.items() if name != time]
     beside = torn(np.column_stack(values), absurd)
     late = np.zeros(len(absurd), np.bool_)
     if time is not None:

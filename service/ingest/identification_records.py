@@ -108,13 +108,13 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
         raise RecordError(
             f"{want.path}: {samples.block.size} samples of axis {axis.id} in it; dropped: {dropped or 'nothing'}"
         )
-    whole = _record(samples, axis, Path(want.path).name)
-    record = _in_range(whole, want)
-    since = record.t - whole.t[0]
+    full = _record(samples, axis, Path(want.path).name)
+    record = _in_range(full, want)
+    since = record.t - full.t[0]
     source = Source(
         want.path,
         _sha256(want.path),
-        len(whole),
+        len(full),
         len(record),
         float(since[0]),
         float(since[-1]),

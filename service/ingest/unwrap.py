@@ -52,10 +52,10 @@ class Turns:
 
     def take(self, t_us: Times, angle: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Whole angles (N,) of samples at increasing times, and which of them are sure (N,)."""
-        whole = [self._next(t, value) for t, value in zip(t_us.tolist(), angle.tolist(), strict=True)]
-        sure = np.array([value is not None for value in whole], np.bool_)
-        self.refused += len(whole) - int(np.count_nonzero(sure))
-        return np.array([np.nan if value is None else value for value in whole]), sure
+        unwrapped = [self._next(t, value) for t, value in zip(t_us.tolist(), angle.tolist(), strict=True)]
+        sure = np.array([value is not None for value in unwrapped], np.bool_)
+        self.refused += len(unwrapped) - int(np.count_nonzero(sure))
+        return np.array([np.nan if value is None else value for value in unwrapped]), sure
 
     def _next(self, t_us: int, value: float) -> float | None:
         last = self._last
@@ -65,11 +65,11 @@ class Turns:
         if t_us <= last.t_us:  # the monitor refuses it, and counts it
             return value
         expected = last.angle + last.speed * (t_us - last.t_us)
-        whole = value + round((expected - value) / self._period) * self._period
-        if not abs(whole - expected) <= SURE * self._period:
+        unwrapped = value + round((expected - value) / self._period) * self._period
+        if not abs(unwrapped - expected) <= SURE * self._period:
             return None
-        self._last = Motion(t_us, whole, (whole - last.angle) / (t_us - last.t_us))
-        return whole
+        self._last = Motion(t_us, unwrapped, (unwrapped - last.angle) / (t_us - last.t_us))
+        return unwrapped
 
 
 def turns_of(config: AxisConfig) -> Turns | None:

@@ -66,7 +66,7 @@ class Trends:
             changed += [AxisAlarm(axis_id, alarm) for alarm in self._axes[axis_id].monitor.update(i)]
         return changed
 
-    def of(self, axis_id: str) -> tuple[ParameterTrend, ...]:
+    def for_axis(self, axis_id: str) -> tuple[ParameterTrend, ...]:
         """The trends of an axis, as they were computed last."""
         return tuple(self._axes[axis_id].monitor.trends)
 
@@ -79,7 +79,7 @@ class Trends:
         return [
             AxisAlarm(axis_id, alarm)
             for axis_id, found in forecasts.items()
-            for alarm in self._axes[axis_id].monitor.adopt([one.alarm for one in found], now_us)
+            for alarm in self._axes[axis_id].monitor.adopt([trend.alarm for trend in found], now_us)
         ]
 
     def to_save(self) -> Iterator[SavedPart]:

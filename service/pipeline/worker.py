@@ -175,7 +175,7 @@ class Worker:
         events, stamps = ingest.axis_events(axis_id), ingest.axis_stamps(axis_id)
         trends = self._pipeline.monitors.trends
         shown = view.snapshot(open_alarms, dropped, events, gated_by, stamps)
-        return replace(shown, trends=trends.of(axis_id), histories_lost=trends.lost[axis_id])
+        return replace(shown, trends=trends.for_axis(axis_id), histories_lost=trends.lost[axis_id])
 
     def _all_messages(self) -> tuple[str, ...]:
         now = (self._alarms.problem, self._checkpointer.problem, self._recording.problem)

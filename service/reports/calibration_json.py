@@ -26,7 +26,7 @@ def as_json(calibration: Calibration) -> str:
         "parameters": [_parameter(calibration, i) for i in range(len(calibration.result.model.monitored))],
         "multimodel": _bank(calibration),
         "onsets": calibration.result.onsets,
-        "faults": [_fault(calibration, one) for one in calibration.result.caught],
+        "faults": [_fault(calibration, trial) for trial in calibration.result.caught],
         "first_named": _confusion(calibration.result.tests),
         "made_with": made_with(calibration.result.model, calibration.result.settings),
         "nominal": dict(calibration.result.model.nominal),
@@ -58,42 +58,42 @@ def _parameter(calibration: Calibration, i: int) -> Json:
 
 
 def _bank(calibration: Calibration) -> Json | None:
-    told = calibration.result.by_bank
-    if calibration.result.bank is None or told is None:
+    result = calibration.result.by_bank
+    if calibration.result.bank is None or result is None:
         return None
     return {
-        "false_alarms": _false_alarms(told),
-        "hypotheses": [asdict(one) for one in calibration.result.bank.limits.own],
-        "faults": [_fault(calibration, one) for one in told.caught],
-        "smallest_found": {name: _smallest(told, name) for name in calibration.result.model.monitored},
-        "named": _confusion(told),
+        "false_alarms": _false_alarms(result),
+        "hypotheses": [asdict(trial) for trial in calibration.result.bank.limits.own],
+        "faults": [_fault(calibration, trial) for trial in result.caught],
+        "smallest_found": {name: _smallest(result, name) for name in calibration.result.model.monitored},
+        "named": _confusion(result),
     }
 
 
-def _false_alarms(told: DetectorResult) -> Json:
-    most, low, high = told.between_s
+def _false_alarms(result: DetectorResult) -> Json:
+    most, low, high = result.between_s
     return {"one_in_s": most, "interval_s": [low, high], "confidence": 0.9}
 
 
-def _smallest(told: DetectorResult, name: str) -> Json:
-    up, down = told.smallest(name)
+def _smallest(result: DetectorResult, name: str) -> Json:
+    up, down = result.smallest(name)
     return {"increase": up, "decrease": down}
 
 
-def _confusion(told: DetectorResult) -> Json:
-    return {name: {key or "none": n for key, n in row.items()} for name, row in told.confusion().items()}
+def _confusion(result: DetectorResult) -> Json:
+    return {name: {key or "none": n for key, n in row.items()} for name, row in result.confusion().items()}
 
 
-def _fault(calibration: Calibration, one: Caught) -> Json:
+def _fault(calibration: Calibration, trial: Caught) -> Json:
     return {
-        "parameter": one.fault.parameter,
-        "size": one.fault.size,
-        "exact": one.exact,
-        "found_within": one.found_within(calibration.result.within_s),
-        "delay_median_s": one.delay(0.5),
-        "delay_90_s": one.delay(0.9),
-        "first_named": {name or "none": one.first.count(name) for name in sorted(set(one.first))},
-        "torque_peak": one.torque_peak,
+        "parameter": trial.fault.parameter,
+        "size": trial.fault.size,
+        "exact": trial.exact,
+        "found_within": trial.found_within(calibration.result.within_s),
+        "delay_median_s": trial.delay(0.5),
+        "delay_90_s": trial.delay(0.9),
+        "first_named": {name or "none": trial.first.count(name) for name in sorted(set(trial.first))},
+        "torque_peak": trial.torque_peak,
     }
 
 

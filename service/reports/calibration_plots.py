@@ -22,8 +22,8 @@ def power_picture(calibration: Calibration, name: str, number: int) -> str:
     """Of the faults of one parameter: how many are found in time, and how soon."""
     with figure(_HEIGHT) as drawn:
         left, right = drawn.subplots(1, 2)
-        for told, colour in zip(calibration.detectors, _COLOURS, strict=False):
-            _curves(told, name, left, right, colour)
+        for result, colour in zip(calibration.detectors, _COLOURS, strict=False):
+            _curves(result, name, left, right, colour)
         left.axhline(100 * FOUND_SHARE, color=GRID, lw=1)
         left.set_ylim(-3, 103)
         left.set_title(f"found within {calibration.result.within_s:.3g} s [%]")
@@ -38,12 +38,15 @@ def power_picture(calibration: Calibration, name: str, number: int) -> str:
         )
 
 
-def _curves(told: DetectorResult, name: str, left: Axes, right: Axes, colour: str) -> None:
+def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, colour: str) -> None:
     """What one detector finds; where it finds nothing in what was looked at, there is no delay."""
-    mine = sorted((one for one in told.caught if one.fault.parameter == name), key=lambda one: one.fault.size)
-    sizes = [100 * one.fault.size for one in mine]
-    shares = [100 * one.found_within(told.within_s) for one in mine]
-    left.plot(sizes, shares, "o-", color=colour, ms=4, label=DETECTORS[told.detector])
+    mine = sorted(
+        (trial for trial in result.caught if trial.fault.parameter == name),
+        key=lambda trial: trial.fault.size,
+    )
+    sizes = [100 * trial.fault.size for trial in mine]
+    shares = [100 * trial.found_within(result.within_s) for trial in mine]
+    left.plot(sizes, shares, "o-", color=colour, ms=4, label=DETECTORS[result.detector])
     for share, style in ((0.5, "o-"), (0.9, "s--")):
-        delays = [v if math.isfinite(v := one.delay(share)) else math.nan for one in mine]
+        delays = [v if math.isfinite(v := trial.delay(share)) else math.nan for trial in mine]
         right.plot(sizes, delays, style, color=colour, ms=4)

@@ -65,9 +65,9 @@ def promises(calibration: Calibration) -> Iterator[str]:
         yield "No multi-model detector: the axis can have none."
 
 
-def part(calibration: Calibration, one: DetectorResult) -> str:
+def part(calibration: Calibration, trial: DetectorResult) -> str:
     """What a detector will do with these thresholds."""
-    return f"which {_VERB[one.detector][one.detector != calibration.alarms]}"
+    return f"which {_VERB[trial.detector][trial.detector != calibration.alarms]}"
 
 
 def threshold_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
@@ -86,10 +86,10 @@ def threshold_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
 def hypothesis_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
     """One for each cause."""
     own = calibration.result.bank.limits.own if calibration.result.bank else ()
-    for cause in dict.fromkeys(one.cause for one in own):
-        mine = [one for one in own if one.cause == cause]
-        low, high = (f"{of_all(one.h for one in mine):.1f}" for of_all in (min, max))
-        allowed = max(one.allowance for one in mine)
+    for cause in dict.fromkeys(trial.cause for trial in own):
+        mine = [trial for trial in own if trial.cause == cause]
+        low, high = (f"{of_all(trial.h for trial in mine):.1f}" for of_all in (min, max))
+        allowed = max(trial.allowance for trial in mine)
         between = low if low == high else f"{low} to {high}"
         yield cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"
 
@@ -119,34 +119,34 @@ def _smallest(size: float | None) -> str:
     return "none" if size is None else percent(size, signed=True)
 
 
-def fault_titles(calibration: Calibration, told: DetectorResult) -> tuple[str, ...]:
+def fault_titles(calibration: Calibration, result: DetectorResult) -> tuple[str, ...]:
     """Over the columns of ``fault_rows``; the last is the delay of the other detector."""
-    named = "named" if told.detector == "multimodel" else "named first"
-    others = (f"{_SHORT[detector.detector]}: median" for detector in _others(calibration, told))
+    named = "named" if result.detector == "multimodel" else "named first"
+    others = (f"{_SHORT[detector.detector]}: median" for detector in _others(calibration, result))
     return ("fault", "how", "found in time", "median delay", "in 9 of 10 by", *others, named)
 
 
-def fault_rows(calibration: Calibration, told: DetectorResult) -> Iterator[tuple[str, ...]]:
+def fault_rows(calibration: Calibration, result: DetectorResult) -> Iterator[tuple[str, ...]]:
     """One for each fault, as a detector found it."""
-    beside = _others(calibration, told)
-    for k, one in enumerate(told.caught):
+    beside = _others(calibration, result)
+    for k, trial in enumerate(result.caught):
         yield (
-            f"{one.fault.parameter} {percent(one.fault.size, signed=True)}",
-            "exact" if one.exact else "simulated",
-            percent(one.found_within(told.within_s)),
-            _seconds(one.delay(0.5)),
-            _seconds(one.delay(0.9)),
+            f"{trial.fault.parameter} {percent(trial.fault.size, signed=True)}",
+            "exact" if trial.exact else "simulated",
+            percent(trial.found_within(result.within_s)),
+            _seconds(trial.delay(0.5)),
+            _seconds(trial.delay(0.9)),
             *(_seconds(other.caught[k].delay(0.5)) for other in beside),
-            _names(one),
+            _names(trial),
         )
 
 
-def _others(calibration: Calibration, told: DetectorResult) -> list[DetectorResult]:
+def _others(calibration: Calibration, result: DetectorResult) -> list[DetectorResult]:
     """Which found the same faults."""
     return [
         detector
         for detector in calibration.detectors
-        if detector.detector != told.detector and detector.caught
+        if detector.detector != result.detector and detector.caught
     ]
 
 
@@ -154,25 +154,25 @@ def _seconds(delay: float) -> str:
     return f"{plain(delay, 3)} s" if math.isfinite(delay) else "later"
 
 
-def _names(one: Caught) -> str:
+def _names(trial: Caught) -> str:
     """What its alarms were called, the most frequent first; what was seldom is counted together."""
-    counts = sorted(((one.first.count(name), name) for name in set(one.first) if name), reverse=True)
-    whole = sum(n for n, _ in counts)
-    often = [(n, name) for n, name in counts if n == counts[0][0] or n >= _SELDOM * whole]
-    if rest := whole - sum(n for n, _ in often):
+    counts = sorted(((trial.first.count(name), name) for name in set(trial.first) if name), reverse=True)
+    total = sum(n for n, _ in counts)
+    often = [(n, name) for n, name in counts if n == counts[0][0] or n >= _SELDOM * total]
+    if rest := total - sum(n for n, _ in often):
         often.append((rest, "others"))
-    return ", ".join(name if n == whole else f"{name} {percent(n / whole)}" for n, name in often)
+    return ", ".join(name if n == total else f"{name} {percent(n / total)}" for n, name in often)
 
 
-def confusion_titles(told: DetectorResult) -> tuple[str, ...]:
+def confusion_titles(result: DetectorResult) -> tuple[str, ...]:
     """Over the columns."""
-    names = next(iter(told.confusion().values()), {})
+    names = next(iter(result.confusion().values()), {})
     return ("fault in", *(name or "none yet" for name in names))
 
 
-def confusion_rows(told: DetectorResult) -> Iterator[tuple[str, ...]]:
+def confusion_rows(result: DetectorResult) -> Iterator[tuple[str, ...]]:
     """One for each parameter: how its faults, of all sizes, were called."""
-    for name, row in told.confusion().items():
+    for name, row in result.confusion().items():
         total = sum(row.values())
         yield (name, *(percent(n / total) if total else "" for n in row.values()))
 

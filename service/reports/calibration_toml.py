@@ -37,12 +37,12 @@ def _head(calibration: Calibration) -> Iterator[str]:
 
 def _thresholds(calibration: Calibration) -> Iterator[str]:
     yield "# nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size,  h = alpha_2 * size"
-    for name, one in zip(
+    for name, entry in zip(
         calibration.result.model.monitored, calibration.result.settings.thresholds, strict=True
     ):
         yield "[[threshold]]"
         yield f"parameter = {toml_value(name)}"
-        yield from (f"{key} = {toml_value(value)}" for key, value in zip(_KEYS, one, strict=True))
+        yield from (f"{key} = {toml_value(value)}" for key, value in zip(_KEYS, entry, strict=True))
 
 
 _KEYS = ("alpha_1", "alpha_2", "allowance")
@@ -65,19 +65,19 @@ def _bank(calibration: Calibration) -> Iterator[Iterator[str]]:
 
 def _hypotheses(multimodel: MultiModelCalibration) -> Iterator[str]:
     yield "# Of the multi-model detector: alarm when g, the sum of log-likelihood ratios less the allowance, exceeds h."
-    for one in multimodel.limits.own:
+    for entry in multimodel.limits.own:
         yield "[[hypothesis]]"
-        yield f"cause = {toml_value(one.cause)}"
-        if math.isfinite(one.size):
-            yield f"size = {toml_value(one.size)}"
-        yield f"h = {toml_value(one.h)}"
-        yield f"allowance = {toml_value(one.allowance)}"
-        if one.alike:
-            yield f"alike = {toml_value(list(one.alike))}"
+        yield f"cause = {toml_value(entry.cause)}"
+        if math.isfinite(entry.size):
+            yield f"size = {toml_value(entry.size)}"
+        yield f"h = {toml_value(entry.h)}"
+        yield f"allowance = {toml_value(entry.allowance)}"
+        if entry.alike:
+            yield f"alike = {toml_value(list(entry.alike))}"
 
 
-def _bank_rate(told: DetectorResult) -> Iterator[str]:
-    most, low, high = told.between_s
+def _bank_rate(result: DetectorResult) -> Iterator[str]:
+    most, low, high = result.between_s
     yield "[bank_false_alarms]"
     yield f"one_in_s = {toml_value(most)}  # most likely"
     yield f"interval_s = {toml_value([low, high])}  # 90 %"

@@ -75,20 +75,20 @@ def _spectrum(axes: Axes, experiment: Experiment) -> None:
 
 def _bars(axes: Axes, experiment: Experiment) -> None:
     names, sd = experiment.accuracy.names, 100 * experiment.accuracy.standard_deviations
-    told = [int(i) for i in np.argsort(-sd) if np.isfinite(sd[i])]
-    rows, widest = range(len(told)), sd[told].copy()
-    axes.barh(rows, sd[told], color=_INK, height=0.55, label="this spectrum")
+    known = [int(i) for i in np.argsort(-sd) if np.isfinite(sd[i])]
+    rows, widest = range(len(known)), sd[known].copy()
+    axes.barh(rows, sd[known], color=_INK, height=0.55, label="this spectrum")
     compared = None
     if experiment.flat is not experiment.accuracy:
-        compared = flat = 100 * experiment.flat.standard_deviations[told]
+        compared = flat = 100 * experiment.flat.standard_deviations[known]
         axes.plot(flat, rows, "d", color=_LIMIT, markersize=5, label="flat spectrum")
         axes.legend(fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
         widest = np.maximum(widest, flat)
-    for row, i in enumerate(told):
+    for row, i in enumerate(known):
         other = "" if compared is None else f" (flat {compared[row]:.2g} %)"
         axes.annotate(f"  {sd[i]:.2g} %{other}", (widest[row], row), va="center", fontsize=8)
     axes.set_xscale("log")
-    axes.set_xlim(sd[told].min(initial=np.inf) / 3, widest.max(initial=0.0) * 40)
-    axes.set_yticks(rows, [names[i] + (" *" if names[i] in experiment.task.find else "") for i in told])
+    axes.set_xlim(sd[known].min(initial=np.inf) / 3, widest.max(initial=0.0) * 40)
+    axes.set_yticks(rows, [names[i] + (" *" if names[i] in experiment.task.find else "") for i in known])
     axes.set_xlabel("predicted standard deviation [%]" + (";  * to be found" if experiment.task.find else ""))
     axes.set_title("what it will tell", loc="left", fontsize=10)

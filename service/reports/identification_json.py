@@ -75,13 +75,13 @@ def _growth(growth: Growth) -> Json:
     return {"recommended": growth.recommended, "words": list(growth.words), "models": models}
 
 
-def _slope(one: Slope) -> Json:
-    f = one.scheduled
+def _slope(item: Slope) -> Json:
+    f = item.scheduled
     return {
         "parameter": f.parameter,
         "signal": f.term,
-        "slope": one.slope,
-        "standard_deviation": one.sd,
+        "slope": item.slope,
+        "standard_deviation": item.sd,
         "reference": f.reference,
         "range": [f.low, f.high],
     }
@@ -128,14 +128,14 @@ def _bode(report: IdentificationReport) -> Json:
     return {**{key: _response(item) if item else None for key, item in named.items()}, "words": list(b.words)}
 
 
-def _response(one: FrequencyResponse) -> Json:
+def _response(item: FrequencyResponse) -> Json:
     return {
-        "name": one.name,
-        "frequency_hz": _numbers(one.frequency_hz),
-        "db": _numbers(one.db),
-        "sd_db": _numbers(one.sd_db),
-        "phase_rad": _numbers(one.phase),
-        "sd_phase_rad": _numbers(one.sd_phase),
+        "name": item.name,
+        "frequency_hz": _numbers(item.frequency_hz),
+        "db": _numbers(item.db),
+        "sd_db": _numbers(item.sd_db),
+        "phase_rad": _numbers(item.phase),
+        "sd_phase_rad": _numbers(item.sd_phase),
     }
 
 

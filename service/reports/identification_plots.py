@@ -26,10 +26,10 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
     """The whole record, some seconds of it in detail, and the errors."""
     quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
     with figure(7.4) as drawn:
-        whole, detail, run, ahead = drawn.subplots(4, 1, height_ratios=(2, 2, 1.1, 1.1))
-        _lines(whole, trace, slice(None))
-        whole.set(title="Whole record", ylabel=quantity)
-        whole.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2)
+        full, detail, run, ahead = drawn.subplots(4, 1, height_ratios=(2, 2, 1.1, 1.1))
+        _lines(full, trace, slice(None))
+        full.set(title="Whole record", ylabel=quantity)
+        full.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2)
         part = _lively(trace)
         _lines(detail, trace, part)
         detail.set(title="In detail", ylabel=quantity, xlim=trace.t[part][[0, -1]])
@@ -37,7 +37,7 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
         run.set(title="Errors of the simulation", ylabel="error")
         ahead.plot(*thinned(trace.t, trace.y - trace.predicted), color=FOUND, lw=0.9)
         ahead.set(title="Errors one step ahead", ylabel="error", xlabel="time [s]")
-        for axes in (whole, run, ahead):
+        for axes in (full, run, ahead):
             axes.set_xlim(trace.t[0], trace.t[-1])
         return as_svg(drawn, f"{quantity} measured, predicted and simulated", salt)
 
@@ -111,33 +111,35 @@ def bode_picture(bode: Bode) -> str:
         return as_svg(drawn, "frequency responses from torque to speed", "bode")
 
 
-def _omega(one: FrequencyResponse) -> Floats:
-    return 2 * np.pi * one.frequency_hz
+def _omega(response: FrequencyResponse) -> Floats:
+    return 2 * np.pi * response.frequency_hz
 
 
-def _banded(gain: Axes, phase: Axes, one: FrequencyResponse) -> None:
-    w, sd = _omega(one), np.degrees(_SIGMAS * one.sd_phase)
-    gain.fill_between(w, *one.band_db(_SIGMAS), color=FOUND, alpha=0.25, lw=0)
-    gain.plot(w, one.db, color=FOUND, lw=1.8, label=f"{one.name} (band: {_SIGMAS:g} standard deviations)")
-    degrees = np.degrees(one.phase)
+def _banded(gain: Axes, phase: Axes, response: FrequencyResponse) -> None:
+    w, sd = _omega(response), np.degrees(_SIGMAS * response.sd_phase)
+    gain.fill_between(w, *response.band_db(_SIGMAS), color=FOUND, alpha=0.25, lw=0)
+    gain.plot(
+        w, response.db, color=FOUND, lw=1.8, label=f"{response.name} (band: {_SIGMAS:g} standard deviations)"
+    )
+    degrees = np.degrees(response.phase)
     phase.fill_between(w, degrees - sd, degrees + sd, color=FOUND, alpha=0.25, lw=0)
     phase.plot(w, degrees, color=FOUND, lw=1.8)
 
 
 def _dashed(
-    gain: Axes, phase: Axes, one: FrequencyResponse, colour: str, dashes: tuple[float, tuple[float, ...]]
+    gain: Axes, phase: Axes, response: FrequencyResponse, colour: str, dashes: tuple[float, tuple[float, ...]]
 ) -> None:
-    gain.plot(_omega(one), one.db, color=colour, ls=dashes, label=one.name)
-    phase.plot(_omega(one), np.degrees(one.phase), color=colour, ls=dashes)
+    gain.plot(_omega(response), response.db, color=colour, ls=dashes, label=response.name)
+    phase.plot(_omega(response), np.degrees(response.phase), color=colour, ls=dashes)
 
 
-def _measured(gain: Axes, phase: Axes, one: FrequencyResponse, near: FrequencyResponse) -> None:
+def _measured(gain: Axes, phase: Axes, response: FrequencyResponse, near: FrequencyResponse) -> None:
     """Points with their deviations; the phase by whole turns nearest to the drive's."""
-    w = _omega(one)
-    low, high = one.band_db(_SIGMAS)
+    w = _omega(response)
+    low, high = response.band_db(_SIGMAS)
     gain.vlines(w, low, high, color=MEASURED, lw=0.8, alpha=0.5)
-    gain.plot(w, one.db, ".", color=MEASURED, ms=3.5, label=one.name)
-    degrees = np.degrees(np.angle(one.G))
+    gain.plot(w, response.db, ".", color=MEASURED, ms=3.5, label=response.name)
+    degrees = np.degrees(np.angle(response.G))
     expected = np.interp(w, _omega(near), np.degrees(near.phase))
     phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=MEASURED, ms=3.5)
 
@@ -161,6 +163,6 @@ def _quarters() -> MultipleLocator:
     return MultipleLocator(90)
 
 
-def _limit_phase(axes: Axes, one: FrequencyResponse) -> None:
-    degrees = np.degrees(one.phase)
+def _limit_phase(axes: Axes, response: FrequencyResponse) -> None:
+    degrees = np.degrees(response.phase)
     axes.set_ylim(float(degrees.min()) - 60, float(degrees.max()) + 60)

@@ -177,17 +177,17 @@ MASSES_TITLES = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "si
 def masses_rows(growth: Growth) -> Iterator[MassesRow]:
     """The comparison; AIC and BIC above those of the best."""
     least = [min(getattr(model, name) for model in growth.models) for name in ("aic", "bic")]
-    for one in growth.models:
-        e = one.estimate
+    for model in growth.models:
+        e = model.estimate
         yield MassesRow(
-            str(one.masses),
+            str(model.masses),
             plain(e.cost, 5),
-            f"{one.aic - least[0]:+.0f}",
-            f"{one.bic - least[1]:+.0f}",
+            f"{model.aic - least[0]:+.0f}",
+            f"{model.bic - least[1]:+.0f}",
             f"{min(e.fit):.2f} %",
             f"{min(e.fit_simulation):.2f} %",
-            f"{min(one.validation):.2f} %" if one.validation else "",
-            one.masses == growth.recommended,
+            f"{min(model.validation):.2f} %" if model.validation else "",
+            model.masses == growth.recommended,
         )
 
 

@@ -99,8 +99,8 @@ def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationRe
     if row is None or row.held:
         sure = f"held: {row.held}" if row else "held"
     else:
-        told = row.relative_sd is not None and not row.is_about_zero
-        sure = f"+- {percent(row.relative_sd)}" if told else f"+- {row.sd:.2g}, about 0"
+        known = row.relative_sd is not None and not row.is_about_zero
+        sure = f"+- {percent(row.relative_sd)}" if known else f"+- {row.sd:.2g}, about 0"
     return f"{p.unit}, {sure}; {p.meaning}"
 
 

@@ -43,11 +43,13 @@ def others(bank: BankCourse, parameters: Sequence[str]) -> list[Group]:
     return sorted(found, key=lambda group: -bank.largest(group.cause))
 
 
-def draw_others(axes: Axes, course: Course, bank: BankCourse, of: Sequence[Group], unit: TimeUnit) -> None:
+def draw_others(
+    axes: Axes, course: Course, bank: BankCourse, groups: Sequence[Group], unit: TimeUnit
+) -> None:
     """The evidence for each of these causes; the largest ones are named."""
-    named = [group for group in of[: len(_COLOURS)] if bank.largest(group.cause) >= _WORTH_A_NAME]
+    named = [group for group in groups[: len(_COLOURS)] if bank.largest(group.cause) >= _WORTH_A_NAME]
     lines = []
-    for k, group in reversed(list(enumerate(of))):  # the largest is drawn last, over the others
+    for k, group in reversed(list(enumerate(groups))):  # the largest is drawn last, over the others
         colour, dashes, width = (*_COLOURS[k], 1.2) if k < len(named) else (QUIET, "-", 0.6)
         lines += axes.plot(*_line(course, bank, group, unit), color=colour, ls=dashes, lw=width)
     names = [group.cause for group in named]
@@ -62,7 +64,7 @@ def draw_others(axes: Axes, course: Course, bank: BankCourse, of: Sequence[Group
         borderpad=0.1,
     )
     axes.set_title("other causes")
-    _finish(axes, max(bank.largest(group.cause) for group in of))
+    _finish(axes, max(bank.largest(group.cause) for group in groups))
 
 
 def _line(course: Course, bank: BankCourse, group: Group, unit: TimeUnit) -> tuple[Floats, Floats]:

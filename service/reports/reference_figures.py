@@ -53,7 +53,7 @@ def reference() -> Reference:
     W = len(MONITORED)
     faulty = [experiments([SEED], {name: FACTOR}) for name in MONITORED]
     t_us = np.repeat(faulty[0].t_us[:, np.newaxis], W, axis=1)
-    u, y = (np.concatenate([getattr(one, field) for one in faulty], axis=1) for field in ("u", "y"))
+    u, y = (np.concatenate([getattr(record, field) for record in faulty], axis=1) for field in ("u", "y"))
     _, faults = AxisBatch([model] * W, [settings] * W).run_traced(t_us, u, y)
     healthy = experiments([SEED])
     bank = AxisBatch([model], [settings])

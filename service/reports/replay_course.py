@@ -206,10 +206,10 @@ class BankCourse:
 
     def __init__(self, bank: HypothesisBank, parameters: Sequence[str], most: int) -> None:
         self._h = bank.h
-        of = [_group(hypothesis.cause, hypothesis.size, parameters) for hypothesis in bank.hypotheses]
-        self.groups: tuple[Group, ...] = tuple(dict.fromkeys(of))
+        groups = [_group(hypothesis.cause, hypothesis.size, parameters) for hypothesis in bank.hypotheses]
+        self.groups: tuple[Group, ...] = tuple(dict.fromkeys(groups))
         """What is drawn as one line each"""
-        self._members = [np.flatnonzero([one == group for one in of]) for group in self.groups]
+        self._members = [np.flatnonzero([group_of == group for group_of in groups]) for group in self.groups]
         self._low = np.full((len(self.groups), most), np.inf)
         self._high = -self._low
 

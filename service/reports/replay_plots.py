@@ -185,7 +185,7 @@ def _limits(course: Course, i: int) -> tuple[float, float]:
 def _mark_alarms(panels: Sequence[Axes], axis: ReplayedAxis, name: str, unit: TimeUnit) -> None:
     """Those of the parameter, and those of no parameter, such as a fault of a sensor."""
     line, names = axis.course.timeline, {p.name for p in axis.status.parameters}
-    for alarm in (one for one in axis.alarms if one.parameter == name or one.parameter not in names):
+    for alarm in (entry for entry in axis.alarms if entry.parameter == name or entry.parameter not in names):
         onset, raised, ended = (line.find(t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us))
         for axes in panels:
             if onset is not None:
@@ -212,9 +212,9 @@ def _shade(axes: Axes, course: Course, unit: TimeUnit) -> None:
     """Where nothing was learned: bins with samples, none of which was used."""
     runs = list(_runs(course.fate(TRACK) == 0, course, unit))
     if runs:
-        whole = axes.get_xaxis_transform()
+        transform = axes.get_xaxis_transform()
         axes.broken_barh(
-            runs, (0, 1), color=GRID, alpha=0.55, lw=0, transform=whole, zorder=0, label=_NOTHING
+            runs, (0, 1), color=GRID, alpha=0.55, lw=0, transform=transform, zorder=0, label=_NOTHING
         )
 
 
@@ -226,12 +226,12 @@ def _fates(axis: ReplayedAxis, chosen: Sequence[int]) -> Iterator[_Fate]:
     all_of_them += [
         _Fate(f"{axis.status.parameters[i].name} not observed", course.unseen(i) > 0) for i in chosen
     ]
-    yield from (one for one in all_of_them if one.where.any())
+    yield from (entry for entry in all_of_them if entry.where.any())
 
 
 def _draw_fates(axes: Axes, course: Course, fates: Sequence[_Fate], unit: TimeUnit) -> None:
-    for k, one in enumerate(fates):
-        axes.broken_barh(list(_runs(one.where, course, unit)), (k - 0.32, 0.64), color=QUIET, lw=0)
+    for k, entry in enumerate(fates):
+        axes.broken_barh(list(_runs(entry.where, course, unit)), (k - 0.32, 0.64), color=QUIET, lw=0)
     axes.set_yticks(range(len(fates)), [fate.name for fate in fates], fontsize=8.5)
     axes.set(ylim=(len(fates) - 0.4, -0.6), title="What kept from learning")
     axes.tick_params(axis="y", length=0)

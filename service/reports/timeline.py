@@ -63,8 +63,8 @@ class Timeline:
             return
         self.pauses += bool(self._stretches)
         self.start_us = int(t_us[first]) if self.start_us is None else self.start_us
-        of = int(t_us[first]), int(t_us[last]), int(where[first]), 1e-6 * int(steps[first])
-        self._stretches.append(Stretch(*of))
+        stretch = int(t_us[first]), int(t_us[last]), int(where[first]), 1e-6 * int(steps[first])
+        self._stretches.append(Stretch(*stretch))
 
     def find(self, t_us: int | None) -> float | None:
         """Where on the line a time is [s], the latest place where it is; None: nowhere."""

@@ -59,25 +59,25 @@ def trend_picture(axis_id: str, trends: Sequence[ParameterTrend], meanings: Sequ
     line = _line(trends)
     with figure(_PANEL * len(trends) + _LEGEND) as drawn:
         grid = drawn.subplots(len(trends), 1, sharex=True, squeeze=False)
-        for axes, of, meaning in zip(grid[:, 0], trends, meanings, strict=True):
-            _draw(axes, of, line)
-            axes.set_title(f"{of.name}: {meaning}")
+        for axes, trend, meaning in zip(grid[:, 0], trends, meanings, strict=True):
+            _draw(axes, trend, line)
+            axes.set_title(f"{trend.name}: {meaning}")
         last: Axes = grid[-1, 0]
         last.set(
             xlabel=f"time since the first entry of the history [{line.unit.name}]",
             xlim=(0, line.end_s / line.unit.seconds),
         )
         legend_of(drawn, list(grid[:, 0]), _ORDER, rows=2)
-        names = ", ".join(of.name for of in trends)
+        names = ", ".join(trend.name for trend in trends)
         return as_svg(drawn, f"{axis_id}: slow course of {names}, with forecasts", salt)
 
 
 def _line(trends: Sequence[ParameterTrend]) -> _Line:
     """From the first entry as far ahead as the intervals ask for."""
-    known = [of.trend for of in trends if of.trend is not None]
+    known = [trend.trend for trend in trends if trend.trend is not None]
     start, now = min(t.since_us for t in known), max(t.time_us for t in known)
     length = 1e-6 * (now - start)
-    ends = [t for of in trends for r in of.reaches for t in _ends(r)]
+    ends = [t for trend in trends for r in trend.reaches for t in _ends(r)]
     ahead = max([_ROOM * 1e-6 * (t - now) for t in ends], default=0.0)
     end = length + float(np.clip(ahead, _LEAST_AHEAD * length, _MOST_AHEAD * length))
     return _Line(start, time_unit(end), end)
@@ -90,27 +90,27 @@ def _ends(r: Reach) -> tuple[int, ...]:
     return (r.low_us,) if r.high_us is None else (r.low_us, r.high_us)
 
 
-def _draw(axes: Axes, of: ParameterTrend, line: _Line) -> None:
-    assert of.trend is not None
-    _draw_entries(axes, of, line)
-    low, high = _draw_course(axes, of.trend, line)
-    axes.axhline(of.nominal, color=INK, lw=1, ls=(0, (5, 3)), label=_NOMINAL)
-    axes.axvline(line.at(of.trend.time_us), color=QUIET, lw=1, ls=(0, (1, 1.5)), label=_NOW)
-    whisker = float(np.median([e.variance for e in of.entries])) ** 0.5
-    seen = [low, high, of.nominal, *(e.mean + way * whisker for e in of.entries for way in (-1, 1))]
-    for r in of.reaches:
-        limit = _draw_limit(axes, of, r, line)
-        beyond = _BEYOND * (limit - of.trend.level) if r.state in ("ahead", "open") else 0.0
+def _draw(axes: Axes, trend: ParameterTrend, line: _Line) -> None:
+    assert trend.trend is not None
+    _draw_entries(axes, trend, line)
+    low, high = _draw_course(axes, trend.trend, line)
+    axes.axhline(trend.nominal, color=INK, lw=1, ls=(0, (5, 3)), label=_NOMINAL)
+    axes.axvline(line.at(trend.trend.time_us), color=QUIET, lw=1, ls=(0, (1, 1.5)), label=_NOW)
+    whisker = float(np.median([e.variance for e in trend.entries])) ** 0.5
+    seen = [low, high, trend.nominal, *(e.mean + way * whisker for e in trend.entries for way in (-1, 1))]
+    for r in trend.reaches:
+        limit = _draw_limit(axes, trend, r, line)
+        beyond = _BEYOND * (limit - trend.trend.level) if r.state in ("ahead", "open") else 0.0
         seen.append(limit + beyond)
-    room = 0.08 * (max(seen) - min(seen)) or 0.05 * abs(of.nominal) or 1.0
-    axes.set(ylabel=with_unit(of.name, of.unit), ylim=(min(seen) - room, max(seen) + room))
-    if of.nominal:
-        add_percent(axes, of.nominal)
+    room = 0.08 * (max(seen) - min(seen)) or 0.05 * abs(trend.nominal) or 1.0
+    axes.set(ylabel=with_unit(trend.name, trend.unit), ylim=(min(seen) - room, max(seen) + room))
+    if trend.nominal:
+        add_percent(axes, trend.nominal)
 
 
-def _draw_entries(axes: Axes, of: ParameterTrend, line: _Line) -> None:
-    t = [line.at(e.middle_us) for e in of.entries]
-    mean, sd = ([e.mean for e in of.entries], [e.variance**0.5 for e in of.entries])
+def _draw_entries(axes: Axes, trend: ParameterTrend, line: _Line) -> None:
+    t = [line.at(e.middle_us) for e in trend.entries]
+    mean, sd = ([e.mean for e in trend.entries], [e.variance**0.5 for e in trend.entries])
     few = len(t) <= _MANY
     drawn = axes.errorbar(
         t,
@@ -141,9 +141,9 @@ def _draw_course(axes: Axes, t: Trend, line: _Line) -> tuple[float, float]:
     return float(low[0]), float(high[0])
 
 
-def _draw_limit(axes: Axes, of: ParameterTrend, r: Reach, line: _Line) -> float:
+def _draw_limit(axes: Axes, trend: ParameterTrend, r: Reach, line: _Line) -> float:
     """The limit, and on it the interval in which it is reached; returns it, in the parameter's unit."""
-    level = r.limit if r.name == of.name else 1 / r.limit  # that of Ja is one of 1/Ja
+    level = r.limit if r.name == trend.name else 1 / r.limit  # that of Ja is one of 1/Ja
     axes.axhline(level, color=ALARM, lw=1.1, ls=(0, (5, 2)), label=_LIMIT)
     if r.state != "far":
         end = line.end_s / line.unit.seconds

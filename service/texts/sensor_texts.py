@@ -44,7 +44,7 @@ def sensor_words(cause: str, size: float, unit: str, amount: Amount) -> str | No
         unit: "1" for a ratio.
         amount: how numbers are written.
     """
-    said: Mapping[str, Callable[[], str]] = {
+    sentences: Mapping[str, Callable[[], str]] = {
         TORQUE_SCALE: lambda: (
             f"the torque that acts is {amount(100 * size)} % {_more(size)} than the measured one, by its scale"
         ),
@@ -59,4 +59,4 @@ def sensor_words(cause: str, size: float, unit: str, amount: Amount) -> str | No
         ),
         OUTPUT_NOISE: lambda: f"the measured motion is noisier than it was, by {amount(100 * size)} %",
     }
-    return _FIXED.get(cause) or (said[cause]() if cause in said else None)
+    return _FIXED.get(cause) or (sentences[cause]() if cause in sentences else None)

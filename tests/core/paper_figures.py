@@ -36,8 +36,8 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
         same = np.random.default_rng(seed)
         own = thresholds(known.scatter, known.tails, np.zeros(len(model.scale)), asked, same)
         found = rates(known.scatter, known.tails, own, np.random.default_rng(seed))
-        asked *= found.whole * between
-    times = [INTERVAL_S / 3600 / rate for rate in (found.whole, found.upper, found.lower)]
+        asked *= found.total * between
+    times = [INTERVAL_S / 3600 / rate for rate in (found.total, found.upper, found.lower)]
     alphas = ", ".join(
         f"{t.alpha1:.2f} and {t.alpha2 / size:.1f}"
         for t, size in zip(own, np.abs(model.theta0) / model.scale, strict=True)

@@ -65,7 +65,7 @@ def test_functions_are_what_they_are_called() -> None:
     expected = {"cos": np.cos(x[:2]), "sin": np.sin(x[:2]), "square": x[:2] ** 2}
     assert set(FUNCTIONS) == set(expected)
     for name, values in expected.items():
-        found = Term(name, "x").of(x)
+        found = Term(name, "x").value(x)
         np.testing.assert_allclose(found[:2], values, rtol=1e-15)
         assert np.isnan(found[2:]).all()
 

@@ -60,7 +60,7 @@ def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
 def test_what_has_no_range_is_at_its_reference(signal: str, reference: float, tmp_path: Path) -> None:
     one = SimulatedConditions(axis(tmp_path, [], [slope("fm", signal, reference)]))
     values = np.array(one.signals(12.3, {}))
-    assert Term.read(signal).of(values)[0] == pytest.approx(reference)
+    assert Term.read(signal).value(values)[0] == pytest.approx(reference)
 
 
 def test_the_motion_of_another_axis_is_what_that_sends(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ class Stated(Protocol):
     """False alarms per sample: most likely, and the bounds of the 90 % interval."""
 
     @property
-    def whole(self) -> float: ...
+    def total(self) -> float: ...
     @property
     def lower(self) -> float: ...
     @property
@@ -34,7 +34,7 @@ def kept(words: str, budget: int, stated: Sequence[Stated], true: Floats) -> boo
     held = sum(r.lower <= t <= r.upper for r, t in zip(stated, true, strict=True))
     within = int((true * budget <= 1).sum())
     width = np.median([np.log(r.upper / r.lower) for r in stated])
-    off = np.log([r.whole / t for r, t in zip(stated, true, strict=True)])
+    off = np.log([r.total / t for r, t in zip(stated, true, strict=True)])
     print(
         f"\n{words}, budget one in {budget / HOUR:.3g} h: interval holds the truth in {held}, budget kept in {within}"
         f" of {len(stated)}; the interval spans a factor of {np.exp(width):.2f}, the logarithm of the rate is off by"

@@ -33,7 +33,7 @@ class ActiveFaults:
     @property
     def causes(self) -> tuple[str, ...]:
         """What may stand."""
-        return tuple(dict.fromkeys(of.cause for of in self.hypotheses))
+        return tuple(dict.fromkeys(hypothesis.cause for hypothesis in self.hypotheses))
 
     def clear(self) -> None:
         """Nothing stands."""
@@ -45,7 +45,7 @@ class ActiveFaults:
         Raises:
             KeyError: no hypothesis is of such a cause.
         """
-        known = {of.cause: of for of in reversed(self.hypotheses)}
+        known = {hypothesis.cause: hypothesis for hypothesis in reversed(self.hypotheses)}
         self._stands = {
             cause: known[cause] if math.isnan(size) else self._of_size(cause, size)
             for cause, size in sizes.items()
@@ -54,23 +54,23 @@ class ActiveFaults:
     def lanes(self) -> tuple[Hypothesis, ...]:
         """All as it is now; what may change from here; the way back."""
         base = REFERENCE
-        for of in self._stands.values():
-            base = of.after(base)
-        changes = (self._now_likely(of).after(base) for of in self.hypotheses)
+        for hypothesis in self._stands.values():
+            base = hypothesis.after(base)
+        changes = (self._now_likely(hypothesis).after(base) for hypothesis in self.hypotheses)
         return replace(base, cause=HEALTHY), *changes, self._way_back()
 
-    def _now_likely(self, of: Hypothesis) -> Hypothesis:
+    def _now_likely(self, hypothesis: Hypothesis) -> Hypothesis:
         """That more of what stands, or less of it, is to be seen, is likelier than something else beside it."""
-        other = self._stands and of.cause not in self._stands
-        return replace(of, weight=of.weight * SECOND) if other else of
+        other = self._stands and hypothesis.cause not in self._stands
+        return replace(hypothesis, weight=hypothesis.weight * SECOND) if other else hypothesis
 
     def _way_back(self) -> Hypothesis:
         """All is as it was."""
         if not self._stands:
             return replace(REFERENCE, weight=1e-300)
-        (cause, of), *others = self._stands.items()
-        alone = not others and not math.isnan(of.size)
-        return Hypothesis(cause, -of.size) if alone else REFERENCE
+        (cause, hypothesis), *others = self._stands.items()
+        alone = not others and not math.isnan(hypothesis.size)
+        return Hypothesis(cause, -hypothesis.size) if alone else REFERENCE
 
     def ended(self, best: Share) -> list[str]:
         """Which causes are over if this is the likeliest change."""
@@ -95,13 +95,17 @@ class ActiveFaults:
 
     def whole_of(self, found: tuple[Share, ...]) -> tuple[Share, ...]:
         """The shares, with what stood before of a cause in its size."""
-        before = {cause: of.size for cause, of in self._stands.items() if not math.isnan(of.size)}
+        before = {
+            cause: hypothesis.size
+            for cause, hypothesis in self._stands.items()
+            if not math.isnan(hypothesis.size)
+        }
         return tuple(replace(share, size=share.size + before.get(share.cause, 0.0)) for share in found)
 
     def _of_size(self, cause: str, size: float) -> Hypothesis:
         """One of the hypotheses, or one of their kind of another size."""
-        own = [of for of in self.hypotheses if of.cause == cause]
-        same = (of for of in own if of.size == size or math.isnan(of.size))
+        own = [hypothesis for hypothesis in self.hypotheses if hypothesis.cause == cause]
+        same = (hypothesis for hypothesis in own if hypothesis.size == size or math.isnan(hypothesis.size))
         return next(same, None) or replace(
             change(self._model, self._settings, cause, size), alike=own[0].alike
         )
@@ -109,7 +113,9 @@ class ActiveFaults:
     def to_array(self) -> Floats:
         """Number of the cause and size (k, 2), to be saved."""
         causes = self.causes
-        return np.array([(causes.index(c), of.size) for c, of in self._stands.items()], float).reshape(-1, 2)
+        return np.array(
+            [(causes.index(c), hypothesis.size) for c, hypothesis in self._stands.items()], float
+        ).reshape(-1, 2)
 
     def from_array(self, rows: Floats) -> None:
         """Go on from what was saved.

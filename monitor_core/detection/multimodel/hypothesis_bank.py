@@ -86,7 +86,7 @@ class HypothesisBank:
         self._h, self._allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
         if many == 0 or not (self._h > 0).all() or not np.isfinite(self._allowance).all():
             raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
-        self._last_resort = {of.cause for of in self.hypotheses if of.weight < 1}
+        self._last_resort = {hypothesis.cause for hypothesis in self.hypotheses if hypothesis.weight < 1}
         self._slowest_us = round(1e6 * _time_constant(model, settings))
         self.moved = (0,) * len(model.monitored)
         """By how many steps (following.py) nominal values are away from those of the model."""
@@ -156,9 +156,9 @@ class HypothesisBank:
         self.standing.adopt(standing)
         self._start(0)
         if since_us is not None:
-            whole = self._memory.whole
-            whole[PHASE, 0], whole[CHECKS, 0], whole[SINCE, 0] = PENDING, 0, since_us
-            whole[WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
+            integers = self._memory.integers
+            integers[PHASE, 0], integers[CHECKS, 0], integers[SINCE, 0] = PENDING, 0, since_us
+            integers[WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -231,7 +231,7 @@ class HypothesisBank:
         N, first, last = len(t_us), 0 if what_holds else 1, len(self.hypotheses) + 1
         trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
         events = self._run(_block(t_us, u, y, gate), shift, trace)
-        return events, BankTrace(*(of[:, first:last] for of in trace))
+        return events, BankTrace(*(hypothesis[:, first:last] for hypothesis in trace))
 
     def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
         N, p = len(block.t), len(self.moved)
@@ -241,11 +241,11 @@ class HypothesisBank:
             known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
             block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
         events: list[Event] = []
-        for here, moved in steps(self.model, shift, self.moved, N):
+        for rows, moved in steps(self.model, shift, self.moved, N):
             if moved != self.moved:
                 self.follow(moved)
-            part = Block(block.t[here], block.u[here], block.y[here], block.gate[here])
-            events += self._run_on(part, BankTrace(*(of[here] for of in trace)))
+            part = Block(block.t[rows], block.u[rows], block.y[rows], block.gate[rows])
+            events += self._run_on(part, BankTrace(*(hypothesis[rows] for hypothesis in trace)))
         return events
 
     def _run_on(self, block: Block, trace: BankTrace) -> list[Event]:
@@ -253,28 +253,28 @@ class HypothesisBank:
         at, events = 0, list[Event]()
         while at < len(block.t):
             at = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, at, trace)
-            if self._memory.whole[WAIT, 0] == 0:
+            if self._memory.integers[WAIT, 0] == 0:
                 events += self._decide(int(block.t[at - 1]))
         return events
 
     def _decide(self, now_us: int) -> Iterator[Event]:
         """Something has changed, or it is time to look at what, or what was named is known well by now."""
-        whole = self._memory.whole
-        if whole[PHASE, 0] == REFINING:
+        integers = self._memory.integers
+        if integers[PHASE, 0] == REFINING:
             yield from self._settle(now_us)
             return
-        if whole[PHASE, 0] == WATCHING:
-            whole[PHASE, 0], whole[CHECKS, 0], whole[SINCE, 0] = PENDING, 0, now_us
+        if integers[PHASE, 0] == WATCHING:
+            integers[PHASE, 0], integers[CHECKS, 0], integers[SINCE, 0] = PENDING, 0, now_us
             self._turn_round()
             yield Changed(now_us, self.onset(), self._shares())
         yield from self._look(now_us)
 
     def _look(self, now_us: int) -> Iterator[Event]:
         """What has changed is named if that is sure, or has been looked for long enough."""
-        whole, memory = self._memory.whole, self.settings.memory
-        whole[CHECKS, 0] += 1
-        whole[WAIT, 0], since = max(1, round(memory / LOOKS)), int(whole[SINCE, 0])
-        found, looked = self._shares(), whole[CHECKS, 0] / (LOOKS * MEMORIES)
+        integers, memory = self._memory.integers, self.settings.memory
+        integers[CHECKS, 0] += 1
+        integers[WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[SINCE, 0])
+        found, looked = self._shares(), integers[CHECKS, 0] / (LOOKS * MEMORIES)
         if looked >= 1 and not self._lasts():
             self._start(0)
             yield Over(now_us, since, HEALTHY)
@@ -283,13 +283,13 @@ class HypothesisBank:
         early = now_us - since < self._slowest_us
         sure, resort = found[0].probability >= self.sure, found[0].cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            whole[PHASE, 0], whole[WAIT, 0] = REFINING, round(MEMORIES * memory)
+            integers[PHASE, 0], integers[WAIT, 0] = REFINING, round(MEMORIES * memory)
             yield Named(now_us, since, self.onset(), self.standing.whole_of(found), sure)
 
     def _turn_round(self) -> None:
         """Predictors with a sign swapped have moved the other way until now: they begin where the axis was."""
-        for k, of in enumerate(self._hypotheses):
-            if of.torque.scale < 0 or of.output.scale < 0:
+        for k, hypothesis in enumerate(self._hypotheses):
+            if hypothesis.torque.scale < 0 or hypothesis.output.scale < 0:
                 self._memory.x[:, k] = self._memory.x[:, 0]
 
     def _lasts(self) -> bool:
@@ -299,7 +299,7 @@ class HypothesisBank:
 
     def _settle(self, now_us: int) -> Iterator[Event]:
         """The likeliest cause joins what stands, with its size; from now on what differs from that is a change."""
-        found, onset, since = self._shares(), self.onset(), int(self._memory.whole[SINCE, 0])
+        found, onset, since = self._shares(), self.onset(), int(self._memory.integers[SINCE, 0])
         best, lane = found[0], self._lane_of(found[0])
         over = self.standing.ended(best) if self._lasts() else [HEALTHY]
         if best.cause != HEALTHY and not over:
@@ -327,7 +327,7 @@ class HypothesisBank:
     def _lane_of(self, best: Share) -> int:
         """The hypothesis of a cause that has most evidence."""
         g = self._memory.sums[G]
-        own = [k for k, of in enumerate(self._hypotheses) if k > 0 and of.cause == best.cause]
+        own = [k for k, hypothesis in enumerate(self._hypotheses) if k > 0 and hypothesis.cause == best.cause]
         return max(own, key=lambda k: float(g[k]))
 
     def _start(self, lane: int) -> None:
@@ -335,10 +335,10 @@ class HypothesisBank:
         M = self._memory
         self._build()
         M.x[:] = M.x[:, lane : lane + 1]
-        M.sums[:], M.when[:] = 0.0, M.whole[LAST, 0]
-        M.whole[PHASE, 0], M.whole[WAIT, 0], M.whole[CHECKS, 0] = WATCHING, 1, 0
-        if M.whole[LAST, 0] != NEVER:
-            M.whole[SETTLED, 0] = M.whole[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
+        M.sums[:], M.when[:] = 0.0, M.integers[LAST, 0]
+        M.integers[PHASE, 0], M.integers[WAIT, 0], M.integers[CHECKS, 0] = WATCHING, 1, 0
+        if M.integers[LAST, 0] != NEVER:
+            M.integers[SETTLED, 0] = M.integers[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
 
 
 def _copy(memory: Memory) -> Memory:

@@ -28,14 +28,14 @@ def told_apart(model: AxisModel, settings: Settings, found: Sequence[Hypothesis]
     from_now = ((eps - eps[:, :1]) ** 2).sum(axis=0)
     kept: list[int] = []
     names: dict[int, list[str]] = {}
-    for k, of in enumerate(found, 1):
-        if from_now[k] == 0.0 and of.variance == 1.0 and not of.still:
+    for k, hypothesis in enumerate(found, 1):
+        if from_now[k] == 0.0 and hypothesis.variance == 1.0 and not hypothesis.still:
             continue
         same = next((j for j in kept if _same(eps, from_now, j, k, found)), None)
         if same is None:
             kept.append(k)
-        elif found[same - 1].cause != of.cause:
-            names.setdefault(same, []).append(of.cause)
+        elif found[same - 1].cause != hypothesis.cause:
+            names.setdefault(same, []).append(hypothesis.cause)
     return tuple(replace(found[k - 1], alike=tuple(names.get(k, ()))) for k in kept)
 
 

@@ -36,7 +36,7 @@ def lanes_of(
     hypotheses = [*hypotheses, *[hypotheses[0]] * fill]
     h = np.concatenate([h, np.full(fill, np.inf)])
     allowance = np.concatenate([allowance, np.zeros(fill)])
-    lanes = [_lane(plain, settings, assembly, of) for of in hypotheses]
+    lanes = [_lane(plain, settings, assembly, hypothesis) for hypothesis in hypotheses]
     table = {name: np.stack([lane[name] for lane in lanes], axis=1) for name in lanes[0]}
     table["own"][predictors.LEVEL] -= allowance
     table["own"][predictors.LIMIT] = h
@@ -58,39 +58,40 @@ def memory_of(tables: Tables, lanes: int) -> Memory:
     u[tables.kind == ONE] = 1.0
     numbers = np.zeros((4, 1))
     numbers[kernel.CREDIT] = CREDIT
-    whole = np.zeros((kernel.COUNTS + len(COUNTERS), 1), np.int64)
-    whole[kernel.LAST], whole[kernel.WAIT], whole[kernel.SINCE] = NEVER, 1, NEVER
+    integers = np.zeros((kernel.COUNTS + len(COUNTERS), 1), np.int64)
+    integers[kernel.LAST], integers[kernel.WAIT], integers[kernel.SINCE] = NEVER, 1, NEVER
     when = np.full((likelihood.FIRST_MARK + likelihood.MARKS, lanes), NEVER)
-    return Memory(np.zeros((n, lanes)), u, np.zeros((2, lanes)), when, numbers, whole)
+    return Memory(np.zeros((n, lanes)), u, np.zeros((2, lanes)), when, numbers, integers)
 
 
-def _lane(model: AxisModel, s: Settings, assembly: Assembly, of: Hypothesis) -> dict[str, Floats]:
-    changed = replace(model, nominal=values_of(model, of))
+def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothesis) -> dict[str, Floats]:
+    changed = replace(model, nominal=values_of(model, hypothesis))
     numbers = assembly.model_constants(changed, s.speed_scale)
     n = len(model.drive.states)
-    gains = np.tile(of.K, (GAINS, 1)) if of.K is not None else s.gains(n)
-    gains = np.zeros_like(gains) if of.frozen else gains / of.output.scale
-    delay = s.delay_s + model.nominal.get(DELAY_PARAMETER, 0.0) + of.delay_s
+    gains = np.tile(hypothesis.K, (GAINS, 1)) if hypothesis.K is not None else s.gains(n)
+    gains = np.zeros_like(gains) if hypothesis.frozen else gains / hypothesis.output.scale
+    delay = s.delay_s + model.nominal.get(DELAY_PARAMETER, 0.0) + hypothesis.delay_s
+    torque, output = hypothesis.torque, hypothesis.output
     own = [
-        delay, of.torque.scale, of.torque.offset, of.output.scale, of.output.offset, of.frozen, of.still,
-        1 / (of.variance * s.lam0), -0.5 * np.log(of.variance), 0.0,
+        delay, torque.scale, torque.offset, output.scale, output.offset, hypothesis.frozen, hypothesis.still,
+        1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0,
     ]  # fmt: skip
     found = {name: numbers[name] for name in ("weight", "rest", "u_scale")}
     found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}
-    return found | _interval(changed, of, s.interval_s, delay)
+    return found | _interval(changed, hypothesis, s.interval_s, delay)
 
 
-def values_of(model: AxisModel, of: Hypothesis) -> dict[str, float]:
+def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:
     """All parameter values when a change has happened."""
     values = dict(model.nominal)
-    for name, factor in of.factors.items():
+    for name, factor in hypothesis.factors.items():
         values[name] *= factor
-    for name, shift in of.shifts.items():
+    for name, shift in hypothesis.shifts.items():
         values[name] += shift
     return values
 
 
-def _interval(model: AxisModel, of: Hypothesis, interval_s: float, delay: float) -> dict[str, Floats]:
+def _interval(model: AxisModel, hypothesis: Hypothesis, interval_s: float, delay: float) -> dict[str, Floats]:
     """The nominal interval: with the torque before it up to the delay, with that of its end where it acts early."""
     A, B, _ = model.matrices()
     d = model.balance()
@@ -100,10 +101,10 @@ def _interval(model: AxisModel, of: Hypothesis, interval_s: float, delay: float)
     (A1, B1), (A2, B2), (A3, B3) = (_held(A, B, float(part)) for part in (before, held, now))
     parts = np.stack([A3 @ A2 @ B1, A3 @ B2, B3])  # (3, n, m)
     taps, all_of_it = parts[:, :, kinds == TORQUE].sum(axis=2) * d, parts.sum(axis=0) * d[:, np.newaxis]
-    constant = taps.sum(axis=0) * of.torque.offset + all_of_it[:, kinds == ONE].sum(axis=1)
+    constant = taps.sum(axis=0) * hypothesis.torque.offset + all_of_it[:, kinds == ONE].sum(axis=1)
     return {
         "move": (A3 @ A2 @ A1 * d[:, np.newaxis] / d).ravel(),
-        "taps": (taps * of.torque.scale).ravel(),
+        "taps": (taps * hypothesis.torque.scale).ravel(),
         "constant": constant,
         "acts": all_of_it.ravel(),
     }

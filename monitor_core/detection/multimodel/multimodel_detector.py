@@ -91,8 +91,10 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
     if not limits.own:
         hypotheses = _default(_Axis(model, settings))
         return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), limits.samples))
-    found = [replace(change(model, settings, one.cause, one.size), alike=one.alike) for one in limits.own]
-    h, allowance = (np.array([getattr(one, name) for one in limits.own]) for name in ("h", "allowance"))
+    found = [
+        replace(change(model, settings, limit.cause, limit.size), alike=limit.alike) for limit in limits.own
+    ]
+    h, allowance = (np.array([getattr(limit, name) for limit in limits.own]) for name in ("h", "allowance"))
     return HypothesisBank(model, settings, found, h, allowance)
 
 
@@ -137,7 +139,7 @@ class MultiModelDetector:
         self._model, self._settings, self._limits = model, settings, limits
         self.causes = causes_of(model)
         """Every cause that it may name"""
-        if unknown := {one.cause for one in limits.own} - set(self.causes):
+        if unknown := {limit.cause for limit in limits.own} - set(self.causes):
             raise ValueError(f"limits of {', '.join(sorted(unknown))}, which the axis does not have")
 
     @cached_property

@@ -34,7 +34,7 @@ class Causes:
         names = list(dict.fromkeys(h.cause for h in hypotheses))
         self._of = np.array([names.index(h.cause) for h in hypotheses])
         self._prior = np.array([h.weight for h in hypotheses]) / np.bincount(self._of)[self._of]
-        self._causes = [_Cause.of(name, hypotheses) for name in names]
+        self._causes = [_Cause.from_hypotheses(name, hypotheses) for name in names]
 
     def shares(self, evidence: Floats) -> tuple[Share, ...]:
         """The causes, the likeliest first; ``evidence`` (H,) are log-likelihood ratios since the onset.
@@ -62,7 +62,7 @@ class _Cause:
     alike: tuple[str, ...]
 
     @classmethod
-    def of(cls, name: str, hypotheses: Sequence[Hypothesis]) -> "_Cause":
+    def from_hypotheses(cls, name: str, hypotheses: Sequence[Hypothesis]) -> "_Cause":
         """That nothing has changed, size 0 and evidence 0, is one of them where sizes have both signs."""
         own = {h.size: k for k, h in enumerate(hypotheses) if h.cause == name}
         if min(own) < 0 < max(own):

@@ -63,9 +63,9 @@ def _size(measured: Measured) -> float:
 def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple[Stem, ...]:
     """Chains with one mass more, ``problem``'s, grown out of shorter ones; the best first."""
     slots = Slots(problem)
-    found = [one for stem in stems for one in _grown(problem, slots, stem, measured)]
-    best = {one.end.cost: one for one in found}
-    return tuple(best[end.cost] for end in distinct(one.end for one in found))[:_BEAM]
+    found = [chain for stem in stems for chain in _grown(problem, slots, stem, measured)]
+    best = {chain.end.cost: chain for chain in found}
+    return tuple(best[end.cost] for end in distinct(chain.end for chain in found))[:_BEAM]
 
 
 def stems(measured: Measured, masses: int) -> tuple[Stem, ...]:

@@ -88,7 +88,7 @@ def _check(upto: int, friction: Sequence[str]) -> None:
 
 
 def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> Grown:
-    aside = tuple(one.one_step for one in compare(found.problem, validation)) if validation else ()
+    aside = tuple(model.one_step for model in compare(found.problem, validation)) if validation else ()
     chain_found = Slots(found.problem).chain(found.problem.nominal)
     return Grown(masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0])))
 
@@ -179,11 +179,11 @@ def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
     count = sum(int(record.measured.sum()) for record in records)
     N = max(count / (1 + 2 * float(np.sum(model.estimate.whiteness.values**2))) for model in models)
     out = []
-    for one in models:
-        initial = one.estimate.problem.initial == "free"
-        states = initial * len(one.estimate.drive.states) * len(records)
-        fit, p = float(N * np.log(one.estimate.cost / count)) + 2 * states, len(one.estimate.names)
-        out.append(replace(one, samples=N, aic=fit + 2 * p, bic=fit + p * float(np.log(N))))
+    for model in models:
+        initial = model.estimate.problem.initial == "free"
+        states = initial * len(model.estimate.drive.states) * len(records)
+        fit, p = float(N * np.log(model.estimate.cost / count)) + 2 * states, len(model.estimate.names)
+        out.append(replace(model, samples=N, aic=fit + 2 * p, bic=fit + p * float(np.log(N))))
     return out
 
 
@@ -234,7 +234,7 @@ def _notasked(smaller: Grown, larger: Grown) -> str:
     if larger.bic < smaller.bic and larger.doubt:
         return f"{more}, but {larger.doubt}."
     if larger.bic < smaller.bic:
-        a, b = (float(np.mean(one.validation)) for one in (smaller, larger))
+        a, b = (float(np.mean(model.validation)) for model in (smaller, larger))
         return f"{more}, but the records kept aside are predicted with {b:.4g} % instead of {a:.4g} %."
     return (
         f"{more}: no more than chance makes of so many further parameters (BIC rises by"

@@ -50,32 +50,33 @@ class Response:
         Raises:
             LinAlgError, ValueError: x makes no sense.
         """
-        of = self._linear(x)
-        n = len(of.A)
-        X, dX = (part[0] for part in hold(of, np.array([target.interval_s])))
+        system = self._linear(x)
+        n = len(system.A)
+        X, dX = (part[0] for part in hold(system, np.array([target.interval_s])))
         poles, V = np.linalg.eig(X[:, :n])
         W = np.linalg.inv(V)
         through = 1 / (target.z[:, None] - poles)
-        r, l = through * (W @ X[:, n]), through * (of.C @ V)
-        dA, dB, dC = W @ dX[:, :, :n] @ V, dX[:, :, n] @ W.T, V.T @ of.dC
+        r, l = through * (W @ X[:, n]), through * (system.C @ V)
+        dA, dB, dC = W @ dX[:, :, :n] @ V, dX[:, :, n] @ W.T, V.T @ system.dC
         p = len(self.bases)
         inner = (l @ dA.transpose(1, 0, 2).reshape(n, p * n)).reshape(-1, p, n)
         dG = (inner @ r[:, :, None])[..., 0] + l @ dB.T + r @ dC
         late = target.z ** (-self._delay_s / target.interval_s)
-        return r @ (of.C @ V) * late, dG * np.exp(x) * late[:, None]
+        return r @ (system.C @ V) * late, dG * np.exp(x) * late[:, None]
 
     def _linear(self, x: Floats) -> Linear:
-        of = self._structure.at(self.named(x))
-        B = of.B[:, self._torque].sum(axis=1, keepdims=True)
-        return of._replace(B=B, dB=of.dB[:, self._torque].sum(axis=1, keepdims=True))
+        system = self._structure.at(self.named(x))
+        B = system.B[:, self._torque].sum(axis=1, keepdims=True)
+        return system._replace(B=B, dB=system.dB[:, self._torque].sum(axis=1, keepdims=True))
 
 
 def _felt(problem: Problem, values: Mapping[str, float], d: Floats, torque: np.ndarray) -> tuple[str, ...]:
     """Free parameters that A, C or the torque's column of B depend on, and that have a logarithm."""
     bases = tuple(split_name(name)[0] for name in problem.free)
-    of = Structure(problem.drive, bases, d).at(values)
+    system = Structure(problem.drive, bases, d).at(values)
     moves = [
-        bool(of.dA[..., i].any() or of.dB[:, torque, i].any() or of.dC[:, i].any()) for i in range(len(bases))
+        bool(system.dA[..., i].any() or system.dB[:, torque, i].any() or system.dC[:, i].any())
+        for i in range(len(bases))
     ]
     return tuple(name for name, felt in zip(bases, moves, strict=True) if felt and values[name] > 0)
 

@@ -230,11 +230,11 @@ class Steps:
 
     Args:
         tell: whom; None: nobody.
-        of: how many steps there are.
+        total: number of steps.
     """
 
-    def __init__(self, tell: Progress | None, of: int) -> None:
-        self._tell, self._of, self._done = tell, of, 0
+    def __init__(self, tell: Progress | None, total: int) -> None:
+        self._tell, self._of, self._done = tell, total, 0
 
     def reached(self, done: int) -> None:
         """Tell of ``done`` steps of all, unless that is nothing new."""

@@ -130,7 +130,7 @@ def _from_records(
             "the frequency response shows no chain of so many masses: give values to search from"
         )
     if _doubtful(found, measured):
-        best = min(found, key=lambda one: one.cost)
+        best = min(found, key=lambda candidate: candidate.cost)
         response = Response(problem, best.values)
         ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
         origin = f"a search around {best.origin}"
@@ -140,8 +140,8 @@ def _from_records(
 
 def _doubtful(found: Sequence[Candidate], measured: Measured) -> bool:
     """As in the search: one end may be stuck next to the right minimum, two alike that explain the response are not."""
-    best = min((one.cost for one in found), default=np.inf)
-    agreed = sum(one.cost < SAME * best for one in found) > 1
+    best = min((candidate.cost for candidate in found), default=np.inf)
+    agreed = sum(candidate.cost < SAME * best for candidate in found) > 1
     return not agreed or best > explained(measured)
 
 
@@ -218,10 +218,10 @@ def candidate(response: Response, end: Found, measured: Measured, origin: str) -
 def distinct_candidates(found: Sequence[Candidate]) -> Iterator[Candidate]:
     """Sorted by cost, each minimum once."""
     last = 0.0
-    for one in sorted(found, key=lambda one: one.cost):
-        if one.cost > SAME * last:
-            yield one
-            last = one.cost
+    for candidate in sorted(found, key=lambda candidate: candidate.cost):
+        if candidate.cost > SAME * last:
+            yield candidate
+            last = candidate.cost
 
 
 def best_fit(
@@ -237,11 +237,13 @@ def best_fit(
     Raises:
         ValueError: none can be fitted from.
     """
-    rivals = [one for one in candidates[:_RIVALS] if one.cost <= _DOUBTFUL * candidates[0].cost]
+    rivals = [
+        candidate for candidate in candidates[:_RIVALS] if candidate.cost <= _DOUBTFUL * candidates[0].cost
+    ]
     ends, problems = list[tuple[Estimate, Candidate]](), list[ValueError]()
-    for i, one in enumerate(rivals):
+    for i, candidate in enumerate(rivals):
         try:
-            ends.append((_fit_one(problem, records, one, reached, i * _FIT), one))
+            ends.append((_fit_one(problem, records, candidate, reached, i * _FIT), candidate))
         except ValueError as error:
             problems.append(error)
     if not ends:
@@ -252,12 +254,16 @@ def best_fit(
 
 
 def _fit_one(
-    problem: Problem, records: Sequence[Record], one: Candidate, reached: Callable[[int], None], first: int
+    problem: Problem,
+    records: Sequence[Record],
+    candidate: Candidate,
+    reached: Callable[[int], None],
+    first: int,
 ) -> Estimate:
-    def told(count: int, _: float) -> None:
+    def report(count: int, _: float) -> None:
         reached(first + min(count, _FIT))
 
-    return fit(problem, records, _free(problem, one.values), progress=told)
+    return fit(problem, records, _free(problem, candidate.values), progress=report)
 
 
 def _origin(winner: Candidate, candidates: int, rivals: int) -> str:

@@ -61,10 +61,10 @@ def _equations(joint: Joint) -> Iterator[FlatEquation]:
     """n - 1 equalities of angles and one sum of torques."""
     first, *others = joint.ends
     for end in others:
-        equal = Linear.of(f"{first.flange}.phi") - Linear.of(f"{end.flange}.phi")
+        equal = Linear.variable(f"{first.flange}.phi") - Linear.variable(f"{end.flange}.phi")
         yield FlatEquation(equal.terms, joint.origin)
     torques = Linear({})
     for end in joint.ends:
-        tau = Linear.of(f"{end.flange}.tau")
+        tau = Linear.variable(f"{end.flange}.tau")
         torques = torques - tau if end.outside else torques + tau
     yield FlatEquation(torques.terms, joint.origin)

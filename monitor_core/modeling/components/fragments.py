@@ -65,7 +65,7 @@ class Builder:
         """A new unknown, "<component>.<name>"."""
         new = FlatVariable(f"{self.name}.{name}", unit, prefer, relative, self.origin)
         self.fragment = replace(self.fragment, variables=(*self.fragment.variables, new))
-        return Linear.of(new.name)
+        return Linear.variable(new.name)
 
     def flange(self, name: str) -> Flange:
         """A new flange: two unknowns, "<component>.<name>.phi" and ".tau"."""
@@ -75,7 +75,7 @@ class Builder:
         """A known signal of a kind of monitor_core.kernel.tables; ``angle`` is an unknown of this component."""
         new = FlatInput(name, kind, angle and f"{self.name}.{angle}", self.origin)
         self.fragment = replace(self.fragment, inputs=(*self.fragment.inputs, new))
-        return Linear.of(name)
+        return Linear.variable(name)
 
     def sensor(self, angle: str, quantity: str) -> None:
         """The component is a sensor of "speed" or "angle" where its unknown ``angle`` is."""

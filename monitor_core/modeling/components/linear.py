@@ -15,9 +15,9 @@ class Linear:
         self.terms: dict[Symbol, Laurent] = {symbol: c for symbol, c in terms.items() if c}
 
     @classmethod
-    def of(cls, variable: str) -> Linear:
+    def variable(cls, name: str) -> Linear:
         """The variable itself."""
-        return cls({(variable, 0): Laurent.number(1)})
+        return cls({(name, 0): Laurent.number(1)})
 
     def __neg__(self) -> Linear:
         return Linear({symbol: -c for symbol, c in self.terms.items()})

@@ -68,7 +68,7 @@ def unit_of(value: Laurent, units: Mapping[str, str]) -> str:
             found.add(name, parse(unit), "given")
     use = Use(value, "", Origin())
     found.check(use)
-    known = [found.of(monomial) for monomial, _ in value if monomial or value.is_number]
+    known = [found.dimension_of(monomial) for monomial, _ in value if monomial or value.is_number]
     return "" if not known or None in known else str(known[0])
 
 
@@ -82,7 +82,7 @@ class _Found:
     def add(self, name: str, dimension: Dimension, reason: str) -> None:
         self.dimension[name], self.reason[name] = dimension, reason
 
-    def of(self, monomial: Monomial) -> Dimension | None:
+    def dimension_of(self, monomial: Monomial) -> Dimension | None:
         """The dimension of a product, if all of its factors are known."""
         product = ONE
         for name, e in monomial:
@@ -95,7 +95,7 @@ class _Found:
         """What every summand must be: as required, else as the first that is known."""
         if use.unit:
             return parse(use.unit)
-        known = (self.of(monomial) for monomial, _ in use.value if monomial)
+        known = (self.dimension_of(monomial) for monomial, _ in use.value if monomial)
         return next((dimension for dimension in known if dimension), None)
 
     def learn(self, use: Use) -> bool:
@@ -108,7 +108,7 @@ class _Found:
         return len(self.dimension) > before
 
     def _solve(self, use: Use, target: Dimension, monomial: Monomial, name: str, e: int) -> None:
-        rest = self.of(tuple(factor for factor in monomial if factor[0] != name)) or ONE
+        rest = self.dimension_of(tuple(factor for factor in monomial if factor[0] != name)) or ONE
         dimension = (target / rest).root(e)
         if dimension is not None:  # else it stays unknown: no unit has this power
             self.add(name, dimension, str(use))
@@ -117,7 +117,7 @@ class _Found:
         """Every summand that is known must be what is required."""
         target = self.target(use)
         for monomial, _ in use.value if target else ():
-            dimension = self.of(monomial)
+            dimension = self.dimension_of(monomial)
             if monomial and dimension and dimension != target:
                 raise ModelError(self._conflict(use, monomial, target, dimension), use.origin)
 

@@ -45,15 +45,15 @@ class Drawing:
         parts = self._grounded()
         _check(parts, self.origin)
         read = {part.name: entries(part) for part in parts}
-        whole = join(_fragment(part, read[part.name]) for part in parts)
+        joined = join(_fragment(part, read[part.name]) for part in parts)
         flanges = [f"{part.name}.{flange}" for part in parts for flange in part.kind.flanges]
         return FlatModel(
             name=self.name,
             parameters=parameters(list(read.values()), self.nominal, self.meanings, self.units, self.origin),
-            variables=whole.variables,
-            inputs=whole.inputs,
-            sensors=whole.sensors,
-            equations=whole.equations + connect(_joints(parts), flanges),
+            variables=joined.variables,
+            inputs=joined.inputs,
+            sensors=joined.sensors,
+            equations=joined.equations + connect(_joints(parts), flanges),
             origin=self.origin,
             components=tuple(_flat_component(part, read[part.name]) for part in parts),
         )
@@ -86,9 +86,9 @@ def from_tables(
     Raises:
         ModelError: a table does not describe a component.
     """
-    whole = origin or Origin()
-    parts = tuple(parts_of(tables, origins or [whole] * len(tables)))
-    return Drawing(name, parts, nominal or {}, origin=whole)
+    joined = origin or Origin()
+    parts = tuple(parts_of(tables, origins or [joined] * len(tables)))
+    return Drawing(name, parts, nominal or {}, origin=joined)
 
 
 def _check(parts: Sequence[Part], origin: Origin) -> None:

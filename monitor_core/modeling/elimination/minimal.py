@@ -45,7 +45,7 @@ class Reduction:
     definitions: Mapping[str, Laurent]
 
     @cached_property
-    def one(self) -> Coefficient:
+    def unit(self) -> Coefficient:
         """1, in the ring at hand."""
         return Laurent.number(1) if self.field is None else self.field.element(Laurent.number(1))
 
@@ -131,7 +131,7 @@ class Reduction:
         total: Sum = {}
         for name, c in angle.items():
             massless = self.balances.massless.get(name)
-            total = add(total, {(name, 1): self.one} if massless is None else massless, c)
+            total = add(total, {(name, 1): self.unit} if massless is None else massless, c)
         return total
 
     def _put(self, A: Dense, B: Dense, row: int, total: Sum) -> None:

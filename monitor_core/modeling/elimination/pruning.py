@@ -170,12 +170,12 @@ def parameters_of(
 def _merged(name: str, value: Laurent, known: Mapping[str, FlatParameter]) -> FlatParameter:
     parts = [p for p in known.values() if p.name in value.names]
     meanings = [(p.meaning or p.name).removeprefix(_TOGETHER) for p in parts]
-    said = dict.fromkeys(meaning for listed in meanings for meaning in listed.split(", "))
+    shown = dict.fromkeys(meaning for listed in meanings for meaning in listed.split(", "))
     numbers = {p.name: p.value for p in parts if p.value is not None}
     return FlatParameter(
         name=name,
         unit=_unit(value, known),
-        meaning=_TOGETHER + ", ".join(said),
+        meaning=_TOGETHER + ", ".join(shown),
         value=float(value.value(numbers)) if len(numbers) == len(parts) else None,
         positive=all(p.positive for p in parts) and all(c > 0 for _, c in value),
         origin=parts[0].origin,
@@ -203,7 +203,7 @@ def rigid_angles(reduction: Reduction) -> Angles:
     if len(sensor) != 1:
         return {}
     ((name, c),) = sensor.items()
-    found: Angles = {name: reduction.one / c}
+    found: Angles = {name: reduction.unit / c}
     links = [reduction.angle_of(v.name) for v in reduction.flat.variables if v.relative]
     return _spread(found, [link for link in links if len(link) == 2])
 

@@ -127,10 +127,10 @@ def _as_product(merging: Merging, name: str, parts: Iterable[str]) -> bool:
     return True
 
 
-def _multiple(e: tuple[int, ...], of: tuple[int, ...]) -> bool:
-    k = next(i for i, value in enumerate(of) if value)
-    factor, rest = divmod(e[k], of[k])
-    return rest == 0 and e == tuple(factor * value for value in of)
+def _multiple(e: tuple[int, ...], base: tuple[int, ...]) -> bool:
+    k = next(i for i, value in enumerate(base) if value)
+    factor, rest = divmod(e[k], base[k])
+    return rest == 0 and e == tuple(factor * value for value in base)
 
 
 def _in_terms_of(entry: Laurent, group: Sequence[str], exponents: Sequence[int], merged: str) -> Laurent:

@@ -109,10 +109,10 @@ def _torques(flat: FlatModel) -> set[str]:
 
 def _watched(flat: FlatModel, field: Field | None) -> dict[str, Row]:
     """Deflections, the angles of sensors and those that inputs depend on: what must be known in the end."""
-    one = Laurent.number(1) if field is None else field.element(Laurent.number(1))
+    unit = Laurent.number(1) if field is None else field.element(Laurent.number(1))
     names = [v.name for v in flat.variables if v.relative]
     names += [s.angle for s in flat.sensors] + [u.angle for u in flat.inputs if u.angle]
-    return {name: {name: {0: one}} for name in names}
+    return {name: {name: {0: unit}} for name in names}
 
 
 def _stiff(flat: FlatModel, rows: list[Row]) -> tuple[str, ...]:

@@ -48,8 +48,8 @@ class Basis:
             nearest = rest[min(rest, key=lambda name: order[name])]
             row = rest = {name: c / nearest for name, c in rest.items()}
             coordinates = {}
-        one = next(iter(rest.values())) / next(iter(rest.values()))
-        combination = add({len(self.rows): one}, coordinates, -one)
+        unit = next(iter(rest.values())) / next(iter(rest.values()))
+        combination = add({len(self.rows): unit}, coordinates, -unit)
         pivot = min(rest, key=lambda name: (not is_unit(rest[name]), -order[name]))
         self._echelon.append((pivot, rest, combination))
         self.rows.append(row)

@@ -41,10 +41,10 @@ def integers(row: Ints, prime: int) -> Vector | None:
     if len(found) < len(places):
         return None
     scale = math.lcm(*(f.denominator for f in found))
-    whole = [int(f * scale) for f in found]
-    common = math.gcd(*whole)
+    scaled = [int(f * scale) for f in found]
+    common = math.gcd(*scaled)
     out = [0] * len(row)
-    for j, v in zip(places, whole, strict=True):
+    for j, v in zip(places, scaled, strict=True):
         out[j] = v // common
     return tuple(out)
 

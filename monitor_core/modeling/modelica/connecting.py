@@ -19,7 +19,7 @@ class Groups:
 
     leader: dict[str, str] = field(default_factory=dict)
 
-    def of(self, name: str) -> str:
+    def root(self, name: str) -> str:
         """The element that stands for the whole set."""
         top = name
         while (above := self.leader.get(top, top)) != top:
@@ -29,7 +29,7 @@ class Groups:
 
     def join(self, a: str, b: str) -> bool:
         """Put two sets together; false if they were one already."""
-        first, second = self.of(a), self.of(b)
+        first, second = self.root(a), self.root(b)
         self.leader[second] = first
         return first != second
 
@@ -37,7 +37,7 @@ class Groups:
         """The sets among these names, each under the element that stands for it."""
         sets: dict[str, list[str]] = {}
         for name in names:
-            sets.setdefault(self.of(name), []).append(name)
+            sets.setdefault(self.root(name), []).append(name)
         return sets
 
 
@@ -68,7 +68,7 @@ class Wiring:
             self.joints.append(Joint(left.path, ends, origin))
             self.nodes.join(left.path, right.path)
         elif self.signals.join(left.path, right.path):
-            equal = Linear.of(left.path) - Linear.of(right.path)
+            equal = Linear.variable(left.path) - Linear.variable(right.path)
             self.equalities.append(FlatEquation(equal.terms, origin))
 
 

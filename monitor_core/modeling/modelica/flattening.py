@@ -109,14 +109,14 @@ class Flattening:
         assert bound is not None
         with about(variable.path):
             value = self.values.linear(bound.expression, bound.scope)
-        return FlatEquation((Linear.of(variable.path) - value).terms, variable.origin)
+        return FlatEquation((Linear.variable(variable.path) - value).terms, variable.origin)
 
     # --- for pictures ----------------------------------------------------------------------------------
 
     def _components(self) -> Iterator[FlatComponent]:
-        grounds = {self.wiring.nodes.of(flange) for p in self.parts if p.kind == "fixed" for flange in p.at}
+        grounds = {self.wiring.nodes.root(flange) for p in self.parts if p.kind == "fixed" for flange in p.at}
         for part in self.parts:
-            leaders = [self.wiring.nodes.of(flange) for flange in part.at]
+            leaders = [self.wiring.nodes.root(flange) for flange in part.at]
             nodes = tuple("ground" if leader in grounds else leader for leader in leaders)
             yield FlatComponent(part.name, part.kind, nodes, part.parameters, part.origin)
 

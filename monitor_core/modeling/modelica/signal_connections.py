@@ -94,13 +94,13 @@ def outputs(
     """The sensors that the model's outputs are connected to; where it has no such outputs, all sensors."""
     everything = tuple(sensors)
     wanted = {
-        wiring.signals.of(i.path)
+        wiring.signals.root(i.path)
         for i in model.members.values()
         if _is_signal(i) and i.causality == "output" and i.is_connector
     }
     chosen = tuple(
         s
         for s in everything
-        if wiring.signals.of(f"{s.name}.{KINDS[kinds[s.name]].signals_out[0]}") in wanted
+        if wiring.signals.root(f"{s.name}.{KINDS[kinds[s.name]].signals_out[0]}") in wanted
     )
     return chosen or everything

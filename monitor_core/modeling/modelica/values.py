@@ -170,7 +170,7 @@ class Values:
             raise ModelError(f"{name} is of type {found.base or found.cls.name}, not a number", origin)
         if name.subscripts:
             raise ModelError("arrays are not supported", origin)
-        return constant(self.parameter(found)) if found.is_parameter else Linear.of(found.path)
+        return constant(self.parameter(found)) if found.is_parameter else Linear.variable(found.path)
 
     def _constant(self, owner: ClassDef, declared: Component, origin: Origin) -> Laurent:
         name = f"{owner}.{declared.name}"

@@ -53,7 +53,7 @@ def limits(of: Plant, seed: int) -> BankLimits:
 def test_the_budget_is_kept(colour: float, seed: int) -> None:
     of = plant(colour)
     found = limits(of, seed)
-    assert found.lower < found.whole < found.upper <= 1.5 / BUDGET
+    assert found.lower < found.total < found.upper <= 1.5 / BUDGET
     calibrated = bank_of(of.model, of.settings, Limits(1.0, found.own))
     count = false_alarms(calibrated, of, seed + 1)
     h = guaranteed(len(found.own), BUDGET)

@@ -147,7 +147,7 @@ def test_the_interval_is_for_axes_off_by_the_allowance_and_for_those_that_are_no
     more = rates(scattered, tail, tuple(t._replace(allowance=0.5) for t in own), rng)
     slope = [tail[i].most_likely(own[i].alpha2, float(scattered.offset[i]), 0.5) for i in range(P)]
     assert more.upper == pytest.approx(plain.upper, rel=0.1)
-    assert more.whole == pytest.approx(plain.whole)
+    assert more.total == pytest.approx(plain.total)
     assert more.lower < 2 * math.exp(float(np.logaddexp.reduce(slope))) < plain.lower
 
 
@@ -161,7 +161,7 @@ def test_a_year_has_a_wide_interval(seed: int) -> None:
         own = thresholds(scattered, tail, np.zeros(P), budget * MEMORY, rng)
         r = rates(scattered, tail, own, rng)
         widths.append(math.log(r.upper / r.lower))
-        assert r.lower < r.whole < r.upper
+        assert r.lower < r.total < r.upper
         # The thresholds came from another bootstrap: both scatter, the more the farther the rate is extrapolated.
         assert math.log(r.upper * budget * MEMORY) <= max(math.log(1.3), 0.2 * widths[-1])
     assert widths[0] < widths[1] < widths[2]

@@ -66,7 +66,7 @@ def feed(trends: Trends, some: Sequence[Reading], most: int | None = None) -> li
 
 
 def fm(trends: Trends) -> tuple[str, ...]:
-    return tuple(r.state for r in trends.of(AXIS)[2].reaches)
+    return tuple(r.state for r in trends.for_axis(AXIS)[2].reaches)
 
 
 def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path, seed: int) -> None:
@@ -85,7 +85,7 @@ def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path
     assert reach.low_us - day_us < START_US + 500 * 3_600_000_000 < reach.high_us + day_us
     assert last.size == pytest.approx(0.06 * 0.36, rel=0.1)
     assert last.ended_us is None
-    assert trends.of("demo.axis2")[2].trend is None
+    assert trends.for_axis("demo.axis2")[2].trend is None
 
 
 def test_what_is_steady_raises_none_and_shows_a_far_limit(tmp_path: Path, seed: int) -> None:
@@ -99,7 +99,7 @@ def test_a_limit_of_ja_is_one_of_its_reciprocal(tmp_path: Path) -> None:
     config = limited(tmp_path, {"Ja": (150.0,)})
     trends = AxisMonitors(config.axes).trends
     feed(trends, readings(125, 0.0, 1))
-    (reach,) = trends.of(AXIS)[1].reaches
+    (reach,) = trends.for_axis(AXIS)[1].reaches
     assert (reach.name, reach.unit, reach.limit, reach.above) == ("Ja", "kg m^2", 150.0, True)
 
 
@@ -108,7 +108,7 @@ def test_not_observed_is_not_counted(tmp_path: Path) -> None:
     for reading in readings(30, 0.0, 2):
         trends.take(AXIS, [reading._replace(known=(True, False, True))])
     trends.update()
-    assert [len(p.entries) for p in trends.of(AXIS)] == [30, 0, 30]
+    assert [len(p.entries) for p in trends.for_axis(AXIS)] == [30, 0, 30]
 
 
 def save(trends: Trends, monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
@@ -133,7 +133,7 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
     assert restore_trends(later, checkpoints, NOW_US) == []
     feed(later, course[1100:], 0)
     later.update()
-    for a, b in zip(later.of(AXIS), whole.of(AXIS), strict=True):
+    for a, b in zip(later.for_axis(AXIS), whole.for_axis(AXIS), strict=True):
         assert a.entries == b.entries
         assert a.trend is not None
         assert b.trend is not None
@@ -151,7 +151,7 @@ def test_damage_is_told_counted_and_quarantined(tmp_path: Path, checkpoints: Che
     assert (loss.axis_id, loss.part, loss.parameter) == (AXIS, "history", "fm")
     assert later.lost == {AXIS: 1, "demo.axis2": 0}
     later.update()
-    assert [len(p.entries) for p in later.of(AXIS)] == [30, 30, 0]
+    assert [len(p.entries) for p in later.for_axis(AXIS)] == [30, 30, 0]
     assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [part.name]
 
 
