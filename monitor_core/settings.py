@@ -59,7 +59,7 @@ class Settings:
     floor: float = 0.0
     """Information never falls below this share of the commissioned one, 1/P(0)_ii: P_ii stays below P(0)_ii / floor.
     0: P may grow for ever, as in the paper."""
-    starved: float = 0.0
+    min_excitation: float = 0.0
     """Where psi' P psi stays below this share of its steady mean p (1 - lambda), nothing is to be learned: theta, P
     and g wait.  0: never, as in the paper."""
     outlier: float = 0.0
@@ -97,7 +97,7 @@ class Settings:
             "K": (self.K, all(math.isfinite(k) for k in self.K)),
             "K_after": (self.K_after, np.isfinite(np.array(self.K_after or 0.0)).all()),
             "floor": (self.floor, 0 <= self.floor <= 0.5),
-            "starved": (self.starved, 0 <= self.starved <= 0.5),
+            "min_excitation": (self.min_excitation, 0 <= self.min_excitation <= 0.5),
             "outlier": (self.outlier, self.outlier == 0 or 3 <= self.outlier < math.inf),
             "widen": (self.widen, 0 <= self.widen <= 1e6),
             "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),

@@ -14,7 +14,7 @@
 """
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions, Progress, calibrate
-from monitor_core.calibration.fault_trials import Caught
+from monitor_core.calibration.fault_trials import TrialResult
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.calibration.result import (
     FOUND_SHARE,
@@ -28,9 +28,9 @@ __all__ = [
     "CalibrationError",
     "CalibrationOptions",
     "CalibrationResult",
-    "Caught",
     "DetectorResult",
     "MultiModelCalibration",
     "Progress",
+    "TrialResult",
     "calibrate",
 ]

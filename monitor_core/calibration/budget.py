@@ -88,7 +88,9 @@ def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Fl
     least = LEAST_H * tail.sigma * scatter.memory
 
     def excess(log_h: float) -> float:
-        return float(np.quantile(_drawn(scatter, tail, i, math.exp(log_h), draws), UPPER)) - log_share
+        return (
+            float(np.quantile(_draw_log_rates(scatter, tail, i, math.exp(log_h), draws), UPPER)) - log_share
+        )
 
     low = math.log(least)
     high = low + 12
@@ -102,7 +104,9 @@ def _draws(scatter: Scatter, parameters: int, rng: np.random.Generator) -> Float
     return rng.standard_normal((parameters, len(scatter.power), 5))
 
 
-def _drawn(scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats, spare: float = 0.0) -> Floats:
+def _draw_log_rates(
+    scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats, spare: float = 0.0
+) -> Floats:
     """Logarithms of the rate of a parameter (B,), by what the resampled records and chance say."""
     offset = scatter.offset[i] + scatter.off[:, i]
     rate = tail.log_rate(h, offset, scatter.power[:, i], spare, draws[:, :4])
@@ -115,7 +119,9 @@ def _bound(
 ) -> float:  # fmt: skip
     """Quantile of the logarithm of the rate of the axis."""
     spared = np.zeros(len(tails)) if spare is None else spare
-    each = [_drawn(scatter, tail, i, h[i], draws[i], float(spared[i])) for i, tail in enumerate(tails)]
+    each = [
+        _draw_log_rates(scatter, tail, i, h[i], draws[i], float(spared[i])) for i, tail in enumerate(tails)
+    ]
     return float(np.quantile(np.logaddexp.reduce(each, axis=0), q))
 
 

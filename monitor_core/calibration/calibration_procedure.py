@@ -17,11 +17,11 @@ from typing import Protocol
 import numpy as np
 
 from monitor_core.calibration.budget import Rates, rates, thresholds
-from monitor_core.calibration.fault_trials import Caught, Fault, catch
+from monitor_core.calibration.fault_trials import Fault, TrialResult, run_trials
 from monitor_core.calibration.healthy_records import deviations
-from monitor_core.calibration.healthy_statistics import Learned, learned
-from monitor_core.calibration.injection import changed
-from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
+from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
+from monitor_core.calibration.injection import changed_values
+from monitor_core.calibration.multimodel_fault_trials import run_multimodel_trials
 from monitor_core.calibration.multimodel_healthy import COPIES
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.record_doubts import (
@@ -33,7 +33,7 @@ from monitor_core.calibration.record_doubts import (
 )
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.calibration.surrogate_records import SAMPLES
-from monitor_core.detection.multimodel.multimodel_detector import unfit
+from monitor_core.detection.multimodel.multimodel_detector import reason_unavailable
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
@@ -144,7 +144,7 @@ def calibrate(
     with launch(task) as pending:
         on_copies = partial(_step, progress, "copies of the records")
         memories = within_s / memory_s
-        statistics = learned(
+        statistics = healthy_statistics(
             model, settings, records, healthy, samples, memories, rng, options.copies, on_copies
         )
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
@@ -164,7 +164,7 @@ def _step(progress: Progress, name: str, part: float) -> None:
 
 
 def _thresholds(
-    statistics: Learned, samples: float, interval_s: float, seed: int
+    statistics: HealthyStatistics, samples: float, interval_s: float, seed: int
 ) -> tuple[tuple[Threshold, ...], Rates]:
     """Thresholds of the CUSUM tests, and their false-alarm rate.
 
@@ -186,7 +186,7 @@ def _trials(
     options: CalibrationOptions,
     within_s: float,
     progress: Progress,
-) -> tuple[list[Caught], int]:
+) -> tuple[list[TrialResult], int]:
     """What the CUSUM tests find of changes in the longest record; nothing if it is too short."""
     longest = max(records, key=lambda record: len(record.t_us))
     faults = [
@@ -198,7 +198,7 @@ def _trials(
     ]
     for share in (OBSERVED_SHARE, 1.0):
         try:
-            return catch(
+            return run_trials(
                 model, settings, longest, faults, options.onsets, share * within_s, partial(_step, progress, "faults")
             )  # fmt: skip
         except ValueError:
@@ -216,7 +216,7 @@ def _limits(
     progress: PartialProgress,
 ) -> BankLimits | None:
     """Thresholds of the multi-model detector; None if the axis cannot have it."""
-    if unfit(model, settings):
+    if reason_unavailable(model, settings):
         return None
     return bank_limits(model, settings, records, samples, rng, copies, progress)
 
@@ -234,7 +234,7 @@ def _multimodel(
     longest = max(records, key=lambda record: len(record.t_us))
     for share in (OBSERVED_SHARE, 1.0) if faults else ():
         try:
-            caught = catch_by_bank(
+            caught = run_multimodel_trials(
                 model, settings, limits.own, longest, faults, options.onsets, share * within_s
             )
         except ValueError:
@@ -245,7 +245,7 @@ def _multimodel(
 
 def _is_possible(model: AxisModel, name: str, change: float) -> bool:
     try:
-        changed(model, name, change)
+        changed_values(model, name, change)
     except (ValueError, ZeroDivisionError):
         return False
     return True

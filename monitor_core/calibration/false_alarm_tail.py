@@ -26,7 +26,7 @@ _STEP, _TINY = 1e-3, 1e-300
 _LEAST_K = 0.1
 
 
-class Way(NamedTuple):
+class PeakFit(NamedTuple):
     """Of one direction: logarithms of the memory, and of the rate over the formula's with that memory."""
 
     best: Floats  # (2,)
@@ -41,7 +41,7 @@ class Tail:
     """nu over sigma with which it was simulated, and is meant to be used"""
     sigma: float
     """Of the records, in sizes"""
-    ways: tuple[Way, Way]
+    ways: tuple[PeakFit, PeakFit]
     """Of an increase and of a decrease"""
     log_known: float
     """Logarithm of the least rate, of one direction and per sample, that was simulated well"""
@@ -89,14 +89,14 @@ def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
     off = float(found.mean[i]) / sigma
     heights = [ways[i] / (sigma * scatter.memory) for ways in found.largest]
     up, down = (
-        fitted(max(k - sign * off, _LEAST_K), side, scatter.memory, found.samples)
+        fit_peaks(max(k - sign * off, _LEAST_K), side, scatter.memory, found.samples)
         for sign, side in zip((1, -1), heights, strict=True)
     )
     often = min(max(len(side) for side in heights), FEW)
     return Tail(k, float(scatter.sigma[i]), (up, down), math.log(max(often, 1) / found.samples))
 
 
-def fitted(k: float, heights: Floats, memory: float, samples: float) -> Way:
+def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakFit:
     """What excursions say of one direction, with what is known before: a Poisson process (Laplace's approximation).
 
     Args:
@@ -122,14 +122,14 @@ def fitted(k: float, heights: Floats, memory: float, samples: float) -> Way:
         prior = ((apart / known) ** 2).sum() / 2
         return float(np.exp(log_count(base, apart)).sum() - of_heights + prior)
 
-    best = least(loss, np.zeros(2), _STEP)
+    best = minimise(loss, np.zeros(2), _STEP)
     if len(h) < FEW and (abs(best) > _FAR * known).any():
-        return Way(np.array([math.log(memory), 0.0]), np.diag(known))
-    covariance = np.linalg.inv(curvature(loss, best, _STEP))
-    return Way(np.array([math.log(memory), 0.0]) + best, np.linalg.cholesky(covariance))
+        return PeakFit(np.array([math.log(memory), 0.0]), np.diag(known))
+    covariance = np.linalg.inv(second_derivatives(loss, best, _STEP))
+    return PeakFit(np.array([math.log(memory), 0.0]) + best, np.linalg.cholesky(covariance))
 
 
-def least(f: Callable[[Floats], float], start: Floats, step: float) -> Floats:
+def minimise(f: Callable[[Floats], float], start: Floats, step: float) -> Floats:
     """Where f is least, near ``start``."""
     from scipy.optimize import minimize  # as in run_length.py
 
@@ -137,7 +137,7 @@ def least(f: Callable[[Floats], float], start: Floats, step: float) -> Floats:
     return np.asarray(minimize(f, start, method="Nelder-Mead", options={"initial_simplex": simplex}).x)
 
 
-def curvature(f: Callable[[Floats], float], x: Floats, step: float) -> Floats:
+def second_derivatives(f: Callable[[Floats], float], x: Floats, step: float) -> Floats:
     """Second derivatives of f at x."""
     d = step * np.eye(len(x))
     return np.array([[(f(x + a + b) - f(x + a - b) - f(x - a + b) + f(x - a - b)) for b in d] for a in d]) / (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.injection import Load, changed, load_of, torque
+from monitor_core.calibration.injection import EquivalentLoad, changed_values, equivalent_load, faulty_torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection import Crossing
 from monitor_core.drive.assembly import Assembly
@@ -29,7 +29,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Caught:
+class TrialResult:
     """What became of a fault, at each onset.
 
     ``exact``: put into the record by the torque that the same motion would have needed; else simulated with the
@@ -53,7 +53,7 @@ class Caught:
         return float(ordered[min(len(ordered) - 1, max(0, int(np.ceil(share * len(ordered))) - 1))])
 
 
-def catch(
+def run_trials(
     model: AxisModel,
     settings: Settings,
     record: SampleBlock,
@@ -61,7 +61,7 @@ def catch(
     onsets: int,
     seconds: float,
     progress: Callable[[float], None] = lambda _: None,
-) -> tuple[list[Caught], int]:
+) -> tuple[list[TrialResult], int]:
     """Let each fault begin at so many places of the record, and watch for so many seconds.
 
     Returns what became of them, and how many onsets were possible.
@@ -70,33 +70,33 @@ def catch(
         ValueError: the record is too short for that.
     """
     N = round(seconds / settings.interval_s)
-    at = places(model, settings, record, onsets, N)
-    columns = _columns(model, settings, record, at)
+    at = onset_samples(model, settings, record, onsets, N)
+    columns = _healthy_states(model, settings, record, at)
     bank = AxisBatch([model] * LANES, [settings] * LANES)
     found = []
-    for number, (fault, load, u, y) in enumerate(injected(model, settings, record, faults, at, N)):
-        outcome = _watched(bank, record, u, y, at, N, columns)
-        found.append(_caught(fault, load, u, outcome, settings.interval_s))
+    for number, (fault, load, u, y) in enumerate(inject(model, settings, record, faults, at, N)):
+        outcome = _first_alarms(bank, record, u, y, at, N, columns)
+        found.append(_trial_result(fault, load, u, outcome, settings.interval_s))
         progress((number + 1) / len(faults))
     return found, len(at)
 
 
-def places(model: AxisModel, settings: Settings, record: SampleBlock, onsets: int, N: int) -> Ints:
+def onset_samples(model: AxisModel, settings: Settings, record: SampleBlock, onsets: int, N: int) -> Ints:
     """Samples of a record at which faults begin, with N of them left to be watched.
 
     Raises:
         ValueError: the record is too short for that.
     """
-    first = _ready(AxisMonitor(model, settings), record)
+    first = _first_tested(AxisMonitor(model, settings), record)
     last = len(record.t_us) - N - 1
     if last <= first:
         raise ValueError("the record is too short")
     return np.unique(np.linspace(first, last, onsets).astype(np.int64))
 
 
-def injected(
+def inject(
     model: AxisModel, settings: Settings, record: SampleBlock, faults: Sequence[Fault], at: Ints, N: int
-) -> Iterator[tuple[Fault, Load | None, Floats, Floats | None]]:
+) -> Iterator[tuple[Fault, EquivalentLoad | None, Floats, Floats | None]]:
     """Each fault, put into the record.
 
     How it loads the motor, if that is known exactly, and the torque of the whole record with it, wherever it begins;
@@ -105,16 +105,16 @@ def injected(
     states = innovations(model, settings, record, at.tolist())
     u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
     for fault in faults:
-        values = changed(model, fault.parameter, fault.size)
-        load = load_of(model, values)
+        values = changed_values(model, fault.parameter, fault.size)
+        load = equivalent_load(model, values)
         if load is not None:
-            yield fault, load, torque(model, settings, record, load, u_scale), None
+            yield fault, load, faulty_torque(model, settings, record, load, u_scale), None
         else:
             y = _faulty_outputs(model, settings, record, values, at, N, states.eps, states.x)
             yield fault, None, record.u, y
 
 
-def _ready(monitor: AxisMonitor, record: SampleBlock) -> int:
+def _first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:
     """From where on the tests run, some memories behind the start."""
     st, step = monitor.batch.state, monitor.settings.span
     for k in range(0, len(record.t_us), step):
@@ -125,7 +125,7 @@ def _ready(monitor: AxisMonitor, record: SampleBlock) -> int:
     return len(record.t_us)
 
 
-def _columns(
+def _healthy_states(
     model: AxisModel, settings: Settings, record: SampleBlock, at: Ints
 ) -> list[tuple[Floats, Ints]]:
     """The state of the healthy monitor just before each of these samples."""
@@ -161,7 +161,7 @@ def _faulty_outputs(
     return np.asarray(record.y[rows] + with_fault - without)
 
 
-def _watched(
+def _first_alarms(
     bank: AxisBatch,
     record: SampleBlock,
     u: Floats,
@@ -193,10 +193,12 @@ def _watched(
                     found[begin + a] = event
             if None not in found[begin : begin + len(onsets_now)]:
                 break
-    return [None if e is None else _since(e, record, int(k)) for e, k in zip(found, at, strict=True)]
+    return [
+        None if e is None else _relative_to_onset(e, record, int(k)) for e, k in zip(found, at, strict=True)
+    ]
 
 
-def _since(event: Crossing, record: SampleBlock, onset: int) -> Crossing:
+def _relative_to_onset(event: Crossing, record: SampleBlock, onset: int) -> Crossing:
     """With its time counted from the onset."""
     return Crossing(
         event.parameter,
@@ -208,10 +210,14 @@ def _since(event: Crossing, record: SampleBlock, onset: int) -> Crossing:
     )
 
 
-def _caught(
-    fault: Fault, load: Load | None, u: Floats, outcome: Sequence[Crossing | None], interval_s: float
-) -> Caught:
-    return Caught(
+def _trial_result(
+    fault: Fault,
+    load: EquivalentLoad | None,
+    u: Floats,
+    outcome: Sequence[Crossing | None],
+    interval_s: float,
+) -> TrialResult:
+    return TrialResult(
         fault,
         load is not None,
         np.array([np.inf if e is None else e.time_us * 1e-6 + interval_s for e in outcome]),

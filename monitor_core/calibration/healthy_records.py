@@ -38,7 +38,7 @@ class Deviations:
     """What could not be told apart at the end, in words"""
 
 
-def untested(settings: Settings) -> Settings:
+def without_tests(settings: Settings) -> Settings:
     """The settings with tests that never alarm, and so change nothing."""
     return replace(settings, thresholds=(), alpha2=OUT_OF_REACH, widen=0.0, run_on=False)
 
@@ -50,7 +50,7 @@ def deviations(
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[Deviations]:
     """Run all records, one after the other in the life of the axis, as the daemon would."""
-    monitor = AxisMonitor(model, untested(settings))
+    monitor = AxisMonitor(model, without_tests(settings))
     total, done, found = sum(len(record.t_us) for record in records), 0, []
     for record in records:
         found.append(_deviations(monitor, record, lambda part, at=done: progress((at + part) / total)))  # type: ignore[misc]

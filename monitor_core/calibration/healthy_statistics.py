@@ -12,14 +12,14 @@ from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.false_alarm_tail import Tail, tails
 from monitor_core.calibration.healthy_records import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
-from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulated
+from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulate_excursions
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 
 @dataclass(frozen=True)
-class Learned:
+class HealthyStatistics:
     """Of p parameters: how their estimates scatter, what their tests are to allow for, and how far the sums go."""
 
     scatter: Scatter
@@ -29,7 +29,7 @@ class Learned:
     tails: tuple[Tail, ...]
 
 
-def learned(
+def healthy_statistics(
     model: AxisModel,
     settings: Settings,
     records: Sequence[SampleBlock],
@@ -39,7 +39,7 @@ def learned(
     rng: np.random.Generator,
     copies: int = SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
-) -> Learned:
+) -> HealthyStatistics:
     """What thresholds are made from.
 
     ``found`` is what the recursion made of the records.  nu is best for a ``budget`` of so many samples between two
@@ -51,11 +51,11 @@ def learned(
     """
     memory = settings.memory
     k = nu_over_sigma(len(model.scale), memory, budget, within)
-    excursions = simulated(model, settings, records, k, rng, copies, progress)
+    excursions = simulate_excursions(model, settings, records, k, rng, copies, progress)
     seen = scatter(found, memory, rng)
-    shrunk = informed(seen, excursions, rng)
+    shrunk = shrink(seen, excursions, rng)
     alone = replace(shrunk, off=seen.off, power=seen.power)
-    return Learned(shrunk, alone, allowance(found, shrunk), tails(shrunk, excursions))
+    return HealthyStatistics(shrunk, alone, allowance(found, shrunk), tails(shrunk, excursions))
 
 
 # --- What records and their copies say together of the scatter of healthy estimates -----------------------------------
@@ -71,13 +71,13 @@ MOST_OWN = 0.5
 """Of the chance of a record, what copies of it are off by themselves."""
 
 
-def informed(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Scatter:
+def shrink(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Scatter:
     """The scatter of the records, with what the copies know of its mean and its size."""
     p, times = len(scatter.sigma), len(scatter.power)
     own = rng.multivariate_normal(np.zeros(2 * p), found.error, size=times)
     differs = [(scatter.mean_d - found.mean) / found.sigma, np.log(scatter.sigma / found.sigma)]
     chance = [scatter.off / found.sigma, np.log(scatter.power) / 2]
-    centre, apart = _told(np.concatenate(differs), np.hstack(chance), own, rng)
+    centre, apart = _shrinkage(np.concatenate(differs), np.hstack(chance), own, rng)
     return replace(
         scatter,
         mean_d=found.mean + found.sigma * centre[:p],
@@ -87,7 +87,9 @@ def informed(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> S
     )
 
 
-def _told(differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def _shrinkage(
+    differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
     """What to add to the copies' numbers (n,), and how far off the truth may be then (B, n).
 
     A record has the copies' own error in its chance, as it is of the same innovations.  So that is no part of what they
@@ -102,7 +104,7 @@ def _told(differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator
     sd, sd_own = chance.std(axis=0), own.std(axis=0)
     most = np.minimum(sd_own, MOST_OWN * sd)
     rest = np.sqrt(sd**2 - most**2)
-    lacks = rest * drawn(differs / rest, chance / sd, rng)
+    lacks = rest * draw_posterior(differs / rest, chance / sd, rng)
     centre = lacks.mean(axis=0)
     return centre, lacks - centre + own * most / np.maximum(sd_own, _TINY)
 
@@ -162,7 +164,7 @@ _FARTHEST = 1e3
 _TINY = 1e-300
 
 
-def drawn(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
+def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
     """What the numbers may be (B, n), drawn from the posterior.
 
     Args:
@@ -178,11 +180,11 @@ def drawn(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
     log = np.log(of_tau) + np.log(weights.sum(axis=1)).sum(axis=-1)
     likely = np.exp(log - log.max())
     which = rng.choice(len(kappa), size=(B, 1), p=likely / likely.sum())
-    share = np.hstack([_chosen(kappa, weights[:, :, i], which[:, 0], rng) for i in range(n)])
-    return np.asarray(e - share * _near(e) + np.sqrt(1 - share) * chance)
+    share = np.hstack([_draw_kappa(kappa, weights[:, :, i], which[:, 0], rng) for i in range(n)])
+    return np.asarray(e - share * _shrink_factor(e) + np.sqrt(1 - share) * chance)
 
 
-def _chosen(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
+def _draw_kappa(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
     """One kappa for each of these rows (B, 1), as likely as it is within its row."""
     up_to = np.cumsum(weights, axis=1)
     up_to /= up_to[:, -1:]
@@ -195,7 +197,7 @@ def _likelihood(e: Floats, kappa: Floats) -> Floats:
 
     Given kappa what is seen is N(0, 1 / kappa), and the number has the mean (1 - kappa) e and the variance 1 - kappa.
     """
-    log = np.log(kappa)[:, :, np.newaxis] / 2 - kappa[:, :, np.newaxis] * _near(e) ** 2 / 2
+    log = np.log(kappa)[:, :, np.newaxis] / 2 - kappa[:, :, np.newaxis] * _shrink_factor(e) ** 2 / 2
     return np.asarray(np.maximum(np.exp(log - log.max(axis=(0, 1))), _TINY))
 
 
@@ -206,5 +208,5 @@ def _half_cauchy(n: int) -> tuple[Floats, Floats]:
     return x, weight / weight.sum()
 
 
-def _near(e: Floats) -> Floats:
+def _shrink_factor(e: Floats) -> Floats:
     return np.asarray(np.clip(e, -_FARTHEST, _FARTHEST))

@@ -21,7 +21,7 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Load:
+class EquivalentLoad:
     """u' = (u + viscous speed + sum of (coefficient, input) ) / factor, in N m at the motor."""
 
     factor: float
@@ -30,7 +30,7 @@ class Load:
     """Coefficient of each further input"""
 
 
-def changed(model: AxisModel, name: str, change: float) -> dict[str, float]:
+def changed_values(model: AxisModel, name: str, change: float) -> dict[str, float]:
     """Values with a monitored parameter changed by so many of its sizes.
 
     Raises:
@@ -45,21 +45,21 @@ def changed(model: AxisModel, name: str, change: float) -> dict[str, float]:
     return model.values(theta)
 
 
-def load_of(model: AxisModel, values: Mapping[str, float]) -> Load | None:
+def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> EquivalentLoad | None:
     """How the torque changes for the same motion with these values; None: that is not known exactly."""
     if values.get(DELAY, 0.0) != model.nominal.get(DELAY, 0.0):
         return None
     drive = model.drive
     (A, B, C), (A1, B1, C1) = model.matrices(), (drive.matrix(w, values) for w in ("A", "B", "C"))
-    torque = drive.inputs.index(TORQUE)
-    b, size = B[:, torque], float(np.abs(B[:, torque]).max())
+    faulty_torque = drive.inputs.index(TORQUE)
+    b, size = B[:, faulty_torque], float(np.abs(B[:, faulty_torque]).max())
     speed = C[0] if drive.output == "speed" else (C @ A)[0]
-    factor = _share(B1[:, torque], b)
+    factor = _share(B1[:, faulty_torque], b)
     viscous = _outer(A1 - A, b, speed)
-    loads = {c: _share(B[:, c] - B1[:, c], b) for c in range(len(drive.inputs)) if c != torque}
+    loads = {c: _share(B[:, c] - B1[:, c], b) for c in range(len(drive.inputs)) if c != faulty_torque}
     if size == 0 or factor is None or viscous is None or None in loads.values() or not np.array_equal(C, C1):
         return None
-    return Load(factor, viscous, {c: v for c, v in loads.items() if v})
+    return EquivalentLoad(factor, viscous, {c: v for c, v in loads.items() if v})
 
 
 def _share(change: Floats, b: Floats) -> float | None:
@@ -80,7 +80,9 @@ def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:
     return v if fits else None
 
 
-def torque(model: AxisModel, settings: Settings, record: SampleBlock, load: Load, u_scale: Floats) -> Floats:
+def faulty_torque(
+    model: AxisModel, settings: Settings, record: SampleBlock, load: EquivalentLoad, u_scale: Floats
+) -> Floats:
     """The torque u' (N,) that the motion of the record would have needed.
 
     A load acts with its mean over the interval in which the torque is held.  ``u_scale`` (m,) is what angles are
@@ -88,9 +90,9 @@ def torque(model: AxisModel, settings: Settings, record: SampleBlock, load: Load
     """
     needed, speed = record.u.copy(), _mean_speed(model, record, settings)
     if load.viscous:
-        needed += load.viscous * _held(speed, settings)
+        needed += load.viscous * _with_delay(speed, settings)
     for c, coefficient in load.inputs.items():
-        needed += coefficient * _held(_input(model, settings, record, c, u_scale[c], speed), settings)
+        needed += coefficient * _with_delay(_input(model, settings, record, c, u_scale[c], speed), settings)
     return np.asarray(needed / load.factor)
 
 
@@ -103,14 +105,14 @@ def _input(
         return np.ones(len(record.u))
     if kind == COULOMB:
         ratio = float(model.drive.matrix("ratio", model.nominal)[c, 0]) / settings.speed_scale
-        return _middle(np.tanh(ratio * record.y)) if output == "speed" else np.tanh(ratio * speed)
-    return _middle(np.cos(scale * record.y) if kind == COSINE else np.sin(scale * record.y))
+        return _interval_mean(np.tanh(ratio * record.y)) if output == "speed" else np.tanh(ratio * speed)
+    return _interval_mean(np.cos(scale * record.y) if kind == COSINE else np.sin(scale * record.y))
 
 
 def _mean_speed(model: AxisModel, record: SampleBlock, settings: Settings) -> Floats:
     """Mean of the speed over the interval that begins with each sample (N,)."""
     if model.drive.output == "speed":
-        return _middle(record.y)
+        return _interval_mean(record.y)
     after = np.append(record.y[1:], record.y[-1])
     if model.drive.output == "mean speed":
         return after
@@ -118,11 +120,11 @@ def _mean_speed(model: AxisModel, record: SampleBlock, settings: Settings) -> Fl
     return np.asarray((after - record.y) / h)
 
 
-def _middle(values: Floats) -> Floats:
+def _interval_mean(values: Floats) -> Floats:
     return np.asarray((values + np.append(values[1:], values[-1])) / 2)
 
 
-def _held(mean: Floats, settings: Settings) -> Floats:
+def _with_delay(mean: Floats, settings: Settings) -> Floats:
     """A torque that acts late acts in part over the next interval."""
     late = min(settings.delay_s / settings.interval_s, 1.0)
     return np.asarray((1 - late) * mean + late * np.append(mean[1:], mean[-1]))

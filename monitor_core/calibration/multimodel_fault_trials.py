@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.fault_trials import Caught, Fault, injected, places
-from monitor_core.detection.multimodel.events import Changed, Named
+from monitor_core.calibration.fault_trials import Fault, TrialResult, inject, onset_samples
+from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
 from monitor_core.drive.axis_model import AxisModel
@@ -20,7 +20,7 @@ PARTS = 20
 """In which a fault is watched: from one in which it is named on no more."""
 
 
-class _First(NamedTuple):
+class _FirstAlarm(NamedTuple):
     """The first alarm, s after the onset; what it was called when it was named, or, until then, at first sight."""
 
     delay_s: float = math.inf
@@ -28,14 +28,14 @@ class _First(NamedTuple):
     size: float = 0.0
 
 
-class _Before(NamedTuple):
+class _HealthyState(NamedTuple):
     """A bank's state, and the steps by which its nominal values had moved."""
 
     memory: Memory
     moved: tuple[int, ...]
 
 
-def catch_by_bank(
+def run_multimodel_trials(
     model: AxisModel,
     settings: Settings,
     own: Sequence[Limit],
@@ -44,24 +44,24 @@ def catch_by_bank(
     onsets: int,
     seconds: float,
     progress: Callable[[float], None] = lambda _: None,
-) -> list[Caught]:
+) -> list[TrialResult]:
     """As ``catch``, by the bank with these limits; ``first`` is the cause that it names.
 
     Raises:
         ValueError: the record is too short for that.
     """
     N = round(seconds / settings.interval_s)
-    at = places(model, settings, record, onsets, N)
+    at = onset_samples(model, settings, record, onsets, N)
     bank = bank_of(model, settings, Limits(1.0, tuple(own)))
-    before = _healthy(bank, record, at)
+    before = _healthy_states(bank, record, at)
     found = []
-    for number, (fault, load, u, y) in enumerate(injected(model, settings, record, faults, at, N)):
+    for number, (fault, load, u, y) in enumerate(inject(model, settings, record, faults, at, N)):
         firsts = [
-            _first(bank, record, u, None if y is None else y[:, k], int(a), N, before[k])
+            _first_alarm(bank, record, u, None if y is None else y[:, k], int(a), N, before[k])
             for k, a in enumerate(at.tolist())
         ]
         found.append(
-            Caught(
+            TrialResult(
                 fault,
                 load is not None,
                 np.array([first.delay_s for first in firsts]),
@@ -74,33 +74,39 @@ def catch_by_bank(
     return found
 
 
-def _healthy(bank: HypothesisBank, record: SampleBlock, at: Ints) -> list[_Before]:
+def _healthy_states(bank: HypothesisBank, record: SampleBlock, at: Ints) -> list[_HealthyState]:
     """Of the healthy bank just before each of these samples; none of its hypotheses alarms meanwhile."""
     quiet = HypothesisBank(bank.model, bank.settings, bank.hypotheses, allowance=bank.allowance)
     done, found = 0, []
     for end in at.tolist():
         part = record.select(slice(done, end))
         quiet.run(part.t_us, part.u, part.y, part.gate, part.shift)
-        found.append(_Before(quiet.memory, quiet.moved))
+        found.append(_HealthyState(quiet.memory, quiet.moved))
         done = end
     return found
 
 
-def _first(
-    bank: HypothesisBank, record: SampleBlock, u: Floats, y: Floats | None, at: int, N: int, before: _Before
-) -> _First:
+def _first_alarm(
+    bank: HypothesisBank,
+    record: SampleBlock,
+    u: Floats,
+    y: Floats | None,
+    at: int,
+    N: int,
+    before: _HealthyState,
+) -> _FirstAlarm:
     bank.reset()
     bank.follow(before.moved)
     bank.memory = before.memory
-    first = _First()
+    first = _FirstAlarm()
     for rows in np.array_split(np.arange(at, at + N), PARTS):
         outputs = record.y[rows] if y is None else y[rows - at]
         gate = None if record.gate is None else record.gate[rows]
         shift = None if record.shift is None else record.shift[rows]
         for event in bank.run(record.t_us[rows], u[rows], outputs, gate, shift):
-            if isinstance(event, Changed) and not first.cause:
+            if isinstance(event, ChangeDetected) and not first.cause:
                 delay = float(event.time_us - record.t_us[at]) * 1e-6 + bank.settings.interval_s
-                first = _First(delay, event.shares[0].cause, event.shares[0].size)
-            elif isinstance(event, Named):
+                first = _FirstAlarm(delay, event.shares[0].cause, event.shares[0].size)
+            elif isinstance(event, CauseIdentified):
                 return first._replace(cause=event.shares[0].cause, size=event.shares[0].size)
     return first

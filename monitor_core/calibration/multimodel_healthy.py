@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.multimodel_tails import Heights
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.spectra import Spectra
-from monitor_core.calibration.surrogate_records import LANES, block_length, copies_of, source_of
-from monitor_core.calibration.synthetic_innovations import Sieve
+from monitor_core.calibration.surrogate_records import LANES, block_length, bootstrap_copies, copy_source
+from monitor_core.calibration.synthetic_innovations import SieveBootstrap
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
 from monitor_core.drive.axis_model import AxisModel
@@ -31,7 +31,7 @@ _CHUNK = 10_000
 
 
 @dataclass(frozen=True)
-class Watched:
+class MultiModelStatistics:
     """What a bank does on healthy records (``recorded``), and on copies of them, or on them again where there are none.
 
     ``allowance`` (H,); ``covariance`` (H, H): of what is known of log r (spectra.py); ``places`` of the motion.
@@ -39,20 +39,20 @@ class Watched:
 
     hypotheses: tuple[Hypothesis, ...]
     allowance: Floats
-    recorded: Heights
-    copied: Heights
+    recorded: ExcursionPeaks
+    copied: ExcursionPeaks
     covariance: Floats
     places: int
 
 
-def watched(
+def multimodel_statistics(
     model: AxisModel,
     settings: Settings,
     records: Sequence[SampleBlock],
     rng: np.random.Generator,
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
-) -> Watched:
+) -> MultiModelStatistics:
     """Run the bank over records, and over so many samples of their copies.
 
     Raises:
@@ -62,16 +62,21 @@ def watched(
     allowance = allowances(bank, records)
     bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
     variance = settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
-    recorded, spectra = Heights(len(allowance)), Spectra(variance, allowance, LOOK * block_length(settings))
-    places = _Places(settings, records)
+    recorded, spectra = (
+        ExcursionPeaks(len(allowance)),
+        Spectra(variance, allowance, LOOK * block_length(settings)),
+    )
+    places = _Blocks(settings, records)
     for number, record in enumerate(records):
-        spectra.add(_over(bank, record, recorded, places, number))
+        spectra.add(_run_record(bank, record, recorded, places, number))
     if not recorded.samples:
         raise ValueError("nothing was tested in any record")
     progress(0.2)
-    copied = _copied(bank, records, places, copies, rng, lambda part: progress(0.2 + 0.8 * part))
+    copied = _run_copies(bank, records, places, copies, rng, lambda part: progress(0.2 + 0.8 * part))
     pooled = copied if copied.samples else recorded
-    return Watched(bank.hypotheses, allowance, recorded, pooled, spectra.covariance(), places.many)
+    return MultiModelStatistics(
+        bank.hypotheses, allowance, recorded, pooled, spectra.covariance(), places.many
+    )
 
 
 def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
@@ -93,7 +98,7 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
     return most
 
 
-class _Places:
+class _Blocks:
     """Parts of the records, a block of innovations long, by number."""
 
     def __init__(self, settings: Settings, records: Sequence[SampleBlock]) -> None:
@@ -106,8 +111,8 @@ class _Places:
         return np.asarray(self._first[record] + samples // self._length)
 
 
-def _over(
-    bank: HypothesisBank, record: SampleBlock, heights: Heights, places: _Places, number: int
+def _run_record(
+    bank: HypothesisBank, record: SampleBlock, heights: ExcursionPeaks, places: _Blocks, number: int
 ) -> Floats:
     """One record, from the start; its innovations (N, 1 + H)."""
     bank.reset()
@@ -122,24 +127,26 @@ def _over(
     return np.concatenate(found)
 
 
-def _copied(
+def _run_copies(
     bank: HypothesisBank,
     records: Sequence[SampleBlock],
-    places: _Places,
+    places: _Blocks,
     samples: int,
     rng: np.random.Generator,
     progress: Callable[[float], None],
-) -> Heights:
+) -> ExcursionPeaks:
     """Copies of the records, at least so many samples."""
-    heights, clock = Heights(len(bank.hypotheses)), 0
-    found = ((number, source_of(bank.model, bank.settings, record)) for number, record in enumerate(records))
+    heights, clock = ExcursionPeaks(len(bank.hypotheses)), 0
+    found = (
+        (number, copy_source(bank.model, bank.settings, record)) for number, record in enumerate(records)
+    )
     sources = [(number, source) for number, source in found if source is not None]
     while sources and heights.samples < samples:
         for number, source in sources:
             copies = _Copies(bank, heights, clock, len(source.u))
             at, skipped = 0, len(records[number].t_us) - len(source.u)
-            sieve = Sieve(source.eps, LANES, rng)
-            for t_us, u, y in copies_of(bank.model, bank.settings, source, sieve):
+            sieve = SieveBootstrap(source.eps, LANES, rng)
+            for t_us, u, y in bootstrap_copies(bank.model, bank.settings, source, sieve):
                 at_places = places.index(number, skipped + at + np.arange(len(t_us)))
                 copies.run(t_us, u, y, at, at_places, places.index(number, skipped + sieve.origin))
                 at += len(t_us)
@@ -153,7 +160,7 @@ def _copied(
 class _Copies:
     """LANES copies of a record of so many samples, one after the other through one bank."""
 
-    def __init__(self, bank: HypothesisBank, heights: Heights, clock: int, length: int) -> None:
+    def __init__(self, bank: HypothesisBank, heights: ExcursionPeaks, clock: int, length: int) -> None:
         self._bank, self._heights, self._clock, self._length = bank, heights, clock, length
         bank.reset()
         self._memories = [bank.memory] * LANES

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.kernel.excursions import ORIGIN, PEAK, PLACE, START
-from monitor_core.kernel.excursions import heights as heights_of
+from monitor_core.kernel.excursions import excursion_peaks as heights_of
 
 ALIKE = 10
 """So many excursions as an exact model would have are added where there are fewer than TOP."""
@@ -67,7 +67,9 @@ class BankTails:
         return sigma, xi, end, 1 / (sigma + xi * end)
 
 
-def bank_tails(heights: Heights, many: int, weights: tuple[Floats, Floats], farther: Floats) -> BankTails:
+def bank_tails(
+    heights: ExcursionPeaks, many: int, weights: tuple[Floats, Floats], farther: Floats
+) -> BankTails:
     """Of so many hypotheses; weights (B, places) of motion and innovations, and ``farther`` (B,), standard normal."""
     highest = [heights.highest(i) for i in range(many)]
     base = np.array([pair[0] for pair in highest])
@@ -84,10 +86,10 @@ def bank_tails(heights: Heights, many: int, weights: tuple[Floats, Floats], fart
     a = (lower + alike * count / 4) / (np.maximum(count, 1e-12) * (count + alike))
     shape = 2 - mean / np.maximum(mean - 2 * a, 1e-12 * mean)
     # With fewer the base is where small excursions begin, and no tail.
-    shape = np.clip(_shrunk(_scattered(shape, own[:, 2]), number == TOP), _LEAST_SHAPE, _MOST_SHAPE)
+    shape = np.clip(_shrink_to_mean(_with_chance(shape, own[:, 2]), number == TOP), _LEAST_SHAPE, _MOST_SHAPE)
     shape *= np.maximum(1 + _UNSURE * farther, 0.0)
-    log_rate = _scattered(np.log(np.maximum(count, 1.0) / max(heights.samples, 1)), own[:, 0])
-    mean = np.exp(_scattered(np.log(mean), own[:, 1]))
+    log_rate = _with_chance(np.log(np.maximum(count, 1.0) / max(heights.samples, 1)), own[:, 0])
+    mean = np.exp(_with_chance(np.log(mean), own[:, 1]))
     return BankTails(base, log_rate.T, mean.T, shape.T, float(np.log(TOP)))
 
 
@@ -107,7 +109,7 @@ def _own_variances(falling: Floats, alike: int) -> tuple[float, float, float]:
     return 1 / n, float(of_mean @ of_mean), float(of_shape @ of_shape)
 
 
-def _scattered(drawn: Floats, own: Floats) -> Floats:
+def _with_chance(drawn: Floats, own: Floats) -> Floats:
     """Draws (H, B) about what is, as far as chance: with ``own`` (H,), of the excursions by themselves, once in it.
 
     About what is, as where few innovations make a tail, most draws lack some of them.
@@ -118,7 +120,7 @@ def _scattered(drawn: Floats, own: Floats) -> Floats:
     return np.hstack([drawn[:, :1], drawn[:, :1] + np.sqrt(less)[:, np.newaxis] * differs])
 
 
-def _shrunk(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
+def _shrink_to_mean(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
     """Each towards the mean of all (H, B); those that cannot tell have the mean."""
     out = np.zeros_like(shape)
     if tell.any():
@@ -143,7 +145,7 @@ LEAST_HEIGHT = 2.0
 """Lower ones do not tell the tail."""
 
 
-class Heights:
+class ExcursionPeaks:
     """Excursions of g of so many hypotheses, from pieces of its course over copies of records."""
 
     def __init__(self, many: int) -> None:

@@ -17,8 +17,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import LOWER, UPPER
-from monitor_core.calibration.multimodel_healthy import COPIES, Watched, watched
-from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, Heights, bank_tails
+from monitor_core.calibration.multimodel_healthy import COPIES, MultiModelStatistics, multimodel_statistics
+from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
 from monitor_core.calibration.run_length import root
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.drive.axis_model import AxisModel
@@ -59,10 +59,14 @@ def bank_limits(
     Raises:
         ValueError: the axis can have no bank; nothing was tested in any record.
     """
-    return limits(watched(model, settings, records, rng, copies, progress), samples, rng)
+    return limits_for_budget(
+        multimodel_statistics(model, settings, records, rng, copies, progress), samples, rng
+    )
 
 
-def limits(statistics: Watched, samples: float, rng: np.random.Generator) -> BankLimits:
+def limits_for_budget(
+    statistics: MultiModelStatistics, samples: float, rng: np.random.Generator
+) -> BankLimits:
     """Thresholds with one false alarm of the whole bank in so many samples, kept with a certainty of 95 %.
 
     Every hypothesis has the same share of the budget.
@@ -86,8 +90,8 @@ def limits(statistics: Watched, samples: float, rng: np.random.Generator) -> Ban
 
     def h_for(less: float) -> Floats:
         share = log_budget - float(np.log(many)) - less
-        of_copies = _where(lambda h: np.quantile(each(h), UPPER, axis=0), share, least)
-        return _where(lambda h: seen.log_rates(h, np.ones((1, many)))[0], share, of_copies)
+        of_copies = _height_for_rate(lambda h: np.quantile(each(h), UPPER, axis=0), share, least)
+        return _height_for_rate(lambda h: seen.log_rates(h, np.ones((1, many)))[0], share, of_copies)
 
     def excess(less: float) -> float:
         return float(np.quantile(total(h_for(less)), UPPER)) - log_budget
@@ -111,7 +115,7 @@ def _weights(places: int, rng: np.random.Generator) -> Floats:
     return np.asarray(drawn / drawn.mean(axis=1, keepdims=True))
 
 
-def _where(log_rate: Callable[[Floats], Floats], share: float, least: Floats) -> Floats:
+def _height_for_rate(log_rate: Callable[[Floats], Floats], share: float, least: Floats) -> Floats:
     """The height (H,) where the logarithm of a rate, which falls, is the share; at least ``least``."""
     low, high = least.copy(), least.copy()
     while (above := log_rate(high) > share).any():
@@ -136,12 +140,12 @@ _UNSURE = 0.2
 """Standard deviation of the exponent's logarithm of the share, over itself."""
 
 
-def log_share(found: Heights, hypotheses: int, log_rate: float, draws: Floats) -> Floats:
+def log_share(found: ExcursionPeaks, hypotheses: int, log_rate: float, draws: Floats) -> Floats:
     """Logarithm (B,) of alarms of the bank over those of its hypotheses, which are exp(log_rate) per sample together.
 
     ``draws`` (B,) are of a standard normal.
     """
-    often, seldom = (_fused(found, hypotheses, many) for many in (_OFTEN, _FEW))
+    often, seldom = (_merged_share(found, hypotheses, many) for many in (_OFTEN, _FEW))
     if not seldom[0] < 0 or not often[0] < seldom[0]:
         return np.zeros_like(draws)
     power = math.log(often[0] / seldom[0]) / (often[1] - seldom[1])
@@ -149,7 +153,7 @@ def log_share(found: Heights, hypotheses: int, log_rate: float, draws: Floats) -
     return np.asarray(seldom[0] * math.exp(min(power, _STEEPEST) * farther) * np.exp(_UNSURE * draws))
 
 
-def _fused(found: Heights, hypotheses: int, many: int) -> tuple[float, float]:
+def _merged_share(found: ExcursionPeaks, hypotheses: int, many: int) -> tuple[float, float]:
     """Logarithms of the share, and of the rate of excursions, where each hypothesis has so many."""
     events = np.concatenate([found.events(i, many) for i in range(hypotheses)], axis=1)
     together, alarms, last = max(events.shape[1], 1), 0, -1.0

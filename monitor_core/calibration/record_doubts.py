@@ -10,7 +10,7 @@ from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy_records import Deviations
 from monitor_core.calibration.scatter import BINS, Scatter, binned
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.axis_status import untold
+from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
 
@@ -41,7 +41,7 @@ def check_settings(settings: Settings) -> None:
     Raises:
         CalibrationError: the nominal values do not allow it.
     """
-    for words in untold(settings.untold):
+    for words in unidentifiable_words(settings.untold):
         raise CalibrationError(words)
 
 
@@ -84,11 +84,11 @@ def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviatio
         CalibrationError: something does.
     """
     for deviations in found:
-        _no_change(model, settings, deviations)
-    _no_offset(model, settings, found)
+        _check_no_change(model, settings, deviations)
+    _check_no_offset(model, settings, found)
 
 
-def _no_change(model: AxisModel, settings: Settings, deviations: Deviations) -> None:
+def _check_no_change(model: AxisModel, settings: Settings, deviations: Deviations) -> None:
     q = max(1, round(settings.memory / BINS))
     use = np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
     d = deviations.d[use]
@@ -131,7 +131,7 @@ def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
     return at, float(after[best] - before[best]), float(ends.std())
 
 
-def _no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
+def _check_no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
     q = max(1, round(settings.memory / BINS))
     d = np.concatenate([binned(deviations, q)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.fault_trials import Caught
+from monitor_core.calibration.fault_trials import TrialResult
 from monitor_core.calibration.multimodel_thresholds import BankLimits
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection import DetectorName
@@ -30,7 +30,7 @@ class DetectorResult:
 
     detector: DetectorName
     between_s: tuple[float, float, float]
-    caught: Sequence[Caught]
+    caught: Sequence[TrialResult]
     within_s: float
 
     @property
@@ -69,7 +69,7 @@ class MultiModelCalibration:
     """Thresholds of the multi-model detector, and what it would have found of the same changes."""
 
     limits: BankLimits
-    caught: Sequence[Caught]
+    caught: Sequence[TrialResult]
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class CalibrationResult:
     scatter: Scatter
     rates: Rates
     allowance: Floats
-    caught: Sequence[Caught]
+    caught: Sequence[TrialResult]
     onsets: int
     records_s: float
     bank: MultiModelCalibration | None = None

@@ -74,7 +74,7 @@ def scatter(
     weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=times)
     means, squares = np.hsplit((weights @ sums) / (weights @ count)[:, np.newaxis], 2)
     variance = (around**2).mean(axis=0)
-    power = _turned(squares / variance, memories)
+    power = _mirrored_variance(squares / variance, memories)
     chance = rng.multivariate_normal(np.zeros(d.shape[1]), _correlation(means), size=times)
     variance *= 1 + 2 / memories  # the mean is of the same record
     off = np.sqrt(2 * variance / memories) * chance
@@ -93,7 +93,7 @@ def _correlation(values: Floats) -> Floats:
     return np.asarray(z.T @ z / len(z))
 
 
-def _turned(resampled: Floats, memories: float) -> Floats:
+def _mirrored_variance(resampled: Floats, memories: float) -> Floats:
     """Variance of the truth over the record's, from resampled over the record's (B, p): as far to the other side.
 
     Few blocks do not scatter enough: at least as normal deviations do, that are forgotten within a memory.

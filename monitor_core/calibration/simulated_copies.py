@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.calibration.healthy_records import untested
+from monitor_core.calibration.healthy_records import without_tests
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY
-from monitor_core.kernel.innovations_plant import measured
+from monitor_core.kernel.innovations_plant import simulate_innovations
 from monitor_core.kernel.tables import COULOMB
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -36,7 +36,7 @@ def innovations(
     model: AxisModel, settings: Settings, record: SampleBlock, at: Sequence[int] = ()
 ) -> Innovations:
     """Innovations of the predictor at nominal, and its state just before the samples ``at``, in rising order."""
-    frozen = replace(untested(settings), lam=_ENDLESS, P0=(), starved=0.0, floor=0.0, outlier=0.0)
+    frozen = replace(without_tests(settings), lam=_ENDLESS, P0=(), min_excitation=0.0, floor=0.0, outlier=0.0)
     monitor = AxisMonitor(model, frozen)
     eps, states, done = [], [], 0
     for end in (*at, len(record.t_us)):
@@ -59,7 +59,7 @@ class Plants:
     def __init__(self, model: AxisModel, settings: Settings, values: Sequence[Mapping[str, float]]) -> None:
         drive, h = model.drive, settings.interval_s
         assembly = Assembly(drive, model.monitored)
-        matrices = [_held(model, value, h) for value in values]
+        matrices = [_discretised(model, value, h) for value in values]
         self._Ad, self._Bd, self._C = (np.array([matrix[k] for matrix in matrices]) for k in range(3))
         self._late = np.array([value.get(DELAY, settings.delay_s) / h for value in values])
         self._K, self._kind = settings.gain(len(drive.states)), assembly.tables.kind
@@ -78,7 +78,7 @@ class Plants:
             eps: innovations (N, W).
         """
         y, x = np.empty(u.shape), np.ascontiguousarray(x).copy()
-        measured(
+        simulate_innovations(
             self._Ad, self._Bd, self._C, which, self._K, self._kind, self._u_scale, self._speed_state,
             self._filtered, self._mean, self._late, x, np.array(u_before, float),
             np.ascontiguousarray(u), np.ascontiguousarray(eps), y,
@@ -86,7 +86,7 @@ class Plants:
         return y, x
 
 
-def _held(model: AxisModel, values: Mapping[str, float], h: float) -> tuple[Floats, Floats, Floats]:
+def _discretised(model: AxisModel, values: Mapping[str, float], h: float) -> tuple[Floats, Floats, Floats]:
     drive, d = model.drive, model.balance()
     A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
     Ad, Bd = zero_order_hold(A / d[:, np.newaxis] * d, B / d[:, np.newaxis], h)

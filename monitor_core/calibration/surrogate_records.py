@@ -16,7 +16,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import untested
+from monitor_core.calibration.healthy_records import without_tests
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
@@ -61,7 +61,7 @@ class Excursions:
     samples: float
 
 
-def simulated(
+def simulate_excursions(
     model: AxisModel,
     settings: Settings,
     records: Sequence[SampleBlock],
@@ -75,7 +75,7 @@ def simulated(
     Raises:
         ValueError: no record has innovations, or is long enough.
     """
-    sources = [source for record in records if (source := source_of(model, settings, record)) is not None]
+    sources = [source for record in records if (source := copy_source(model, settings, record)) is not None]
     if not sources:
         raise ValueError("nothing was learned from any record")
     copies = _Copies(model, settings)
@@ -83,21 +83,21 @@ def simulated(
     # Of the first memories sigma is had; short records go by for it a first time.
     least = 1 if total > 4 * _KNOWN * settings.memory else 2
     turns = max(least, round(samples / total / LANES))
-    error, watch = _own_error(copies, sources, rng), _Watch(model, settings, k)
+    error, watch = _bootstrap_error(copies, sources, rng), _PeakCounter(model, settings, k)
     progress(1 / (turns + 1))
     for turn in range(turns):
         for source in sources:
             watch.begin()
-            for d, s in copies.run(source, blocks_of(settings, source, MANY, rng)):
+            for d, s in copies.run(source, bootstrap_blocks(settings, source, MANY, rng)):
                 watch.take(d, s)
         progress((turn + 2) / (turns + 1))
     return watch.found(error)
 
 
-def _own_error(copies: _Copies, sources: Sequence[Source], rng: np.random.Generator) -> Floats:
+def _bootstrap_error(copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator) -> Floats:
     """Of copies with few of the innovations, made as small as it is with all of them (2 p, 2 p)."""
-    few = [blocks_of(copies.settings, source, FEW, rng) for source in sources]
-    parts = Parts()
+    few = [bootstrap_blocks(copies.settings, source, FEW, rng) for source in sources]
+    parts = PartSums()
     turns = math.ceil(OWN_SAMPLES / LANES / sum(len(source.u) for source in sources))
     for _ in range(turns):
         for source, blocks in zip(sources, few, strict=True):
@@ -110,7 +110,7 @@ def _own_error(copies: _Copies, sources: Sequence[Source], rng: np.random.Genera
 
 
 @dataclass(frozen=True)
-class Source:
+class CopySource:
     """Of a record: what its copies need, from where the estimates run on."""
 
     u: Floats
@@ -121,9 +121,9 @@ class Source:
     t_us: int
 
 
-def source_of(model: AxisModel, settings: Settings, record: SampleBlock) -> Source | None:
+def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> CopySource | None:
     """What copies of a record need; None where too little was learned from it."""
-    monitor, start = AxisMonitor(model, untested(settings)), 0
+    monitor, start = AxisMonitor(model, without_tests(settings)), 0
     step = settings.span
     st = monitor.batch.state
     for start in range(0, len(record.t_us), step):
@@ -137,7 +137,9 @@ def source_of(model: AxisModel, settings: Settings, record: SampleBlock) -> Sour
     if len(eps) < 2 * settings.memory:
         return None
     column, t_us = monitor.batch.column(0), int(st.t[0])
-    return Source(record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us)
+    return CopySource(
+        record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us
+    )
 
 
 def block_length(settings: Settings) -> int:
@@ -145,10 +147,12 @@ def block_length(settings: Settings) -> int:
     return max(2, round(BLOCK * settings.memory))
 
 
-def blocks_of(settings: Settings, source: Source, share: float, rng: np.random.Generator) -> Blocks:
+def bootstrap_blocks(
+    settings: Settings, source: CopySource, share: float, rng: np.random.Generator
+) -> MatchedBlocks:
     """Innovations for LANES copies of a record, each of which has so many times those of the record."""
     length = block_length(settings)
-    return Blocks(source.eps, length, max(FEWEST, round(share * len(source.eps) / length)), LANES, rng)
+    return MatchedBlocks(source.eps, length, max(FEWEST, round(share * len(source.eps) / length)), LANES, rng)
 
 
 class Innovations(Protocol):
@@ -158,8 +162,8 @@ class Innovations(Protocol):
         """The next (count, LANES)."""
 
 
-def copies_of(
-    model: AxisModel, settings: Settings, source: Source, draw: Innovations
+def bootstrap_copies(
+    model: AxisModel, settings: Settings, source: CopySource, draw: Innovations
 ) -> Iterator[tuple[np.ndarray, Floats, Floats]]:
     """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES)."""
     plants = Plants(model, settings, [model.nominal])
@@ -183,15 +187,15 @@ class _Copies:
 
     def __init__(self, model: AxisModel, settings: Settings) -> None:
         self.model, self.settings = model, settings
-        self._bank = AxisBatch([model] * LANES, [untested(settings)] * LANES)
+        self._bank = AxisBatch([model] * LANES, [without_tests(settings)] * LANES)
 
-    def run(self, source: Source, blocks: Blocks) -> Iterator[tuple[Floats, Floats]]:
+    def run(self, source: CopySource, blocks: MatchedBlocks) -> Iterator[tuple[Floats, Floats]]:
         """Deviations and sqrt(lambda_0 P_ii) (n, p, LANES) of copies of a record, at every q-th sample."""
         model, settings, since = self.model, self.settings, 0
-        scale, q = model.scale[:, np.newaxis], every(settings)
+        scale, q = model.scale[:, np.newaxis], stride(settings)
         for a in range(LANES):
             self._bank.restore(a, *source.column)
-        for t_us, u, y in copies_of(model, settings, source, blocks):
+        for t_us, u, y in bootstrap_copies(model, settings, source, blocks):
             _, trace = self._bank.run_traced(np.repeat(t_us[:, np.newaxis], LANES, axis=1), u, y)
             first = max(0, round(SETTLED * settings.memory) - since)
             since += len(u)
@@ -201,17 +205,17 @@ class _Copies:
                 yield d, np.sqrt(settings.lam0 * trace.P[rows]) / scale
 
 
-def every(settings: Settings) -> int:
+def stride(settings: Settings) -> int:
     """So many samples go by from one that is looked at to the next."""
     return max(1, round(settings.memory / BINS))
 
 
-class _Watch:
+class _PeakCounter:
     """How far the sums of the tests of all copies go."""
 
     def __init__(self, model: AxisModel, settings: Settings, k: float) -> None:
         p = len(model.scale)
-        self._memory, self._k, self._q = settings.memory, k, every(settings)
+        self._memory, self._k, self._q = settings.memory, k, stride(settings)
         self._g, self._top = np.zeros((2, p, LANES)), np.zeros((2, p, LANES))
         self._largest, self._found = np.zeros((2, p, _ROOM)), np.zeros((2, p), np.int64)
         self._sums, self._counted, self._tested = np.zeros((3, p)), 0, 0
@@ -265,7 +269,7 @@ LONGEST = 500
 _TINY = 1e-6
 
 
-class Blocks:
+class MatchedBlocks:
     """Innovations of copies, without end.
 
     Each copy has blocks of its own, drawn with replacement, and takes from them again and again.
@@ -281,7 +285,7 @@ class Blocks:
     def __init__(self, eps: Floats, length: int, many: int, copies: int, rng: np.random.Generator) -> None:
         self._eps, self._length, self._rng = eps, min(length, len(eps) - 1), rng
         self._near = min(max(LEAST_ALIKE, round(ALIKE * many)), many)
-        promised = to_come(eps, min(max(1, self._length // 2), LONGEST))
+        promised = predicted_sum(eps, min(max(1, self._length // 2), LONGEST))
         first = rng.integers(1, len(eps) - self._length + 1, (copies, many))
         order = np.argsort(promised[first - 1], axis=1)
         self._first = np.take_along_axis(first, order, axis=1)  # (copies, blocks), by what came before
@@ -308,7 +312,7 @@ class Blocks:
         return out
 
 
-def to_come(eps: Floats, lags: int) -> Floats:
+def predicted_sum(eps: Floats, lags: int) -> Floats:
     """The best linear prediction (N,), at each sample, of the sum of the next ``lags`` from as many last (Wiener)."""
     N, size = len(eps), next_fast_len(len(eps) + 2 * lags + 1, real=True)
     F = rfft(eps, size)
@@ -329,7 +333,7 @@ def to_come(eps: Floats, lags: int) -> Floats:
 
 
 @dataclass
-class Parts:
+class PartSums:
     """Sums over parts of the records, of each of W copies and p parameters."""
 
     _sums: list[Floats] = field(default_factory=list)
@@ -354,7 +358,7 @@ class Parts:
         # An analysis of variance: what copies differ by from part to part is chance.
         rest = x - parts - copies + parts.mean(axis=0)
         chance = np.einsum("riw,rjw->ij", rest, rest) / ((R - 1) * (W - 1)) / R
-        return beyond(np.cov(copies), chance, W)
+        return excess_covariance(np.cov(copies), chance, W)
 
     def _each(self) -> Floats:
         """What each part makes of both, of each copy (R, 2 p, W); means of these are what the copy has."""
@@ -366,7 +370,7 @@ class Parts:
         return np.concatenate([record / np.sqrt(variance), louder / 2], axis=1)
 
 
-def beyond(seen: Floats, chance: Floats, times: int) -> Floats:
+def excess_covariance(seen: Floats, chance: Floats, times: int) -> Floats:
     """What a covariance (n, n), seen ``times`` times, has beyond that of chance (n, n), as far as it stands out.
 
     A spiked covariance (Donoho, Gavish and Johnstone 2018): of eigenvalues, in units of chance, those above what chance

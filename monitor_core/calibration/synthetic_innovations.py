@@ -20,7 +20,7 @@ _TOGETHER = 10
 _SETTLING = 1000
 
 
-class Sieve:
+class SieveBootstrap:
     """Innovations of copies, without end.
 
     Args:

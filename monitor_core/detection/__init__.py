@@ -44,7 +44,7 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     bank_of,
     guaranteed,
-    unfit,
+    reason_unavailable,
 )
 
 __all__ = [
@@ -87,5 +87,5 @@ __all__ = [
     "default_hypotheses",
     "guaranteed",
     "least_delay",
-    "unfit",
+    "reason_unavailable",
 ]

@@ -18,7 +18,7 @@ the sample is an outlier, or as there is nothing to learn; also run P to find P(
 
 
 @kernel
-def admit(
+def classify_sample(
     lanes: Any,
     t: Ints,
     u: Floats,
@@ -31,7 +31,7 @@ def admit(
     settled: Ints,
     seed_left: Ints,
     counts: Ints,
-    does: Ints,
+    mode: Ints,
     h: Floats,
 ) -> bool:
     """Decide what each lane does with its sample (t, u, y) and over which interval h (W,) in s; True if any moves.
@@ -43,19 +43,19 @@ def admit(
     any_moves = False
     for a in range(len(lanes)):
         h[a] = 0.0
-        if does[a] == SKIP:
+        if mode[a] == SKIP:
             continue
-        does[a] = SKIP
+        mode[a] = SKIP
         if not (math.isfinite(u[a]) and math.isfinite(y[a])):
             counts[NOT_FINITE, a] += 1
         elif last[a] == NEVER:
             counts[STARTED, a] += 1
-            does[a] = RESTART
+            mode[a] = RESTART
         elif last[a] - gap_us[a] <= t[a] <= last[a]:
             counts[NOT_INCREASING, a] += 1
         elif t[a] < last[a] or t[a] - last[a] > gap_us[a]:
             counts[GAP, a] += 1
-            does[a] = RESTART
+            mode[a] = RESTART
         else:
             any_moves = True
             h[a] = (t[a] - last[a]) * 1e-6
@@ -63,21 +63,21 @@ def admit(
             if lost > 0.5:
                 settled[a] = max(settled[a], t[a] + int(lost * lost_us[a]))
             if t[a] < settled[a]:
-                does[a] = SETTLE
+                mode[a] = SETTLE
             else:
-                does[a] = SEED if seed_left[a] > 0 else TRACK
-        if does[a] == RESTART:
+                mode[a] = SEED if seed_left[a] > 0 else TRACK
+        if mode[a] == RESTART:
             settled[a] = t[a] + int(settle_us[a])
     return any_moves
 
 
 @kernel
-def rest(lanes: Any, does: Ints, state_of_y: Floats, y: Floats, X: Floats) -> None:
+def restart_predictor(lanes: Any, mode: Ints, state_of_y: Floats, y: Floats, X: Floats) -> None:
     """Start predictors anew: the drive moves rigidly with this sample's output.  theta, P and g stay."""
     n = state_of_y.shape[0]
     z = X.shape[0] - n
     for a in range(len(lanes)):
-        if does[a] == RESTART:
+        if mode[a] == RESTART:
             for r in range(z):
                 X[r, a] = 0.0
             for r in range(n):
@@ -85,14 +85,14 @@ def rest(lanes: Any, does: Ints, state_of_y: Floats, y: Floats, X: Floats) -> No
 
 
 @kernel
-def innovate(
+def form_innovation(
     lanes: Any,
     y: Floats,
     yhat: Floats,
     S: Floats,
     last: Ints,
     counts: Ints,
-    does: Ints,
+    mode: Ints,
     moves: Ints,
     learns: Ints,
     tracks: Ints,
@@ -101,20 +101,20 @@ def innovate(
 ) -> None:
     """eps = y - yhat (eq. 11).  A predictor that has left the finite numbers is restarted by its next sample."""
     for a in range(len(lanes)):
-        if does[a] >= SETTLE and not math.isfinite(y[a] - yhat[a] + S[a]):
+        if mode[a] >= SETTLE and not math.isfinite(y[a] - yhat[a] + S[a]):
             counts[DIVERGED, a] += 1
             last[a] = NEVER
-            does[a] = SKIP
+            mode[a] = SKIP
             for r in range(X.shape[0]):
                 X[r, a] = 0.0
-        moves[a] = does[a] >= SETTLE
-        learns[a] = does[a] >= SEED
-        tracks[a] = does[a] == TRACK
+        moves[a] = mode[a] >= SETTLE
+        learns[a] = mode[a] >= SEED
+        tracks[a] = mode[a] == TRACK
         eps[a] = y[a] - yhat[a] if moves[a] else 0.0
 
 
 @kernel
-def hold(
+def hold_inputs(
     lanes: Any,
     kind: Ints,
     speed_state: int,
@@ -123,7 +123,7 @@ def hold(
     t: Ints,
     torque: Floats,
     y: Floats,
-    does: Ints,
+    mode: Ints,
     X: Floats,
     last: Ints,
     u: Floats,
@@ -137,25 +137,25 @@ def hold(
     p = du.shape[0]
     n = X.shape[0] // (p + 1)
     for a in range(len(lanes)):
-        last[a] = t[a] if does[a] != SKIP else last[a]
+        last[a] = t[a] if mode[a] != SKIP else last[a]
     for c in range(kind.size):
         if kind[c] == TORQUE:
             for a in range(len(lanes)):
-                before = torque[a] if does[a] == RESTART else u[c, a]
-                torque_before[a] = before if does[a] != SKIP else torque_before[a]
-                u[c, a] = torque[a] if does[a] != SKIP else u[c, a]
+                before = torque[a] if mode[a] == RESTART else u[c, a]
+                torque_before[a] = before if mode[a] != SKIP else torque_before[a]
+                u[c, a] = torque[a] if mode[a] != SKIP else u[c, a]
         elif kind[c] == COULOMB:
             for a in range(len(lanes)):
                 speed = X[p * n + speed_state, a] if filtered_speed else y[a]
                 f = tanh(u_scale[c, a] * speed)
-                u[c, a] = f if does[a] != SKIP else u[c, a]
+                u[c, a] = f if mode[a] != SKIP else u[c, a]
             for i in range(p if filtered_speed else 0):
                 for a in range(len(lanes)):
                     slope = (1.0 - u[c, a] * u[c, a]) * u_scale[c, a] * X[i * n + speed_state, a]
-                    du[i, c, a] = slope if does[a] != SKIP else du[i, c, a]
+                    du[i, c, a] = slope if mode[a] != SKIP else du[i, c, a]
         else:
             for a in range(len(lanes)):
-                if does[a] == SKIP:
+                if mode[a] == SKIP:
                     continue
                 if kind[c] == ONE:
                     u[c, a] = 1.0
@@ -198,7 +198,7 @@ def tanh(x: float) -> float:
 
 
 @kernel
-def follow(
+def follow_conditions(
     lanes: Any,
     k: int,
     a0: int,
@@ -208,7 +208,7 @@ def follow(
     shift: Floats,
     theta: Floats,
     theta_seen: Floats,
-    does: Ints,
+    mode: Ints,
 ) -> None:
     """theta_0(s) moves to ``to[k]`` (p, W) beside theta_0, and the estimate along with it: theta - theta_0(s) stays.
 
@@ -218,19 +218,19 @@ def follow(
         for a in range(len(lanes)):
             wanted = to[k, i, min(a0 + a, to.shape[2] - 1)]
             step = wanted - shift[i, a]
-            if does[a] == SKIP:
+            if mode[a] == SKIP:
                 continue
             if abs(step) < math.inf:
                 shift[i, a] = wanted
                 theta[i, a] = min(max(theta[i, a] + step, lower[i, a]), upper[i, a])
                 theta_seen[i, a] += step
-            elif does[a] >= SEED:
-                does[a] = GATED
+            elif mode[a] >= SEED:
+                mode[a] = GATED
 
 
 @kernel
-def close(lanes: Any, k: int, a0: int, gate: NDArray[np.bool_], does: Ints) -> None:
+def close_gate(lanes: Any, k: int, a0: int, gate: NDArray[np.bool_], mode: Ints) -> None:
     """Where the gate (N, W) is closed the sample is predicted, so that the state stays true, and nothing is learned."""
     for a in range(len(lanes)):
-        if does[a] >= SEED and not gate[k, min(a0 + a, gate.shape[1] - 1)]:
-            does[a] = GATED
+        if mode[a] >= SEED and not gate[k, min(a0 + a, gate.shape[1] - 1)]:
+            mode[a] = GATED

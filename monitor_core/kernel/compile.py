@@ -30,7 +30,7 @@ def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
-def aside(function: Callable[_P, _R]) -> Callable[_P, _R]:
+def outlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """As ``kernel``, for what is called seldom or is long beside its call: compiled once, not in every caller."""
     return _compiled(function, no_cpython_wrapper=True)
 

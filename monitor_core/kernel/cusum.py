@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.evidence import NAMING
 from monitor_core.kernel.state import NEVER
 
@@ -24,7 +24,7 @@ class Events(NamedTuple):
 
 
 @kernel
-def deviate(
+def compute_deviations(
     lanes: Any,
     theta0: Floats,
     shift: Floats,
@@ -47,8 +47,8 @@ def deviate(
 
 
 @kernel
-def accumulate(
-    lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, calm: Ints, d: Floats, nu: Floats, on: Ints
+def update_cusum(
+    lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, below_nu: Ints, d: Floats, nu: Floats, on: Ints
 ) -> bool:
     """g = max(0, g + d - nu) for d and for -d (eq. 21).
 
@@ -70,14 +70,14 @@ def accumulate(
             for a in range(len(lanes)):
                 crossed |= g[way, i, a] > h[i, a]
         for a in range(len(lanes)):
-            counted = calm[i, a]
+            counted = below_nu[i, a]
             more = counted + 1 if abs(d[i, a]) <= nu[i, a] else 0
-            calm[i, a] = more if on[i, a] else counted
+            below_nu[i, a] = more if on[i, a] else counted
     return crossed
 
 
-@aside
-def alarm(
+@outlined
+def note_crossings(
     lanes: Any,
     h: Floats,
     t: Ints,
@@ -117,11 +117,11 @@ def alarm(
 
 
 @kernel
-def calm_down(
+def note_recoveries(
     lanes: Any,
     needed: Floats,
     t: Ints,
-    calm: Ints,
+    below_nu: Ints,
     d: Floats,
     P: Floats,
     on: Ints,
@@ -133,11 +133,11 @@ def calm_down(
     """Note every parameter whose deviation has just been below nu for as many samples as needed."""
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
-            if on[i, a] and calm[i, a] == needed[a]:
+            if on[i, a] and below_nu[i, a] == needed[a]:
                 _note(filled, what, value, CALM, a0 + a, i, t[a], t[a], d[i, a], P[i, i, a])
 
 
-@aside
+@outlined
 def _note(
     filled: Ints,
     what: Ints,

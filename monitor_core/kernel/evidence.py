@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 
 COURSE, NAMING = 0, 1
 """What evidence is for: the slow course of the parameters, or the name of what has crossed its threshold."""
@@ -21,7 +21,7 @@ KEPT = 64
 """Deviations that are kept of the time before: one in each quarter of a memory."""
 
 
-class Noted(NamedTuple):
+class EvidenceColumns(NamedTuple):
     """What was noted in a block, in order of the samples.  The first ``filled[0]`` columns are valid."""
 
     filled: NDArray[np.int64]  # (1,)
@@ -45,11 +45,11 @@ def noted_numbers(p: int) -> int:
     return 1 + 3 * p + p * p
 
 
-_numbers = aside(kept_numbers)
+_numbers = outlined(kept_numbers)
 
 
-@aside
-def until_kept(lanes: Any, span: Floats, learned: Ints) -> Ints:
+@outlined
+def samples_until_kept(lanes: Any, span: Floats, learned: Ints) -> Ints:
     """How many samples (W,) are to be learned until what is known is kept: each time that ``span`` divides ``learned``.
 
     Counted down from here on, as a remainder in each sample would take a tenth of the time of it all.
@@ -61,7 +61,7 @@ def until_kept(lanes: Any, span: Floats, learned: Ints) -> Ints:
 
 
 @kernel
-def gather(
+def gather_evidence(
     lanes: Any,
     needed: Floats,
     span: Floats,
@@ -70,7 +70,7 @@ def gather(
     until: Ints,
     noting: Ints,
     learned: Ints,
-    calm: Ints,
+    below_nu: Ints,
     lam0_running: Floats,
     theta: Floats,
     d: Floats,
@@ -102,7 +102,7 @@ def gather(
             left,
             noting,
             learned,
-            calm,
+            below_nu,
             lam0_running,
             theta,
             d,
@@ -117,7 +117,7 @@ def gather(
         )
 
 
-@aside
+@outlined
 def _keep(
     lanes: Any,
     span: Floats,
@@ -147,7 +147,7 @@ def _keep(
                     row += 1
 
 
-@aside
+@outlined
 def _note(
     lanes: Any,
     needed: Floats,
@@ -156,7 +156,7 @@ def _note(
     left: Ints,
     noting: Ints,
     learned: Ints,
-    calm: Ints,
+    below_nu: Ints,
     lam0_running: Floats,
     theta: Floats,
     d: Floats,
@@ -200,5 +200,5 @@ def _note(
                 for i in range(noted.before.shape[2]):
                     noted.before[c, q, i] = kept_d[k * noted.before.shape[2] + i, a0 + a]
             for i in range(p):
-                calm[i, a] = 0 if calm[i, a] > needed[a] else calm[i, a]
+                below_nu[i, a] = 0 if below_nu[i, a] > needed[a] else below_nu[i, a]
         left[a], noting[a] = int(needed[a]), COURSE

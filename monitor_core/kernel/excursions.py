@@ -39,7 +39,7 @@ part its innovation is of."""
 
 
 @entry
-def heights(
+def excursion_peaks(
     g: Floats, clock: int, place: Ints, origin: Ints, least: Floats, top: Floats, now: Ints, largest: Floats,
     times: Ints, found: Ints
 ) -> None:  # fmt: skip

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import aside, entry
+from monitor_core.kernel.compile import entry, outlined
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 
 FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
@@ -22,7 +22,7 @@ missing), the state of the speed at the sensor, or the predicted output."""
 _DIVERGED = 1e100
 
 
-@aside
+@outlined
 def _output(
     j: int, C: Floats, dC: Floats, varies: bool, x: Floats, b: int, Z: Floats, to: int, psi: Floats
 ) -> float:
@@ -42,7 +42,7 @@ def _output(
     return yhat
 
 
-@aside
+@outlined
 def _correct(K: Floats, dK: Floats, eps: float, k: int, psi: Floats, x: Floats, b: int, Z: Floats) -> None:
     for r in range(x.size):
         x[r] += K[r] * eps
@@ -50,7 +50,7 @@ def _correct(K: Floats, dK: Floats, eps: float, k: int, psi: Floats, x: Floats, 
             Z[b, r, i] += dK[r, i] * eps - K[r] * psi[k, i]
 
 
-@aside
+@outlined
 def _function(kind: int, a: float) -> tuple[float, float]:
     """An input of the motion and its derivative."""
     if kind == COULOMB:
@@ -61,7 +61,7 @@ def _function(kind: int, a: float) -> tuple[float, float]:
     return math.sin(a), math.cos(a)
 
 
-@aside
+@outlined
 def _of_motion(
     c: int,
     kind: int,
@@ -116,7 +116,7 @@ def simulate_known(u: Floats, X: Floats, dX: Floats, C: Floats, dC: Floats, psi:
         carry(0, Ad, n, Z.shape[1], k & 1, Z)
 
 
-@aside
+@outlined
 def _corrects(K: Floats, dK: Floats) -> bool:
     """K or a derivative of it is not zero."""
     for r in range(K.size):
@@ -128,7 +128,7 @@ def _corrects(K: Floats, dK: Floats) -> bool:
     return False
 
 
-@aside
+@outlined
 def _varies(slopes: Floats) -> bool:
     """Something of (L, n, q) is not zero."""
     for j in range(slopes.shape[0]):
@@ -139,7 +139,7 @@ def _varies(slopes: Floats) -> bool:
     return False
 
 
-@aside
+@outlined
 def _moves(kind: Ints, source: Ints, measured: Ints, dscale: Floats) -> bool:
     """An input has derivatives: of the motion that is predicted, or that is measured but scaled by a parameter."""
     complete = True
@@ -232,19 +232,19 @@ def predict_record(
 # rows of zeros that make up the number.  No slices either: numba counts references to each, which takes as long.
 
 
-@aside
+@outlined
 def room(size: int) -> int:
     """Rows for so many, some of them zero: the first six go in one pass, the rest by threes (force, carry)."""
     return max(6, (size + 2) // 3 * 3)
 
 
-@aside
+@outlined
 def width(p: int) -> int:
     """Columns for so many: without a remainder behind the vectors of a loop, which takes as long as all of them."""
     return (p + 7) // 8 * 8
 
 
-@aside
+@outlined
 def padded(X: Floats) -> Floats:
     """X (G, n, n + m) with room for more columns."""
     out = np.zeros((X.shape[0], X.shape[1], room(X.shape[2])))
@@ -255,7 +255,7 @@ def padded(X: Floats) -> Floats:
     return out
 
 
-@aside
+@outlined
 def padded_slopes(dX: Floats, n: int, p: int) -> Floats:
     """dX (G, n + m, n q) as (G, n + m, n p) with room for more rows; zero for what has no derivative."""
     G, rows, q = dX.shape[0], dX.shape[1], dX.shape[2] // n
@@ -268,7 +268,7 @@ def padded_slopes(dX: Floats, n: int, p: int) -> Floats:
     return out
 
 
-@aside
+@outlined
 def force(g: int, dX: Floats, w: Floats, a: int, flat: Floats) -> None:
     """Rows 0 .. n of Z_a become dX w; ``flat`` (2, rows p) is Z, all its elements side by side."""
     w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
@@ -281,7 +281,7 @@ def force(g: int, dX: Floats, w: Floats, a: int, flat: Floats) -> None:
             flat[a, e] = flat[a, e] + dX[g, c, e] * w0 + dX[g, c + 1, e] * w1 + dX[g, c + 2, e] * w2
 
 
-@aside
+@outlined
 def carry(g: int, X: Floats, n: int, rows: int, b: int, Z: Floats) -> None:
     """Rows 0 .. n of the other Z += X Z_b, of whose rows the first ``rows`` count."""
     a, p = 1 - b, Z.shape[2]
@@ -296,7 +296,7 @@ def carry(g: int, X: Floats, n: int, rows: int, b: int, Z: Floats) -> None:
                 Z[a, r, i] = Z[a, r, i] + x0 * Z[b, c, i] + x1 * Z[b, c + 1, i] + x2 * Z[b, c + 2, i]
 
 
-@aside
+@outlined
 def move(g: int, X: Floats, w: Floats, x: Floats) -> None:
     """X (x, u) into x."""
     for r in range(x.size):

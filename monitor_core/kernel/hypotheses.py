@@ -16,11 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.admission import DOUBTED, RESTART, SETTLE, SKIP, TRACK, admit, close, hold, rest
+from monitor_core.kernel.admission import (
+    DOUBTED,
+    RESTART,
+    SETTLE,
+    SKIP,
+    TRACK,
+    classify_sample,
+    close_gate,
+    hold_inputs,
+    restart_predictor,
+)
 from monitor_core.kernel.admission import GATED as CLOSED
-from monitor_core.kernel.compile import aside, entry, kernel
-from monitor_core.kernel.likelihood import G, accumulate, begin, likelihoods
-from monitor_core.kernel.outliers import doubt_the_start, sift
+from monitor_core.kernel.compile import entry, kernel, outlined
+from monitor_core.kernel.likelihood import G, log_likelihood_ratios, restart_paths, update_sums
+from monitor_core.kernel.outliers import check_start, reject_outliers
 from monitor_core.kernel.predictors import (
     FARTHEST,
     GAP,
@@ -34,14 +44,14 @@ from monitor_core.kernel.predictors import (
     SETTLES,
     Predictors,
     correct,
-    corrects,
-    cross,
-    errors,
-    leap,
-    rejoin,
+    has_gain,
+    prediction_errors,
+    propagate_interval,
+    propagate_nominal,
+    restart_diverged,
 )
 from monitor_core.kernel.recursion import predict
-from monitor_core.kernel.sample_interval import begin_again, mean
+from monitor_core.kernel.sample_interval import divide_by_interval, restart_integral
 from monitor_core.kernel.state import DIVERGED, GATED, NEVER, SETTLING, USED
 from monitor_core.kernel.state import OUTLIER as OUTLIER_COUNT
 from monitor_core.kernel.tables import Tables
@@ -91,7 +101,7 @@ class BankTrace(NamedTuple):
 
 
 @kernel
-def _stops(crossed: bool, integers: Ints) -> None:
+def _request_stop(crossed: bool, integers: Ints) -> None:
     """WAIT becomes 0 where the run is to stop."""
     if integers[PHASE, 0] == WATCHING:
         integers[WAIT, 0] = 0 if crossed else 1
@@ -100,14 +110,14 @@ def _stops(crossed: bool, integers: Ints) -> None:
 
 
 @kernel
-def _tally(does: int, counts: Ints) -> None:
-    counts[USED, 0] += does == TRACK
-    counts[SETTLING, 0] += does == SETTLE
-    counts[GATED, 0] += does == CLOSED
-    counts[OUTLIER_COUNT, 0] += does == DOUBTED
+def _tally(mode: int, counts: Ints) -> None:
+    counts[USED, 0] += mode == TRACK
+    counts[SETTLING, 0] += mode == SETTLE
+    counts[GATED, 0] += mode == CLOSED
+    counts[OUTLIER_COUNT, 0] += mode == DOUBTED
 
 
-@aside
+@outlined
 def _record(k: int, moved: bool, tested: bool, eps: Floats, llr: Floats, sums: Floats, to: BankTrace) -> None:
     for a in range(to.g.shape[1]):
         to.eps[k, a] = eps[a] if moved else math.nan
@@ -134,81 +144,82 @@ def run_hypotheses(
     psi, du, no_torque, motion = table(0, H), np.zeros((0, m, H)), floats(H), floats(H)
     over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
     doing, last = ints(H), ints(H)
-    t, ut, y, does, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
+    t, ut, y, mode, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
     moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
     e0, believed, S = floats(1), floats(1), floats(1)
     numbers, integers = M.numbers, M.integers
     counts = integers[COUNTS:]
     interval = axis[INTERVAL, 0]
     nominal_K = P.K[n : 2 * n]
-    gains, most = corrects(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
+    gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     # fmt: off
     for k in range(start, block.t.size):
-        t[0], ut[0], y[0], does[0] = block.t[k], block.u[k], block.y[k], TRACK
-        admit(lane, t, ut, y, axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST], integers[LAST], integers[SETTLED],
-              seed_left, counts, does, h)
+        t[0], ut[0], y[0], mode[0] = block.t[k], block.u[k], block.y[k], TRACK
+        classify_sample(lane, t, ut, y, axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST], integers[LAST],
+                        integers[SETTLED], seed_left, counts, mode, h)
         if block.gate.shape[0]:
-            close(lane, k, 0, block.gate, does)
+            close_gate(lane, k, 0, block.gate, mode)
         tested = False
-        if does[0] >= SETTLE:
+        if mode[0] >= SETTLE:
             for a in range(H):
                 over[a] = h[0]
             if abs(h[0] - interval) <= _SAME_S:
-                leap(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
-                      numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
+                propagate_nominal(n, m, move, taps, constant, acts, P.moving, numbers[TORQUE_BEFORE, 0],
+                                  numbers[TORQUE_HELD, 0], ut[0], flat_u, X, new)
                 K_now = nominal_K
             else:
-                cross(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], u, x, over, K)
+                propagate_interval(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], u, x,
+                                   over, K)
                 K_now = K
             predict(lanes, T.out_slot, T.out_src, T.out_par, P.V0, x, yhat, psi)
             if T.mean >= 0:
-                mean(lanes, over, yhat, psi)
+                divide_by_interval(lanes, over, yhat, psi)
                 for a in range(H):
                     doing[a] = 1
-                begin_again(lanes, T.mean, n, doing, x)
-            off = errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, eps)
-            if not off <= most and not rejoin(most, eps, x):
+                restart_integral(lanes, T.mean, n, doing, x)
+            off = prediction_errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, eps)
+            if not off <= most and not restart_diverged(most, eps, x):
                 counts[DIVERGED, 0] += 1
                 integers[LAST, 0] = NEVER
-                does[0] = SKIP
+                mode[0] = SKIP
                 for e in range(X.size):
                     X[e] = 0.0
             else:
-                moves[0], learns[0], tracks[0] = 1, does[0] == TRACK, does[0] == TRACK
+                moves[0], learns[0], tracks[0] = 1, mode[0] == TRACK, mode[0] == TRACK
                 lam[0] = S[0] = axis[LAM, 0]
                 e0[0] = eps[0]
-                sift(lane, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], does, moves,
-                     learns, tracks, believed)
-                doubt_the_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
-                                does)
+                reject_outliers(lane, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], mode,
+                                moves, learns, tracks, believed)
+                check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
+                            mode)
                 if moves[0] and gains:
                     correct(lanes, K_now, eps, x)
                 if tracks[0]:
                     tested = True
-                    likelihoods(lanes, own, ut[0] != numbers[TORQUE_HELD, 0], y[0] != numbers[LAST_OUTPUT, 0], eps,
-                                llr)
-                    crossed = accumulate(lanes, own, t[0], llr, M.sums, M.when)
-                    _stops(crossed, integers)
-        if does[0] == RESTART:
+                    log_likelihood_ratios(lanes, own, ut[0] != numbers[TORQUE_HELD, 0], y[0] != numbers[LAST_OUTPUT,
+                                          0], eps, llr)
+                    crossed = update_sums(lanes, own, t[0], llr, M.sums, M.when)
+                    _request_stop(crossed, integers)
+        if mode[0] == RESTART:
             for a in range(H):
                 motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
                 doing[a] = RESTART
-            rest(lanes, doing, P.rest, motion, x)
-            begin(t[0], M.when)
+            restart_predictor(lanes, doing, P.rest, motion, x)
+            restart_paths(t[0], M.when)
             numbers[TORQUE_HELD, 0] = ut[0]
-        if does[0] != SKIP:
+        if mode[0] != SKIP:
             if P.moving.size:
                 for a in range(H):
                     motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
                     doing[a] = TRACK
-                hold(lanes, T.kind, T.speed_state, T.filtered_speed, P.u_scale, last, motion, motion,
-                     doing, x, last, u, du, no_torque)
+                hold_inputs(lanes, T.kind, T.speed_state, T.filtered_speed, P.u_scale, last, motion, motion, doing, x,
+                            last, u, du, no_torque)
             integers[LAST, 0] = t[0]
             numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
             numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = ut[0], y[0]
-        _tally(does[0], counts)
+        _tally(mode[0], counts)
         if trace.g.shape[0]:
-            _record(k, does[0] >= SETTLE, tested, eps, llr, M.sums, trace)
+            _record(k, mode[0] >= SETTLE, tested, eps, llr, M.sums, trace)
         if tested and integers[WAIT, 0] == 0:
             return k + 1
     # fmt: on

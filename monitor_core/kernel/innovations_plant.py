@@ -10,7 +10,7 @@ from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE
 
 
 @entry
-def measured(
+def simulate_innovations(
     Ad: Floats,
     Bd: Floats,
     C: Floats,

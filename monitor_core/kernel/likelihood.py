@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.predictors import FROZEN, LEVEL, LIMIT, PRECISION, STILL
 from monitor_core.kernel.state import NEVER
 
@@ -24,7 +24,9 @@ ONSET, LATE, FIRST_MARK = 0, 1, 2
 
 
 @kernel
-def likelihoods(lanes: Any, own: Floats, moved: bool, turned: bool, eps: Floats, llr: Floats) -> None:
+def log_likelihood_ratios(
+    lanes: Any, own: Floats, moved: bool, turned: bool, eps: Floats, llr: Floats
+) -> None:
     """l_i (H,): minus infinity where torque or output are said to be stuck and move, in whatever digit."""
     step = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
     for a in range(len(lanes)):
@@ -34,7 +36,7 @@ def likelihoods(lanes: Any, own: Floats, moved: bool, turned: bool, eps: Floats,
 
 
 @kernel
-def accumulate(lanes: Any, own: Floats, t: int, llr: Floats, sums: Floats, when: Ints) -> bool:
+def update_sums(lanes: Any, own: Floats, t: int, llr: Floats, sums: Floats, when: Ints) -> bool:
     """g = max(0, g + l), with the times that an onset and its interval need; True if any g > h."""
     crossed, marked = False, False
     for a in range(len(lanes)):
@@ -51,7 +53,7 @@ def accumulate(lanes: Any, own: Floats, t: int, llr: Floats, sums: Floats, when:
     return crossed
 
 
-@aside
+@outlined
 def _mark(t: int, sums: Floats, when: Ints) -> None:
     """The path of a hypothesis has fallen by a step more."""
     for a in range(sums.shape[1]):
@@ -62,8 +64,8 @@ def _mark(t: int, sums: Floats, when: Ints) -> None:
             when[FIRST_MARK, a] = t
 
 
-@aside
-def begin(t: int, when: Ints) -> None:
+@outlined
+def restart_paths(t: int, when: Ints) -> None:
     """A predictor that starts has no past."""
     for a in range(when.shape[1]):
         for j in range(when.shape[0]):

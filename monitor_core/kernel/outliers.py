@@ -27,7 +27,7 @@ _CLIPPED_MEAN = 0.99501
 
 
 @kernel
-def sift(
+def reject_outliers(
     lanes: Any,
     outlier: Floats,
     lam: Floats,
@@ -36,7 +36,7 @@ def sift(
     S: Floats,
     credit: Floats,
     in_a_row: Ints,
-    does: Ints,
+    mode: Ints,
     moves: Ints,
     learns: Ints,
     tracks: Ints,
@@ -61,11 +61,11 @@ def sift(
         if credit[a] >= 1.0:
             credit[a] -= 1.0
             learns[a] = tracks[a] = 0
-            does[a] = does[a] if does[a] == SETTLE else DOUBTED
+            mode[a] = mode[a] if mode[a] == SETTLE else DOUBTED
 
 
 @kernel
-def doubt_the_start(
+def check_start(
     lanes: Any,
     settle_us: Floats,
     interval: Floats,
@@ -73,7 +73,7 @@ def doubt_the_start(
     settled: Ints,
     in_a_row: Ints,
     counts: Ints,
-    does: Ints,
+    mode: Ints,
 ) -> None:
     """Start anew with the third sample after a start, if all three are outliers; only once, and settled as before.
 
@@ -81,14 +81,14 @@ def doubt_the_start(
     """
     for a in range(len(lanes)):
         since = t[a] - settled[a] + settle_us[a]
-        if does[a] == SETTLE and in_a_row[a] == SURELY and since <= (SURELY + 0.5) * interval[a] * 1e6:
+        if mode[a] == SETTLE and in_a_row[a] == SURELY and since <= (SURELY + 0.5) * interval[a] * 1e6:
             counts[SETTLING, a] += 1
-            does[a] = RESTART
+            mode[a] = RESTART
 
 
 @kernel
-def running_variance(
-    lanes: Any, lam: Floats, lam_slow: Floats, lam0_running: Floats, eps: Floats, S: Floats, does: Ints
+def update_running_variance(
+    lanes: Any, lam: Floats, lam_slow: Floats, lam0_running: Floats, eps: Floats, S: Floats, mode: Ints
 ) -> None:
     """Running innovation variance: eps^2 has the mean lam0 (1 + psi' P psi / (1 + lambda)) in steady state.
 
@@ -99,4 +99,4 @@ def running_variance(
         excess = (S[a] - lam[a]) / (1.0 + lam[a])
         square = min(eps[a] * eps[a] / (1.0 + excess), _CLIP * _CLIP * lam0_running[a]) / _CLIPPED_MEAN
         step = (1.0 - lam_slow[a]) * (square - lam0_running[a])
-        lam0_running[a] += step if does[a] >= SEED and abs(step) < math.inf else 0.0
+        lam0_running[a] += step if mode[a] >= SEED and abs(step) < math.inf else 0.0

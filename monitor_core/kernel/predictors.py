@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import EIGHT, load8, spread8, store
-from monitor_core.kernel.propagate import drive, propagate, split
-from monitor_core.kernel.sample_interval import begin_again, for_interval, own_interval
+from monitor_core.kernel.propagate import choose_substeps, evaluate_inputs, propagate
+from monitor_core.kernel.sample_interval import interval_gain, restart_integral, split_at_mean
 from monitor_core.kernel.tables import TORQUE, Tables
 from monitor_core.kernel.taylor_series import SECTIONS
-from monitor_core.kernel.work_arrays import floats, ints, table, times
+from monitor_core.kernel.work_arrays import floats, ints, strided, table
 
 DELAY, TORQUE_SCALE, TORQUE_OFFSET, SCALE, OFFSET, FROZEN, STILL, PRECISION, LEVEL, LIMIT = range(10)
 """Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +
@@ -43,7 +43,7 @@ class Predictors(NamedTuple):
 
 
 @kernel
-def leap(
+def propagate_nominal(
     n: int, m: int, move: Floats, taps: Floats, constant: Floats, acts: Floats, moving: Ints,
     before: float, held: float, now: float, u: Floats, x: Floats, new: Floats,
 ) -> None:  # fmt: skip
@@ -82,7 +82,7 @@ def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now:
         held[a] = h - before[a] - now[a]
 
 
-@aside
+@outlined
 def _over(
     lanes: Any, T: Tables, P: Predictors, torque: float, h: Floats, u: Floats, X: Floats, work: Floats, more: Floats
 ) -> None:  # fmt: skip
@@ -95,17 +95,17 @@ def _over(
     GX, du = table(n, H), np.zeros((0, T.m, H))
     steps, terms, norm = ints(H), ints(H), floats(H)
     _torque(lanes, T.kind, P.own, torque, u)
-    drive(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, P.V0, u, du, GX)
-    split(lanes, T.A_row, P.weight, P.V0, h, steps, terms, norm)
+    evaluate_inputs(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, P.V0, u, du, GX)
+    choose_substeps(lanes, T.A_row, P.weight, P.V0, h, steps, terms, norm)
     propagate(
-        lanes, n, 0, T.blocks, T.A_start, times(T.A_at, EIGHT), T.more_start, times(T.more_col, EIGHT),
-        T.more_slot, T.part_start, times(T.part_place, EIGHT), times(T.part_col, EIGHT), times(T.part_slot, H),
+        lanes, n, 0, T.blocks, T.A_start, strided(T.A_at, EIGHT), T.more_start, strided(T.more_col, EIGHT),
+        T.more_slot, T.part_start, strided(T.part_place, EIGHT), strided(T.part_col, EIGHT), strided(T.part_slot, H),
         P.V0.reshape(P.V0.size), GX.reshape(GX.size), h, steps, terms, X.reshape(X.size), work, more,
     )  # fmt: skip
 
 
-@aside
-def cross(
+@outlined
+def propagate_interval(
     lanes: Any, T: Tables, P: Predictors, h: float, torque_before: float, torque_held: float, torque_now: float,
     u: Floats, x: Floats, over: Floats, K: Floats,
 ) -> None:  # fmt: skip
@@ -116,15 +116,15 @@ def cross(
     work, more = floats(SECTIONS * n * T.blocks * wide), floats(4 * wide)
     for a in range(H):
         intervals[a], lams[a], over[a] = P.axis[INTERVAL, 0], P.axis[LAM, 0], h
-    for_interval(lanes, intervals, lams, P.K, over, over, lam, K)
+    interval_gain(lanes, intervals, lams, P.K, over, over, lam, K)
     _parts(lanes, P.own, h, before, held, now)
     _over(lanes, T, P, torque_before, before, u, x, work, more)
     if T.mean >= 0:
         for a in range(H):
             held[a] += now[a]
-        if own_interval(lanes, intervals, before, held, cut, over, lost):
+        if split_at_mean(lanes, intervals, before, held, cut, over, lost):
             _over(lanes, T, P, torque_held, cut, u, x, work, more)
-            begin_again(lanes, T.mean, n, lost, x)
+            restart_integral(lanes, T.mean, n, lost, x)
         for a in range(H):
             held[a] = max(held[a] - now[a], 0.0)
     _over(lanes, T, P, torque_held, held, u, x, work, more)
@@ -132,7 +132,7 @@ def cross(
 
 
 @kernel
-def errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: Floats) -> float:
+def prediction_errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: Floats) -> float:
     """e_i (H,); returns their sum, which is a number only if all are."""
     total = 0.0
     for a in range(len(lanes)):
@@ -142,8 +142,8 @@ def errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: 
     return total
 
 
-@aside
-def rejoin(most: float, eps: Floats, x: Floats) -> bool:
+@outlined
+def restart_diverged(most: float, eps: Floats, x: Floats) -> bool:
     """Predictors that diverge, |e_i| > most, restart from the state of the first; False if that is no number, too.
 
     The gain of a hypothesis may not be one for what really happens, as samples that are passed over, and one predictor
@@ -160,7 +160,7 @@ def rejoin(most: float, eps: Floats, x: Floats) -> bool:
 
 
 @kernel
-def corrects(K: Floats) -> bool:
+def has_gain(K: Floats) -> bool:
     """Whether there is a gain."""
     some = False
     for r in range(K.shape[0]):

@@ -51,7 +51,7 @@ def _norms(lanes: Any, A_row: Ints, weight: Floats, V: Floats, norm: Floats) -> 
 
 
 @kernel
-def split(
+def choose_substeps(
     lanes: Any,
     A_row: Ints,
     weight: Floats,
@@ -79,7 +79,7 @@ def split(
 
 
 @kernel
-def drive(
+def evaluate_inputs(
     lanes: Any,
     row: Ints,
     slot: Ints,
@@ -145,7 +145,7 @@ def propagate(
 
 
 @kernel
-def evaluate(
+def evaluate_coefficients(
     lanes: Any,
     slot: Ints,
     factor_start: Ints,

@@ -123,7 +123,7 @@ def correct(lanes: Any, K: Floats, X: Floats, eps: Floats, psi: Floats, on: Ints
 
 
 @kernel
-def carry(lanes: Any, joint: Floats, X: Floats, moved: Floats) -> None:
+def propagate_joint(lanes: Any, joint: Floats, X: Floats, moved: Floats) -> None:
     """x = x + sum z_i (change of theta_i): what x would be, had theta been known before; where ``joint`` (W,) is 1.
 
     That is all that the extended Kalman filter of state and parameters together has beside this recursion but for the
@@ -140,13 +140,13 @@ def carry(lanes: Any, joint: Floats, X: Floats, moved: Floats) -> None:
 @kernel
 def find_P0(
     lanes: Any,
-    starved: Floats,
-    vague: Floats,
+    min_excitation: Floats,
+    P_uninformed: Floats,
     seed: Floats,
     seed_left: Ints,
     P_nom: Floats,
     P: Floats,
-    does: Ints,
+    mode: Ints,
 ) -> None:
     """P(0) by the paper's recipe: run the P recursion along the nominal theta, average its steady diagonal.
 
@@ -154,7 +154,7 @@ def find_P0(
     but an axis that stood still, so that a parameter is known to no better than its size, starts the run again.
     """
     for a in range(len(lanes)):
-        if does[a] != SEED:
+        if mode[a] != SEED:
             continue
         half = seed[a] // 2
         if seed_left[a] <= half:
@@ -165,10 +165,10 @@ def find_P0(
             again = False
             for i in range(P.shape[0]):
                 P_nom[i, a] /= half
-                again |= starved[a] > 0.0 and not P_nom[i, a] <= vague[i, a]
+                again |= min_excitation[a] > 0.0 and not P_nom[i, a] <= P_uninformed[i, a]
             for i in range(P.shape[0]):
                 for j in range(P.shape[0]):
                     P[i, j, a] = 0.0
-                P[i, i, a] = vague[i, a] if again else P_nom[i, a]
+                P[i, i, a] = P_uninformed[i, a] if again else P_nom[i, a]
                 P_nom[i, a] = 0.0 if again else P_nom[i, a]
             seed_left[a] = int(seed[a]) if again else 0

@@ -5,7 +5,7 @@ from typing import Any
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import SETTLE
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.outliers import SURELY
 from monitor_core.kernel.tables import GAINS, TORQUE
 
@@ -14,7 +14,7 @@ _EQUAL_S = 1e-9
 
 
 @kernel
-def walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats) -> None:
+def random_walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats) -> None:
     """Where parameters drift (W,) nothing is forgotten: lambda (W,) is 1, and ``share`` of P(0) is added, 1 - lambda.
 
     So P_ii has the steady value that it has with lambda where a parameter is alone: psi^2 = (1 - lambda) / P in both.
@@ -26,14 +26,14 @@ def walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats)
 
 
 @kernel
-def corrected_ago(lanes: Any, interval: Floats, h: Floats, in_a_row: Ints, ago: Floats) -> None:
+def time_since_correction(lanes: Any, interval: Floats, h: Floats, in_a_row: Ints, ago: Floats) -> None:
     """How long ago the state was corrected (W,): h, and an interval for each outlier passed over since then."""
     for a in range(len(lanes)):
         ago[a] = h[a] + (interval[a] * in_a_row[a] if in_a_row[a] < SURELY else 0.0)
 
 
 @kernel
-def for_interval(
+def interval_gain(
     lanes: Any, interval: Floats, lam: Floats, K: Floats, h: Floats, ago: Floats, lam_h: Floats, K_h: Floats
 ) -> None:
     """lambda^(h / interval) (W,), and K (n, W) where the state was corrected so long ``ago`` (W,).
@@ -65,7 +65,7 @@ def for_interval(
 
 
 @kernel
-def delayed(
+def split_at_delay(
     lanes: Any,
     kind: Ints,
     delay: Floats,
@@ -87,8 +87,8 @@ def delayed(
     return late
 
 
-@aside
-def switch(
+@outlined
+def switch_torque(
     lanes: Any,
     row: Ints,
     slot: Ints,
@@ -131,7 +131,7 @@ LOST = 1.75
 
 
 @kernel
-def own_interval(
+def split_at_mean(
     lanes: Any, interval: Floats, h_first: Floats, h: Floats, h_before: Floats, over: Floats, lost: Ints
 ) -> bool:
     """Cut what comes before the drive's own interval off h (W,): h_before; True if there is any.
@@ -152,7 +152,7 @@ def own_interval(
 
 
 @kernel
-def begin_again(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
+def restart_integral(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
     """s = 0 and its derivatives, in the z_i and in x of X."""
     for r in range(s, X.shape[0], n):
         for a in range(len(lanes)):
@@ -160,14 +160,14 @@ def begin_again(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
 
 
 @kernel
-def sampled(lanes: Any, does: Ints, on: Ints) -> None:
+def mark_sampled(lanes: Any, mode: Ints, on: Ints) -> None:
     """Where the drive has sampled (W,): also where the predictor passed its sample over."""
     for a in range(len(lanes)):
-        on[a] = does[a] >= SETTLE
+        on[a] = mode[a] >= SETTLE
 
 
 @kernel
-def mean(lanes: Any, over: Floats, yhat: Floats, psi: Floats) -> None:
+def divide_by_interval(lanes: Any, over: Floats, yhat: Floats, psi: Floats) -> None:
     """Yhat = s / h and psi_i = z_is / h.  A lane that does not move has h = 0."""
     for a in range(len(lanes)):
         yhat[a] = yhat[a] / over[a] if over[a] > 0.0 else 0.0

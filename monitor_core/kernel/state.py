@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import aside
+from monitor_core.kernel.compile import outlined
 from monitor_core.kernel.tables import GAINS, Constants, Tables
 
 NEVER = np.iinfo(np.int64).min
@@ -69,15 +69,15 @@ class State(NamedTuple):
     theta_seen: Floats  # (p, W) theta_i when it was last observed
     shift: Floats  # (p, W) theta_0(s) - theta_0, where nominal values follow signals s
     credit: Floats  # (W,) outliers that may be passed over now
-    plenty: Floats  # (W,) running mean of psi' P psi over p (1 - lambda), each counting as 1 at most
+    excitation: Floats  # (W,) running mean of psi' P psi over p (1 - lambda), each counting as 1 at most
     t: NDArray[np.int64]  # (W,) time of the last sample, us
     settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
     seed_left: NDArray[np.int64]  # (W,) updates left of the run that finds P(0)
-    calm: NDArray[np.int64]  # (p, W) consecutive samples with |d| <= nu
+    below_nu: NDArray[np.int64]  # (p, W) consecutive samples with |d| <= nu
     onset: NDArray[np.int64]  # (2, p, W) time at which g was last zero, us
     observed: NDArray[np.int64]  # (p, W) OBSERVED, WEAK, UNSEEN
     since: NDArray[np.int64]  # (W,) updates since the last look at P
-    starved: NDArray[np.int64]  # (W,) directions that are not observed
+    unobserved: NDArray[np.int64]  # (W,) directions that are not observed
     in_a_row: NDArray[np.int64]  # (W,) outliers up to the last sample
     left: NDArray[np.int64]  # (W,) samples to learn until evidence is noted
     noting: NDArray[np.int64]  # (W,) COURSE, NAMING: what for
@@ -181,6 +181,6 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     )
 
 
-kernel_state_views = aside(state_views)
-kernel_constant_views = aside(constant_views)
+kernel_state_views = outlined(state_views)
+kernel_constant_views = outlined(constant_views)
 """The same for the kernel: compiled to be called from Python, too, they would cost it a second."""

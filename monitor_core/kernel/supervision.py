@@ -3,10 +3,10 @@
 Forgetting without excitation lets P grow without bound.  Four things are done:
 
 * An axis that stands still has nothing to learn from: where psi' P psi, whose steady mean is p (1 - lambda), nearly
-  vanishes, theta, P and g wait (``excite``).
+  vanishes, theta, P and g wait (``check_excitation``).
 * Excitation may lack in some directions only (a constant speed, a single sine).  So information is forgotten towards
   a floor:  R <- lambda R + psi psi' + (1 - lambda) rho diag(1/P(0)),  R = P^-1, which bounds P_ii by P(0)_ii / rho
-  whatever happens.  The floor's share is added once for a span of updates (``look``), not at each.
+  whatever happens.  The floor's share is added once for a span of updates (``apply_information_floor``), not at each.
 * Parameters that move together in a direction of which next to nothing is known are not observed, and stay: what noise
   and a wrong model whisper there is no news.  A projection of theta's steps would leak, and drift within a day.
 * P_ii / P(0)_ii says how much is known of a parameter beside what was known at commissioning.
@@ -20,7 +20,7 @@ from typing import Any
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import IDLE, SEED
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.state import OBSERVED, UNSEEN, WEAK
 
 QUICK = 10.0
@@ -36,15 +36,15 @@ _SWEEPS = 8
 
 
 @kernel
-def excite(
+def check_excitation(
     lanes: Any,
     lam_h: Floats,
     lam: Floats,
     least: Floats,
     S: Floats,
-    plenty: Floats,
-    does: Ints,
-    starved: Ints,
+    excitation: Floats,
+    mode: Ints,
+    unobserved: Ints,
     observed: Ints,
 ) -> None:
     """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is below ``least`` learns nothing now."""
@@ -52,18 +52,18 @@ def excite(
     for a in range(len(lanes)):
         mean = p * (1.0 - lam[a])
         share = min(S[a] - lam_h[a], mean) / mean
-        step = min(QUICK * (1.0 - lam[a]), 1.0) * (share - plenty[a])
-        plenty[a] += step if does[a] >= SEED and abs(step) < math.inf else 0.0
+        step = min(QUICK * (1.0 - lam[a]), 1.0) * (share - excitation[a])
+        excitation[a] += step if mode[a] >= SEED and abs(step) < math.inf else 0.0
     for a in range(len(lanes)):
-        if plenty[a] < least[a] and does[a] >= SEED:
-            does[a] = IDLE
-            starved[a] = p
+        if excitation[a] < least[a] and mode[a] >= SEED:
+            mode[a] = IDLE
+            unobserved[a] = p
             for i in range(p):
                 observed[i, a] = UNSEEN
 
 
 @kernel
-def look(
+def apply_information_floor(
     lanes: Any,
     floor: Floats,
     least: Floats,
@@ -73,7 +73,7 @@ def look(
     P_nom: Floats,
     on: Ints,
     since: Ints,
-    starved: Ints,
+    unobserved: Ints,
     observed: Ints,
     scale: Floats,
     P: Floats,
@@ -92,7 +92,7 @@ def look(
             continue
         since[a] += 1
         # While a direction is starved, looks are closer: what comes in there now is not to be missed.
-        if since[a] < (span[a] if starved[a] == 0 else span[a] // _CLOSER):
+        if since[a] < (span[a] if unobserved[a] == 0 else span[a] // _CLOSER):
             continue
         # Keeps P below the bound up to the next look: it grows like lambda^-t, or a drift by (1 - lambda) P(0) t.
         c = (lam[a] ** -since[a] - 1.0) * floor[a]
@@ -113,17 +113,17 @@ def look(
                     N[i, j] = 1.0 if i == j else 0.0
                 P[i, j, a] = N[i, j] * math.sqrt(P_nom[i, a] * P_nom[j, a])
         for i in range(p):
-            observed[i, a] = _judged(P[i, i, a] / P_nom[i, a], observed[i, a])
-        starved[a] = 0
+            observed[i, a] = _classify(P[i, i, a] / P_nom[i, a], observed[i, a])
+        unobserved[a] = 0
         if not factor(LOST, -1.0, N, L):
             _diagonalise(N, L)
             for k in range(p):
                 if N[k, k] > LOST:
-                    starved[a] += 1
-                    _lose(a, k, L, P_nom, scale, observed)
+                    unobserved[a] += 1
+                    _mark_unobserved(a, k, L, P_nom, scale, observed)
 
 
-@aside
+@outlined
 def factor(alpha: float, c: float, N: Floats, L: Floats) -> bool:
     """Cholesky factor L of alpha I + c N, lower triangle; whether there is one."""
     p = N.shape[0]
@@ -141,7 +141,7 @@ def factor(alpha: float, c: float, N: Floats, L: Floats) -> bool:
     return True
 
 
-@aside
+@outlined
 def _subtract(c: float, N: Floats, L: Floats, Y: Floats) -> None:
     """N <- N - c Y'Y with L Y = N, one triangle and its mirror image."""
     p = N.shape[0]
@@ -160,7 +160,7 @@ def _subtract(c: float, N: Floats, L: Floats, Y: Floats) -> None:
             N[j, i] = N[i, j]
 
 
-@aside
+@outlined
 def _diagonalise(N: Floats, U: Floats) -> None:
     """Jacobi's method, N = U diag U'; N becomes the diagonal."""
     p = N.shape[0]
@@ -173,8 +173,8 @@ def _diagonalise(N: Floats, U: Floats) -> None:
                 _rotate(N, U, i, j)
 
 
-@aside
-def _lose(a: int, k: int, U: Floats, P_nom: Floats, scale: Floats, observed: Ints) -> None:
+@outlined
+def _mark_unobserved(a: int, k: int, U: Floats, P_nom: Floats, scale: Floats, observed: Ints) -> None:
     """Who takes part in direction k is not observed: who moves there, beside its size, nearly as far as the first."""
     most = 0.0
     for i in range(U.shape[0]):
@@ -201,7 +201,7 @@ def _rotate(N: Floats, U: Floats, i: int, j: int) -> None:
 
 
 @kernel
-def _judged(ratio: float, before: int) -> int:
+def _classify(ratio: float, before: int) -> int:
     """How well a parameter is observed whose P_ii / P(0)_ii is this; with hysteresis."""
     if ratio > LOST or (before == UNSEEN and ratio > _FOUND):
         return UNSEEN
@@ -211,7 +211,7 @@ def _judged(ratio: float, before: int) -> int:
 
 
 @kernel
-def admit_to_tests(
+def select_tests(
     lanes: Any,
     tested: Floats,
     observed: Ints,

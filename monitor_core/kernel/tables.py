@@ -76,7 +76,7 @@ class Constants(NamedTuple):
     lower: Floats  # (p, W) bounds of theta
     upper: Floats  # (p, W)
     h: Floats  # (p, W) thresholds of the CUSUM tests
-    vague: Floats  # (p, W) P_ii of who knows no more of a parameter than its size
+    P_uninformed: Floats  # (p, W) P_ii of who knows no more of a parameter than its size
     scale: Floats  # (p, W) sizes of theta_i
     alpha1: Floats  # (p, W) nu = alpha1 sqrt(lambda_0 P_ii) + allowance
     allowance: Floats  # (p, W) what healthy records differ by, in the unit of theta
@@ -88,9 +88,9 @@ class Constants(NamedTuple):
     gap_us: Floats  # (W,) a longer interval re-initialises the predictor
     settle_us: Floats  # (W,) no update of theta for so long after that
     seed: Floats  # (W,) updates of the run that finds P(0); its second half is averaged
-    calm: Floats  # (W,) samples below nu that end an alarm episode
+    recovery_samples: Floats  # (W,) samples below nu that end an alarm episode
     floor: Floats  # (W,) least share of the commissioned information; 0: none
-    starved: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
+    min_excitation: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
     lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
     joint: Floats  # (W,) 1: the state moves with theta

@@ -15,7 +15,7 @@ effect.
 import numpy as np
 
 from monitor_core.arrays import Floats, Indices
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import FOUR, fused, load4, spread4, store
 
 MOST_TERMS = 19
@@ -74,7 +74,7 @@ def _times_one(
         group += _FOUR
 
 
-@aside
+@outlined
 def advance_one(
     n: int,
     p: int,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import EIGHT, FOUR, fused, load8, spread8, store, where_at_least
 from monitor_core.kernel.taylor_series import INVERSE
 
@@ -74,7 +74,7 @@ def _times_eight(
         store(work, place, fused(s, total, load8(work, place)))
 
 
-@aside
+@outlined
 def advance_eight(
     a: int,
     W: int,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
-from monitor_core.kernel.compile import aside, kernel
+from monitor_core.kernel.compile import kernel, outlined
 
 
 @kernel
@@ -31,13 +31,13 @@ def table(rows: int, W: int) -> Floats:
 
 
 @kernel
-def marks(rows: int, W: int) -> Ints:
+def flags(rows: int, W: int) -> Ints:
     """Zeros (rows, W)."""
     return np.zeros((rows, W), np.int64)
 
 
-@aside
-def times(indices: Indices, W: int) -> Indices:
+@outlined
+def strided(indices: Indices, W: int) -> Indices:
     """Indices of flat arrays with W numbers a row."""
     out = np.empty_like(indices)
     for q in range(indices.size):
@@ -45,16 +45,16 @@ def times(indices: Indices, W: int) -> Indices:
     return out
 
 
-@aside
-def copy(source: Floats, target: Floats, row: int) -> None:
+@outlined
+def copy_rows(source: Floats, target: Floats, row: int) -> None:
     """Into the rows of target from ``row`` on."""
     for r in range(source.shape[0]):
         for a in range(source.shape[1]):
             target[row + r, a] = source[r, a]
 
 
-@aside
-def columns(bank: Any, first: int, W: int) -> Any:
+@outlined
+def take_columns(bank: Any, first: int, W: int) -> Any:
     """A contiguous copy of W columns from ``first`` on, the bank's last one repeated where it has no more."""
     out = np.empty((bank.shape[0], W), bank.dtype)
     for r in range(bank.shape[0]):
@@ -63,16 +63,16 @@ def columns(bank: Any, first: int, W: int) -> Any:
     return out
 
 
-@aside
-def put_back(lanes: Any, bank: Any, first: int) -> None:
-    """The columns back where ``columns`` took them from."""
+@outlined
+def put_columns(lanes: Any, bank: Any, first: int) -> None:
+    """The columns back where ``take_columns`` took them from."""
     for r in range(lanes.shape[0]):
         for a in range(min(lanes.shape[1], bank.shape[1] - first)):
             bank[r, first + a] = lanes[r, a]
 
 
 @kernel
-def most(number: Ints, first: int, W: int) -> int:
+def largest(number: Ints, first: int, W: int) -> int:
     """The largest of W numbers from ``first`` on."""
     top = 0
     for a in range(min(W, number.size - first)):

@@ -23,7 +23,7 @@ from monitor_core.monitoring.axis_status import (
     Observation,
     ParameterStatus,
     Status,
-    untold,
+    unidentifiable_words,
 )
 from monitor_core.monitoring.fleet import AxisTrace, AxisUpdate, Fleet
 from monitor_core.monitoring.forecast_alarms import Limit
@@ -74,5 +74,5 @@ __all__ = [
     "recommended_settings",
     "short_memory",
     "standard_deviation",
-    "untold",
+    "unidentifiable_words",
 ]

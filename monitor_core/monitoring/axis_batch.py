@@ -15,7 +15,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.stability import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
-from monitor_core.kernel.evidence import KEPT, NAMING, Noted, kept_numbers, noted_numbers
+from monitor_core.kernel.evidence import KEPT, NAMING, EvidenceColumns, kept_numbers, noted_numbers
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
@@ -83,9 +83,9 @@ class AxisBatch:
         st.theta_seen[:, a] = model.theta0
         st.lam0_running[a] = s.lam0
         st.credit[a] = CREDIT
-        st.plenty[a] = 1.0
+        st.excitation[a] = 1.0
         st.seed_left[a] = s.seed_updates
-        certain = s.P0 or vague(model, s)
+        certain = s.P0 or uninformed_P(model, s)
         if np.shape(certain) != model.scale.shape:
             raise ValueError(f"P0 has {len(s.P0)} entries, {len(model.scale)} parameters are monitored")
         np.fill_diagonal(st.P[:, :, a], certain)
@@ -175,15 +175,15 @@ class AxisBatch:
         )
         return sorted(self._named(events, noted), key=lambda pair: pair[0])
 
-    def _noted(self, N: int) -> Noted:
+    def _noted(self, N: int) -> EvidenceColumns:
         """Room for what N samples of each axis can have noted: once as soon as a naming takes, in each."""
         p = self._tables.p
         capacity = sum(N // s.naming_samples + 1 for s in self.settings)
         numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
         before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
-        return Noted(*numbers, np.empty((noted_numbers(p), capacity)), *before)
+        return EvidenceColumns(*numbers, np.empty((noted_numbers(p), capacity)), *before)
 
-    def _named(self, events: Events, noted: Noted) -> Iterator[tuple[int, BatchEvent]]:
+    def _named(self, events: Events, noted: EvidenceColumns) -> Iterator[tuple[int, BatchEvent]]:
         """All events, in their order; evidence stands between them where it was noted."""
         done = 0
         for c in range(int(noted.filled[0])):
@@ -260,7 +260,7 @@ def _trace(N: int, p: int, W: int) -> Trace:
 SLOW_MEMORIES = 10
 
 
-def vague(model: AxisModel, s: Settings) -> Floats:
+def uninformed_P(model: AxisModel, s: Settings) -> Floats:
     """Diagonal of P (p,) of who knows no more of the parameters than their sizes."""
     return np.asarray((1 + s.lam) * model.scale**2 / s.lam0)
 
@@ -280,9 +280,9 @@ def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str,
         "gap_us": round(s.max_gap_s * 1e6),
         "settle_us": round(s.settle_s * 1e6),
         "seed": s.seed_updates,
-        "calm": s.naming_samples,
+        "recovery_samples": s.naming_samples,
         "floor": s.floor,
-        "starved": s.starved,
+        "min_excitation": s.min_excitation,
         "lost_us": round(s.lost_s * 1e6),
         "outlier": s.outlier,
         "joint": s.joint,
@@ -292,7 +292,7 @@ def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str,
         "span": s.span,
     }
     n = len(model.drive.states)
-    vectors = {"K": s.gains(n).ravel(), "vague": vague(model, s), "scale": model.scale}
+    vectors = {"K": s.gains(n).ravel(), "P_uninformed": uninformed_P(model, s), "scale": model.scale}
     alpha1, alpha2, allowance = s.tests(len(model.scale))
     vectors |= {"h": alpha2 * model.scale, "alpha1": alpha1, "allowance": allowance * model.scale}
     vectors |= assembly.model_constants(model, s.speed_scale)

@@ -31,7 +31,7 @@ from monitor_core.monitoring.axis_status import (
     ParameterStatus,
     Status,
     confounded,
-    untold,
+    unidentifiable_words,
 )
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -111,8 +111,8 @@ class AxisMonitor:
         if source == "multimodel" and multimodel is None:
             raise ValueError("the alarms are to come from the multi-model detector, but there is none")
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
-        g, calm = batch.state.g[:, :, lane], batch.state.calm[:, lane]
-        self.cusum = CusumDetector(self.model.monitored, g, batch.thresholds[:, lane], calm)
+        g, below_nu = batch.state.g[:, :, lane], batch.state.below_nu[:, lane]
+        self.cusum = CusumDetector(self.model.monitored, g, batch.thresholds[:, lane], below_nu)
         self._tracker = AlarmTracker()
 
     @property
@@ -263,8 +263,8 @@ class AxisMonitor:
 
     def _confounded(self) -> tuple[str, ...]:
         st, a = self.batch.state, self.lane
-        doubts = untold(self.settings.untold)
-        if not st.starved[a] or st.seed_left[a]:  # without P(0) there is nothing to compare P with
+        doubts = unidentifiable_words(self.settings.untold)
+        if not st.unobserved[a] or st.seed_left[a]:  # without P(0) there is nothing to compare P with
             return doubts
         return doubts + confounded(st.P[:, :, a], st.P_nom[:, a], self.model.scale, self.model.monitored)
 

@@ -109,7 +109,7 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
     return tuple(_words([names[i] for i in np.flatnonzero(v > TAKES_PART * v.max()).tolist()]) for v in moves)
 
 
-def untold(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """Why nothing is tested, where the nominal values are not good enough for that."""
     return tuple(
         f"{first} and {second} cannot be told apart by the record of their nominal values: nothing is tested"

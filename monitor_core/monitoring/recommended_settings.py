@@ -118,7 +118,7 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         speed_scale=options.friction_speed_scale,
         P0=options.P0,
         floor=options.information_floor,
-        starved=options.min_excitation,
+        min_excitation=options.min_excitation,
         outlier=options.outlier_limit,
         joint=_joint_state(model, interval_s, options, K),
         drift=options.random_walk,

@@ -3,7 +3,12 @@
 from collections.abc import Iterator
 
 from monitor_core.drive import AxisModel
-from monitor_core.monitoring import MonitoringOptions, recommended_settings, short_memory, untold
+from monitor_core.monitoring import (
+    MonitoringOptions,
+    recommended_settings,
+    short_memory,
+    unidentifiable_words,
+)
 from monitor_core.settings import Settings
 from service.config import (
     AxisConfig,
@@ -85,7 +90,7 @@ def _untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
 def doubtful_nominals(config: Config) -> Iterator[str]:
     """A note on each axis that is not tested, as its nominal values do not allow it."""
     for axis in config.axes:
-        for words in untold(_untold(axis.config)):
+        for words in unidentifiable_words(_untold(axis.config)):
             yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, unfit
+from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, reason_unavailable
 from monitor_core.drive import AxisModel
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
@@ -34,7 +34,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
         AxisError: the multi-model detector is to alarm, and cannot.
     """
     wanted = axis.config.detector
-    if reason := unfit(model, settings):
+    if reason := reason_unavailable(model, settings):
         if wanted.alarm_source == "multimodel":
             raise AxisError(f"{axis.id}: the multi-model detector cannot run: {reason}")
         return Detectors("cusum", None, reason)

@@ -29,7 +29,7 @@ def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
         "torque_delay_s": settings.delay_s,
         "friction_speed_scale": settings.speed_scale,
         "information_floor": settings.floor,
-        "min_excitation": settings.starved,
+        "min_excitation": settings.min_excitation,
         "outlier_limit": settings.outlier,
         "joint_state": settings.joint,
         "random_walk": settings.drift,

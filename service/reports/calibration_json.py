@@ -7,7 +7,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from monitor_core.calibration import Caught, DetectorResult
+from monitor_core.calibration import DetectorResult, TrialResult
 from service.config.threshold_match import made_with
 from service.reports.calibration_report import Calibration
 
@@ -84,7 +84,7 @@ def _confusion(result: DetectorResult) -> Json:
     return {name: {key or "none": n for key, n in row.items()} for name, row in result.confusion().items()}
 
 
-def _fault(calibration: Calibration, trial: Caught) -> Json:
+def _fault(calibration: Calibration, trial: TrialResult) -> Json:
     return {
         "parameter": trial.fault.parameter,
         "size": trial.fault.size,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monitor_core.calibration import CalibrationResult, Caught, DetectorResult
+from monitor_core.calibration import CalibrationResult, DetectorResult, TrialResult
 from monitor_core.detection import DetectorName
 from monitor_core.wording import duration
 from service.config import NamedAxis
@@ -154,7 +154,7 @@ def _seconds(delay: float) -> str:
     return f"{plain(delay, 3)} s" if math.isfinite(delay) else "later"
 
 
-def _names(trial: Caught) -> str:
+def _names(trial: TrialResult) -> str:
     """What its alarms were called, the most frequent first; what was seldom is counted together."""
     counts = sorted(((trial.first.count(name), name) for name in set(trial.first) if name), reverse=True)
     total = sum(n for n, _ in counts)

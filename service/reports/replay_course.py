@@ -72,11 +72,11 @@ class Course:
         self, t_us: Times, trace: Trace, crossings: Iterable[Crossing], beside: BankTrace | None = None
     ) -> None:
         """Samples of the axis (N,), crossings of h, and the traces of the recursion and of the multi-model detector."""
-        took = trace.does != SKIP
+        took = trace.mode != SKIP
         if not took.any():
             return
         before, fresh = self.timeline.end_us, self.timeline.start_us is None
-        t, does = t_us[took], trace.does[took]
+        t, does = t_us[took], trace.mode[took]
         where = self.timeline.take(t)
         while where[-1] // self._width >= self._most:
             self._merge()

@@ -36,7 +36,7 @@ BLOCKS = 10
 @cache
 def settings(output: Output, seed: int) -> Settings:
     """Of the reference experiment, with P(0), so that theta moves from the start, and P supervised as in the daemon."""
-    return replace(settings_of(output, seed), floor=SUPERVISED, starved=SUPERVISED)
+    return replace(settings_of(output, seed), floor=SUPERVISED, min_excitation=SUPERVISED)
 
 
 def run_of(output: Output, axes: int, samples: int, seed: int) -> Callable[[], object]:

@@ -12,7 +12,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration.simulated_copies import Plants
 from monitor_core.detection.multimodel.detection_limit import least_delay
-from monitor_core.detection.multimodel.events import Changed, Named
+from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Output
@@ -142,11 +142,11 @@ def _run(bank: HypothesisBank, rec: Experiment) -> One:
         block = slice(at, at + BLOCK)
         for event in bank.run(rec.t_us[block], rec.u[block], rec.y[block]):
             delay = (event.time_us - rec.t_us[FAULT_AT]) * 1e-6 + INTERVAL_S
-            if isinstance(event, Changed) and not 0 < delay <= WITHIN_S:
+            if isinstance(event, ChangeDetected) and not 0 < delay <= WITHIN_S:
                 return one._replace(early=delay <= 0)
-            if isinstance(event, Changed):
+            if isinstance(event, ChangeDetected):
                 one = one._replace(alarm=delay, cause=event.shares[0].cause)
-            elif isinstance(event, Named):
+            elif isinstance(event, CauseIdentified):
                 return one._replace(named=delay, name=event.shares[0].cause, certain=event.certain)
     return one
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from monitor_core.calibration.budget import rates, thresholds
 from monitor_core.calibration.healthy_records import deviations
-from monitor_core.calibration.healthy_statistics import learned
+from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation.reference_experiment import FAULT_AT
 from monitor_core.modeling.standard_drives import INTERVAL_S
@@ -30,7 +30,7 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
     rng = np.random.default_rng([seed, 1])
     t_us, u, y = records(model, [seed], samples=HEALTHY)
     one = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]
-    known = learned(model, settings, one, deviations(model, settings, one), between, WITHIN, rng)
+    known = healthy_statistics(model, settings, one, deviations(model, settings, one), between, WITHIN, rng)
     asked = between
     for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely
         same = np.random.default_rng(seed)

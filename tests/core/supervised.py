@@ -18,5 +18,5 @@ SUPERVISED = Settings(
     lam0=LAM0,
     settle_s=1.0,
     floor=FLOOR,
-    starved=STARVED,
+    min_excitation=STARVED,
 )

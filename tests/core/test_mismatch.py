@@ -52,7 +52,7 @@ def watch(*follows: Follow) -> Watch:
         K_after=gains_after(*noises),
         settle_s=SETTLE_S,
         floor=0.05,
-        starved=0.05,
+        min_excitation=0.05,
         outlier=6.0,
     )
     return Watch(model, settings, Conditions(("temperature",), follows))

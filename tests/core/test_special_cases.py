@@ -203,7 +203,7 @@ def test_without_waiting_lost_samples_would_be_a_fault(seed: int) -> None:
 def test_what_its_bounds_hold_is_invalid(seed: int) -> None:
     """A torque constant half as large again, and bounds that allow a tenth: no number, and the others have theirs."""
     model = replace(reference_model("speed"), bounds={"kT": (0.9, 1.1)})
-    settings = Settings(0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, floor=0.05, starved=0.05)
+    settings = Settings(0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, floor=0.05, min_excitation=0.05)
     monitor = AxisMonitor(model, settings)
     rec, held = experiment(seed, {"kT": 1.5}, samples=2000), list[bool]()
     run(monitor, rec, 0, 1400)

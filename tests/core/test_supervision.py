@@ -43,7 +43,7 @@ def test_the_kernel_is_the_transcription(name: str, seed: int, monkeypatch: pyte
     """Two inversions and an eigendecomposition there; here, in both shapes, neither."""
     case, rng = BY_NAME[name]._replace(within=0.3), np.random.default_rng(seed)
     rec = moved(case, lively_then_still(rng, 300, 1000, 300), rng)
-    settings = case.settings(lam=0.98, alpha1=0.5, alpha2=0.5, floor=FLOOR, starved=STARVED)
+    settings = case.settings(lam=0.98, alpha1=0.5, alpha2=0.5, floor=FLOOR, min_excitation=STARVED)
     paper = Paper(case.model, settings)
     paper.run(*rec)
     for shape, fewest in (("scalar", 1000), ("lanes", 1)):
@@ -145,7 +145,7 @@ def test_pauses_with_a_memory_of_a_quarter_of_a_second(seed: int) -> None:
 
 def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) -> None:
     """What the tests above hold of would not hold by itself."""
-    bare = replace(settings, floor=0.0, starved=0.0, run_on=True)
+    bare = replace(settings, floor=0.0, min_excitation=0.0, run_on=True)
     _, trace, at = through_a_pause("constant speed", seed, 8, bare, {"kT": 1.2})
     assert (trace.P[:at].max(axis=(0, 2)) > 1000 * np.array(settings.P0)).any()
     assert (trace.g[:at].max(axis=(0, 1, 3)) > settings.alpha2 * MODEL.scale).any()
@@ -220,7 +220,7 @@ def test_what_is_not_observed_shows_its_last_observed_value_and_raises_no_alarm(
 def test_P_stays_bounded_symmetric_and_definite_whatever_comes(seed: int) -> None:
     """Noise, silence, steps and spikes; the floor alone must hold."""
     rng = np.random.default_rng(seed)
-    s = replace(SUPERVISED, lam=0.98, starved=0.0, settle_s=0.0, P0=tuple((0.01 * MODEL.scale) ** 2))
+    s = replace(SUPERVISED, lam=0.98, min_excitation=0.0, settle_s=0.0, P0=tuple((0.01 * MODEL.scale) ** 2))
     monitor = AxisMonitor(MODEL, s)
     t = 0
     for _ in range(40):

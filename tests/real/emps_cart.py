@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
-from monitor_core.calibration.injection import load_of, torque
+from monitor_core.calibration.injection import equivalent_load, faulty_torque
 from monitor_core.detection import Alarm
 from monitor_core.drive.assembly import Assembly
 from monitor_core.monitoring import AxisMonitor
@@ -125,12 +125,12 @@ def faulty(found: Calibration, one: SampleBlock, change: Mapping[str, float], st
     """From sample ``start`` on these parameters are off by such parts: the force that the same motion needed."""
     nominal = found.result.model.nominal
     values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
-    load = load_of(found.result.model, values)
+    load = equivalent_load(found.result.model, values)
     assert load is not None  # exact
     assembly = Assembly(found.result.model.drive, found.result.model.monitored)
     u_scale = assembly.model_constants(found.result.model, found.result.settings.speed_scale)["u_scale"]
     u = one.u.copy()
-    u[start:] = torque(found.result.model, found.result.settings, one, load, u_scale)[start:]
+    u[start:] = faulty_torque(found.result.model, found.result.settings, one, load, u_scale)[start:]
     return one._replace(u=u)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.multimodel_thresholds import bank_limits
-from monitor_core.detection.multimodel.events import Changed, Event, Named
+from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected, Event
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of
 from monitor_core.samples import SampleBlock
@@ -53,8 +53,8 @@ def test_a_torque_constant_is_found_and_told_from_a_scaled_output_when_there_is_
 ) -> None:
     start = len(record.u) // 2
     events = run(bank, with_torque_constant(record, 1.2, start))
-    named = [e for e in events if isinstance(e, Named)]
-    assert isinstance(events[0], Changed)
+    named = [e for e in events if isinstance(e, CauseIdentified)]
+    assert isinstance(events[0], ChangeDetected)
     assert 0 < events[0].time_us - record.t_us[start] < 1.5e6
     assert {share.cause for share in named[0].shares[:2]} == {"kT", "output scale"}
     assert named[-1].shares[0].cause == "kT"
@@ -64,6 +64,6 @@ def test_a_torque_constant_is_found_and_told_from_a_scaled_output_when_there_is_
 def test_friction_is_found_and_named(bank: HypothesisBank, record: Record) -> None:
     start = len(record.u) // 2
     events = run(bank, with_viscous_friction(record, 0.0074, start))
-    assert isinstance(events[0], Changed)
+    assert isinstance(events[0], ChangeDetected)
     assert 0 < events[0].time_us - record.t_us[start] < 1.5e6
-    assert {e.shares[0].cause for e in events if isinstance(e, Named)} == {"fm"}
+    assert {e.shares[0].cause for e in events if isinstance(e, CauseIdentified)} == {"fm"}

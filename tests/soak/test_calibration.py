@@ -10,7 +10,7 @@ import pytest
 
 from monitor_core.calibration.budget import Rates, rates, thresholds
 from monitor_core.calibration.healthy_records import deviations
-from monitor_core.calibration.healthy_statistics import learned
+from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.settings import Threshold
 from tests.core.calibration.healthy_axes import Plant, count, plant, record
 from tests.soak.promise import BUDGETS, CALIBRATIONS, HOUR, SAMPLES, kept
@@ -29,7 +29,7 @@ def calibrated(of: Plant, seed: int) -> list[tuple[tuple[Threshold, ...], Rates]
     one = record(of, seed, SAMPLES)
     watched = deviations(of.model, of.settings, [one])
     # The copies take the time, and do for both budgets: nu is that of the longer one.
-    known = learned(of.model, of.settings, [one], watched, BUDGETS[-1], WITHIN, rng)
+    known = healthy_statistics(of.model, of.settings, [one], watched, BUDGETS[-1], WITHIN, rng)
     found = []
     for budget in BUDGETS:
         own = thresholds(known.scatter, known.tails, known.allowance, budget, rng)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core.calibration.multimodel_healthy import watched
-from monitor_core.calibration.multimodel_thresholds import BankLimits, limits
+from monitor_core.calibration.multimodel_healthy import multimodel_statistics
+from monitor_core.calibration.multimodel_thresholds import BankLimits, limits_for_budget
 from tests.core.calibration.healthy_axes import Plant, plant, record
 from tests.core.calibration.healthy_bank import count
 from tests.soak.promise import BUDGETS, CALIBRATIONS, HOUR, SAMPLES, kept
@@ -24,8 +24,8 @@ what is most likely, and half as far."""
 def calibrated(of: Plant, seed: int) -> list[BankLimits]:
     """Limits for each budget, from one fresh record."""
     rng = np.random.default_rng([seed, 1])
-    known = watched(of.model, of.settings, [record(of, seed, SAMPLES)], rng)
-    return [limits(known, budget, rng) for budget in BUDGETS]
+    known = multimodel_statistics(of.model, of.settings, [record(of, seed, SAMPLES)], rng)
+    return [limits_for_budget(known, budget, rng) for budget in BUDGETS]
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.9], ids=["white", "coloured"])

@@ -130,7 +130,7 @@ def test_a_day_with_an_hour_of_motion(
 
 
 def test_a_hundred_million_updates(settings: Settings, seed: int) -> None:
-    axis = Axis(replace(settings, starved=0.0), seed)
+    axis = Axis(replace(settings, min_excitation=0.0), seed)
     kinds = ("moving", "standing", "constant speed", "sine")
     while axis.monitor.status().counters["used"] < UPDATES:
         axis.run(str(axis.rng.choice(kinds)), CHUNK)

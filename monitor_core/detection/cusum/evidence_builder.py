@@ -7,7 +7,7 @@ from monitor_core.detection.cusum.events import Evidence
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.kernel.evidence import Noted
+from monitor_core.kernel.evidence import EvidenceColumns
 from monitor_core.kernel.state import UNSEEN
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
@@ -45,7 +45,7 @@ class EvidenceBuilder:
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
 
-    def reading(self, noted: Noted, c: int) -> Reading:
+    def reading(self, noted: EvidenceColumns, c: int) -> Reading:
         """Column c of what was noted, for the slow course."""
         s, p, value = self._s, len(self._names), noted.value[:, c]
         theta, d, P = value[1 : 1 + p], value[1 + p : 1 + 2 * p], value[1 + 2 * p :][: p * p]
@@ -59,7 +59,7 @@ class EvidenceBuilder:
             correlation=s.lam**self._naming,
         )
 
-    def evidence(self, noted: Noted, c: int) -> Evidence:
+    def evidence(self, noted: EvidenceColumns, c: int) -> Evidence:
         """Column c of what was noted."""
         s, p, value = self._s, len(self._names), noted.value[:, c]
         theta, d, P = value[1 : 1 + p], value[1 + p : 1 + 2 * p], value[1 + 2 * p :][: p * p].reshape(p, p)
@@ -81,7 +81,7 @@ class EvidenceBuilder:
             past=past,
         )
 
-    def _past(self, noted: Noted, c: int) -> Past:
+    def _past(self, noted: EvidenceColumns, c: int) -> Past:
         s, p = self._s, len(self._names)
         lam = 1.0 if s.drift else s.lam**s.span
         walk = s.span * (1 - s.lam) * self._P_nom if s.drift else np.zeros(p)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.multimodel.candidates import change
+from monitor_core.detection.multimodel.candidates import hypothesis_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, REFERENCE, Hypothesis
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.drive.axis_model import AxisModel
@@ -107,7 +107,7 @@ class ActiveFaults:
         own = [hypothesis for hypothesis in self.hypotheses if hypothesis.cause == cause]
         same = (hypothesis for hypothesis in own if hypothesis.size == size or math.isnan(hypothesis.size))
         return next(same, None) or replace(
-            change(self._model, self._settings, cause, size), alike=own[0].alike
+            hypothesis_of(self._model, self._settings, cause, size), alike=own[0].alike
         )
 
     def to_array(self) -> Floats:

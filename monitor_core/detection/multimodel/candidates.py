@@ -41,7 +41,9 @@ def candidates(model: AxisModel, settings: Settings, sensors: bool = True) -> tu
     """The changes that are looked for."""
     plan = {name: _both(SIZES) for name in model.monitored if name != DELAY}
     plan |= _sensor_plan(model) if sensors else {}
-    return tuple(change(model, settings, cause, size) for cause, sizes in plan.items() for size in sizes)
+    return tuple(
+        hypothesis_of(model, settings, cause, size) for cause, sizes in plan.items() for size in sizes
+    )
 
 
 def _sensor_plan(model: AxisModel) -> dict[str, tuple[float, ...]]:
@@ -61,7 +63,7 @@ def _sensor_plan(model: AxisModel) -> dict[str, tuple[float, ...]]:
     }
 
 
-def change(model: AxisModel, settings: Settings, cause: str, size: float) -> Hypothesis:
+def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float) -> Hypothesis:
     """The change of that cause and size.
 
     Raises:

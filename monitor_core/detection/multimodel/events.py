@@ -1,6 +1,6 @@
 """What a multi-model detector has to say: something has changed; it is this; it is over.  Times in us since 1970.
 
-``since_us`` is the time of the ``Changed`` that an event belongs to.
+``since_us`` is the time of the ``ChangeDetected`` that an event belongs to.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Onset:
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class ChangeDetected:
     """Something has changed; what, is not said yet."""
 
     time_us: int
@@ -27,7 +27,7 @@ class Changed:
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class CauseIdentified:
     """It is this: the first of ``shares``, with the whole size of what stands of that cause now.
 
     ``certain``: its share is large enough; else the others are to be told, too.
@@ -41,7 +41,7 @@ class Named:
 
 
 @dataclass(frozen=True, slots=True)
-class Over:
+class CauseEnded:
     """A cause that was named is over; HEALTHY: what changed was nothing that lasted."""
 
     time_us: int
@@ -49,4 +49,4 @@ class Over:
     cause: str
 
 
-Event = Changed | Named | Over
+Event = ChangeDetected | CauseIdentified | CauseEnded

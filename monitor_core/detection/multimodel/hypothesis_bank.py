@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
 from monitor_core.detection.multimodel.candidates import candidates
-from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
+from monitor_core.detection.multimodel.events import CauseEnded, CauseIdentified, ChangeDetected, Event, Onset
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis, moved_model, steps
-from monitor_core.detection.multimodel.isolability import told_apart
+from monitor_core.detection.multimodel.isolability import distinguishable
 from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
-from monitor_core.detection.multimodel.naming import Causes, Share
+from monitor_core.detection.multimodel.naming import CausePosterior, Share
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.kernel.hypotheses import (
@@ -130,7 +130,7 @@ class HypothesisBank:
     def _build(self) -> None:
         """What the lanes hold, around what stands."""
         self._hypotheses = self.standing.lanes()
-        self._causes = Causes(self._hypotheses[1:])
+        self._causes = CausePosterior(self._hypotheses[1:])
         back_h = float(np.median(self._h)) if self.standing else math.inf
         self._limits = np.concatenate([[np.inf], self._h, [back_h]])
         self._known.clear()
@@ -266,7 +266,7 @@ class HypothesisBank:
         if integers[PHASE, 0] == WATCHING:
             integers[PHASE, 0], integers[CHECKS, 0], integers[SINCE, 0] = PENDING, 0, now_us
             self._turn_round()
-            yield Changed(now_us, self.onset(), self._shares())
+            yield ChangeDetected(now_us, self.onset(), self._shares())
         yield from self._look(now_us)
 
     def _look(self, now_us: int) -> Iterator[Event]:
@@ -277,14 +277,14 @@ class HypothesisBank:
         found, looked = self._shares(), integers[CHECKS, 0] / (LOOKS * MEMORIES)
         if looked >= 1 and not self._lasts():
             self._start(0)
-            yield Over(now_us, since, HEALTHY)
+            yield CauseEnded(now_us, since, HEALTHY)
             return
         # Until the state of the axis is no longer that of before, no hypothesis holds, and the least wrong one is sure.
         early = now_us - since < self._slowest_us
         sure, resort = found[0].probability >= self.sure, found[0].cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
             integers[PHASE, 0], integers[WAIT, 0] = REFINING, round(MEMORIES * memory)
-            yield Named(now_us, since, self.onset(), self.standing.whole_of(found), sure)
+            yield CauseIdentified(now_us, since, self.onset(), self.standing.whole_of(found), sure)
 
     def _turn_round(self) -> None:
         """Predictors with a sign swapped have moved the other way until now: they begin where the axis was."""
@@ -303,11 +303,13 @@ class HypothesisBank:
         best, lane = found[0], self._lane_of(found[0])
         over = self.standing.ended(best) if self._lasts() else [HEALTHY]
         if best.cause != HEALTHY and not over:
-            yield Named(now_us, since, onset, self.standing.whole_of(found), best.probability >= self.sure)
+            yield CauseIdentified(
+                now_us, since, onset, self.standing.whole_of(found), best.probability >= self.sure
+            )
             self.standing.join(best, self._hypotheses[lane])
         for cause in over:
             self.standing.end(cause)
-            yield Over(now_us, since, cause)
+            yield CauseEnded(now_us, since, cause)
         self._start(lane if self._lasts() else 0)
 
     def _shares(self) -> tuple[Share, ...]:
@@ -359,7 +361,7 @@ def _time_constant(model: AxisModel, s: Settings) -> float:
 
 def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
     """Those candidates that change the data, each told from the others by them."""
-    return told_apart(model, settings, candidates(model, settings))
+    return distinguishable(model, settings, candidates(model, settings))
 
 
 def _block(t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None) -> Block:

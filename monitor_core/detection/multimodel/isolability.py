@@ -19,7 +19,9 @@ _MEMORIES = 6
 _STRENGTH = 5.0
 
 
-def told_apart(model: AxisModel, settings: Settings, found: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+def distinguishable(
+    model: AxisModel, settings: Settings, found: Sequence[Hypothesis]
+) -> tuple[Hypothesis, ...]:
     """Those that change the data; of those that change it alike the first, with the causes of the others.
 
     They are compared by what they predict for one random record, of which the last half counts.

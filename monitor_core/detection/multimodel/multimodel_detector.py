@@ -25,8 +25,8 @@ from monitor_core.detection.detector import (
     Onset,
     Raised,
 )
-from monitor_core.detection.multimodel.candidates import change
-from monitor_core.detection.multimodel.events import Changed, Event, Named
+from monitor_core.detection.multimodel.candidates import hypothesis_of
+from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected, Event
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
 from monitor_core.detection.multimodel.naming import Share
@@ -71,7 +71,7 @@ def guaranteed(hypotheses: int, samples: float) -> float:
     return math.log(max(hypotheses * samples, math.e))
 
 
-def unfit(model: AxisModel, settings: Settings) -> str:
+def reason_unavailable(model: AxisModel, settings: Settings) -> str:
     """Why there can be no bank for an axis, in words; empty: there can."""
     if settings.untold:
         return "its nominal values cannot tell some of the parameters apart"
@@ -92,7 +92,8 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
         hypotheses = _default(_Axis(model, settings))
         return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), limits.samples))
     found = [
-        replace(change(model, settings, limit.cause, limit.size), alike=limit.alike) for limit in limits.own
+        replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike)
+        for limit in limits.own
     ]
     h, allowance = (np.array([getattr(limit, name) for limit in limits.own]) for name in ("h", "allowance"))
     return HypothesisBank(model, settings, found, h, allowance)
@@ -134,7 +135,7 @@ class MultiModelDetector:
     name: DetectorName = "multimodel"
 
     def __init__(self, model: AxisModel, settings: Settings, limits: Limits) -> None:
-        if reason := unfit(model, settings):
+        if reason := reason_unavailable(model, settings):
             raise ValueError(reason)
         self._model, self._settings, self._limits = model, settings, limits
         self.causes = causes_of(model)
@@ -185,9 +186,9 @@ def interpret(
     event: Event, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
 ) -> Iterator[AlarmEvent]:
     """As ``MultiModelDetector.interpret``: it needs nothing but the open alarms and the units of the causes."""
-    if isinstance(event, Changed):
+    if isinstance(event, ChangeDetected):
         yield from _change(event, open_alarms, quantity)
-    elif isinstance(event, Named):
+    elif isinstance(event, CauseIdentified):
         yield from _name(event, open_alarms, quantity)
     else:  # with the cause ends what was about to be named, as nothing else has changed
         for a in open_alarms:
@@ -196,7 +197,7 @@ def interpret(
 
 
 def _change(
-    event: Changed, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
+    event: ChangeDetected, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
 ) -> Iterator[AlarmEvent]:
     share = event.shares[0]
     same = _named_alarm(open_alarms, share.cause)
@@ -207,7 +208,7 @@ def _change(
 
 
 def _name(
-    event: Named, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
+    event: CauseIdentified, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
 ) -> Iterator[AlarmEvent]:
     share = event.shares[0]
     if share.cause == HEALTHY:  # an open alarm is about to end
@@ -226,7 +227,9 @@ def _name(
         yield Raised(replace(alarm, direction=direction_of(alarm.size)))
 
 
-def _raised(since_us: int, event: Changed | Named, quantity: Callable[[str], Quantity]) -> Alarm:
+def _raised(
+    since_us: int, event: ChangeDetected | CauseIdentified, quantity: Callable[[str], Quantity]
+) -> Alarm:
     share, onset = event.shares[0], _onset(event)
     size, size_sd = quantity(share.cause).change(share.size, share.size_sd)
     return Alarm(
@@ -244,7 +247,9 @@ def _raised(since_us: int, event: Changed | Named, quantity: Callable[[str], Qua
     )
 
 
-def _named(alarm: Alarm, event: Named, quantity: Callable[[str], Quantity], onset: Onset) -> CauseNamed:
+def _named(
+    alarm: Alarm, event: CauseIdentified, quantity: Callable[[str], Quantity], onset: Onset
+) -> CauseNamed:
     share = event.shares[0]
     size, size_sd = quantity(share.cause).change(share.size, share.size_sd)
     return CauseNamed(
@@ -270,7 +275,7 @@ def _named_alarm(open_alarms: Sequence[Alarm], cause: str) -> Alarm | None:
     return next((a for a in open_alarms if a.parameter == cause and a.stage == "named"), None)
 
 
-def _onset(event: Changed | Named) -> Onset:
+def _onset(event: ChangeDetected | CauseIdentified) -> Onset:
     """The onset of a change; its lower end is not known where it is before the first sample."""
     onset = event.onset
     low = onset.earliest_us if onset.earliest_us > NEVER // 2 else None

@@ -27,7 +27,7 @@ class Share:
     alike: tuple[str, ...] = ()
 
 
-class Causes:
+class CausePosterior:
     """What hypotheses (H,) are about: asked again and again, sorted once."""
 
     def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:

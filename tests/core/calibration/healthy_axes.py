@@ -7,7 +7,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import untested
+from monitor_core.calibration.healthy_records import without_tests
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
@@ -91,7 +91,7 @@ def count(
     Healthy axes are watched with all of them at once.
     """
     axes = Axes(of, np.random.default_rng(seed), LANES)
-    bank = AxisBatch([of.model] * LANES, [untested(of.settings)] * LANES)
+    bank = AxisBatch([of.model] * LANES, [without_tests(of.settings)] * LANES)
     own = np.ascontiguousarray(np.moveaxis(np.array(settings, float), 0, -1))  # (p, 3, settings)
     g = np.zeros((LANES, len(own), 2, len(settings)))
     alarms, seen, scale = np.zeros(len(settings)), 0, of.model.scale

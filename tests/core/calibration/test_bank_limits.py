@@ -11,13 +11,13 @@ from scipy.stats import poisson
 
 from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
-from monitor_core.calibration.fault_trials import Fault, catch
-from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
+from monitor_core.calibration.fault_trials import Fault, run_trials
+from monitor_core.calibration.multimodel_fault_trials import run_multimodel_trials
 from monitor_core.calibration.multimodel_healthy import PARTS, allowances
-from monitor_core.calibration.multimodel_tails import Heights
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.surrogate_records import LANES
-from monitor_core.detection.multimodel.events import Changed
+from monitor_core.detection.multimodel.events import ChangeDetected
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed
 from monitor_core.samples import SampleBlock
@@ -38,7 +38,7 @@ def false_alarms(bank: HypothesisBank, of: Plant, seed: int) -> int:
         for k in range(0, 4000, BLOCK):
             here = slice(k, k + BLOCK)
             said = bank.run(chunk.t_us[here, 0], chunk.u[here, 0], chunk.y[here, 0])
-            if any(isinstance(event, Changed) for event in said):
+            if any(isinstance(event, ChangeDetected) for event in said):
                 alarms += 1
                 bank.reset()
     return alarms
@@ -75,7 +75,9 @@ def test_what_is_known_of_each_is_stated(seed: int) -> None:
     """Of an offset less than of a delay; also of what looks at the power of the noise alone."""
     of = plant(0.0)
     records = [record(of, seed, RECORD)]
-    found = watched.watched(of.model, of.settings, records, np.random.default_rng(seed), copies=1)
+    found = watched.multimodel_statistics(
+        of.model, of.settings, records, np.random.default_rng(seed), copies=1
+    )
     sd = np.sqrt(np.diag(found.covariance))
     by_cause = {one.cause: float(sd[i]) for i, one in enumerate(found.hypotheses)}
     print({cause: round(value, 4) for cause, value in by_cause.items()})
@@ -89,8 +91,8 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     healthy = record(of, seed, RECORD // 5)
     own = bank_limits(of.model, of.settings, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
     faults = [Fault("kT", 0.3), Fault("1/Ja", -0.3), Fault("fm", 1e-9)]
-    by_bank = catch_by_bank(of.model, of.settings, own, healthy, faults, 20, 6.0)
-    paper, onsets = catch(of.model, of.settings, healthy, faults, 20, 6.0)
+    by_bank = run_multimodel_trials(of.model, of.settings, own, healthy, faults, 20, 6.0)
+    paper, onsets = run_trials(of.model, of.settings, healthy, faults, 20, 6.0)
     assert len(by_bank[0].delay_s) == onsets
     for one, other in zip(by_bank[:2], paper, strict=False):
         print(one.fault, one.delay(0.5), other.delay(0.5), one.first)
@@ -104,7 +106,7 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
         assert directions == {"up" if one.fault.size > 0 else "down"}
     assert by_bank[2].found_within(6.0) < 0.5
     with pytest.raises(ValueError, match="too short"):
-        catch_by_bank(of.model, of.settings, own, healthy.select(slice(0, 1000)), faults, 20, 6.0)
+        run_multimodel_trials(of.model, of.settings, own, healthy.select(slice(0, 1000)), faults, 20, 6.0)
 
 
 def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(
@@ -130,13 +132,13 @@ def test_alarms_that_are_one_leave_room_for_lower_thresholds(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     of = plant(0.0, memory=100)
-    known = watched.watched(
+    known = watched.multimodel_statistics(
         of.model, of.settings, [record(of, seed, RECORD // 5)], np.random.default_rng(seed), 60_000
     )
     found = {}
     for share in (0.0, -1.0):
         monkeypatch.setattr(hypotheses, "log_share", lambda *of, share=share: np.full_like(of[-1], share))
-        found[share] = hypotheses.limits(known, BUDGET, np.random.default_rng(seed))
+        found[share] = hypotheses.limits_for_budget(known, BUDGET, np.random.default_rng(seed))
     apart, together = (np.array([one.h for one in found[share].own]) for share in (0.0, -1.0))
     assert (together <= apart).all()
     assert 0.3 < np.median(apart - together) < 3.0
@@ -151,7 +153,7 @@ def test_copies_go_on_from_chunk_to_chunk(seed: int) -> None:
     found = []
     for cuts in ([0, number], [0, 400, 411, 1100, number]):
         bank = HypothesisBank(of.model, of.settings, h=math.inf)
-        heights = Heights(len(bank.hypotheses))
+        heights = ExcursionPeaks(len(bank.hypotheses))
         copies = watched._Copies(bank, heights, 0, number)
         for start, stop in pairwise(cuts):
             here = slice(start, stop)

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.multimodel_tails import ALIKE, LEAST_HEIGHT, TOP, BankTails, Heights, bank_tails
+from monitor_core.calibration.multimodel_tails import (
+    ALIKE,
+    LEAST_HEIGHT,
+    TOP,
+    BankTails,
+    ExcursionPeaks,
+    bank_tails,
+)
 
 PLACES, MANY = 500, 40
 FAR = 8.0
@@ -25,14 +32,14 @@ def farther(rng: np.random.Generator, draws: int = 200) -> Floats:
     return np.append(0.0, rng.standard_normal(draws))
 
 
-def watched(heights: Floats, places: int = PLACES, swapped: bool = False) -> Heights:
+def watched(heights: Floats, places: int = PLACES, swapped: bool = False) -> ExcursionPeaks:
     """Excursions straight up to each of heights (N, H), and back; all over so many places, with any innovations.
 
     ``swapped``: with innovations from all over, at any place.
     """
     N, H = heights.shape
     g = np.stack([heights, np.zeros((N, H))], axis=1).reshape(2 * N, H)
-    of = Heights(H)
+    of = ExcursionPeaks(H)
     place, any_place = (
         np.arange(2 * N) * places // (2 * N),
         np.random.default_rng(N).integers(0, places, 2 * N),
@@ -142,7 +149,7 @@ def test_places_that_alarm_alone_are_as_few_as_they_are(swapped: bool, seed: int
 
 
 def test_few_excursions_are_as_an_exact_model_has_them(seed: int) -> None:
-    of = Heights(2)
+    of = ExcursionPeaks(2)
     of.samples = 1000
     place = np.zeros(2, np.int64)
     of.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, place, place, of.course())

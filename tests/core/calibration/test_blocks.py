@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.surrogate_records import Blocks, to_come
+from monitor_core.calibration.surrogate_records import MatchedBlocks, predicted_sum
 
 N, COPIES, LENGTH, MANY = 60_000, 16, 100, 600
 
@@ -24,14 +24,14 @@ def test_what_is_to_come_is_known_of_noise_of_one_pole(seed: int) -> None:
     a, L = 0.9, 30
     eps = coloured(np.random.default_rng(seed), a)
     expected = a * (1 - a**L) / (1 - a) * eps
-    assert np.std((to_come(eps, L) - expected)[L:]) < 0.15 * np.std(expected)
+    assert np.std((predicted_sum(eps, L) - expected)[L:]) < 0.15 * np.std(expected)
 
 
 def test_the_colour_stays_where_blocks_meet(seed: int) -> None:
     """Blocks that follow each other as they come would lose 30 and 60 of 100 of it."""
     rng = np.random.default_rng(seed)
     eps = coloured(rng, 0.97)
-    drawn = Blocks(eps, LENGTH, MANY, COPIES, rng).take(N)
+    drawn = MatchedBlocks(eps, LENGTH, MANY, COPIES, rng).take(N)
     kept = [correlation(drawn, lag) / correlation(eps, lag) for lag in (30, 60)]
     print(f"of the correlation at lags 30 and 60 are kept {kept}")
     assert kept == pytest.approx([1.0, 1.0], abs=0.15)
@@ -40,7 +40,7 @@ def test_the_colour_stays_where_blocks_meet(seed: int) -> None:
 def test_they_are_as_large_as_those_of_the_record(seed: int) -> None:
     rng = np.random.default_rng(seed)
     eps = rng.standard_normal(N) ** 3  # far out now and then
-    drawn = Blocks(eps, LENGTH, MANY, COPIES, rng).take(N)
+    drawn = MatchedBlocks(eps, LENGTH, MANY, COPIES, rng).take(N)
     assert drawn.std() == pytest.approx(eps.std(), rel=0.1)
     assert abs(drawn.mean() - eps.mean()) < 0.05 * eps.std()
     assert set(np.unique(drawn)) <= set(eps)
@@ -50,7 +50,7 @@ def test_every_copy_has_blocks_of_its_own(seed: int) -> None:
     """As many as there is room for in the record, drawn with replacement: 63 of 100 samples; all copies have all."""
     rng = np.random.default_rng(seed)
     eps = rng.standard_normal(6000)
-    blocks = Blocks(eps, LENGTH, 60, COPIES, rng)
+    blocks = MatchedBlocks(eps, LENGTH, 60, COPIES, rng)
     first, drawn = blocks.take(100_000), blocks.take(100_000)
     for copy in range(COPIES):
         seen = np.unique(drawn[:, copy])
@@ -61,13 +61,13 @@ def test_every_copy_has_blocks_of_its_own(seed: int) -> None:
 
 def test_any_number_is_taken_at_once_or_in_pieces() -> None:
     eps = np.random.default_rng(1).standard_normal(500)
-    whole = Blocks(eps, 40, 20, 3, np.random.default_rng(2)).take(300)
-    pieces = Blocks(eps, 40, 20, 3, np.random.default_rng(2))
+    whole = MatchedBlocks(eps, 40, 20, 3, np.random.default_rng(2)).take(300)
+    pieces = MatchedBlocks(eps, 40, 20, 3, np.random.default_rng(2))
     assert np.array_equal(whole, np.concatenate([pieces.take(k) for k in (1, 99, 200)]))
 
 
 @pytest.mark.parametrize("samples", [2, 3, 50])
 def test_short_records(samples: int) -> None:
-    drawn = Blocks(np.arange(1.0, samples + 1), LENGTH, 8, 2, np.random.default_rng(1)).take(300)
+    drawn = MatchedBlocks(np.arange(1.0, samples + 1), LENGTH, 8, 2, np.random.default_rng(1)).take(300)
     assert drawn.shape == (300, 2)
     assert set(np.unique(drawn)) <= set(range(1, samples + 1))

@@ -17,7 +17,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
 from monitor_core.calibration.false_alarm_tail import Tail, tails
 from monitor_core.calibration.healthy_records import Deviations
-from monitor_core.calibration.healthy_statistics import allowance, informed
+from monitor_core.calibration.healthy_statistics import allowance, shrink
 from monitor_core.calibration.run_length import log_mean_time
 from monitor_core.calibration.scatter import OFFSET, scatter
 from monitor_core.calibration.surrogate_records import Excursions
@@ -63,7 +63,7 @@ class Calibrated(NamedTuple):
 
 def calibrated(rng: np.random.Generator, colour: float, k: float, found: Excursions) -> Calibrated:
     one = [deviations(forgotten(rng, LENGTH, colour))]
-    scattered = informed(scatter(one, MEMORY, rng), found, rng)
+    scattered = shrink(scatter(one, MEMORY, rng), found, rng)
     tail = tails(scattered, found)
     own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
     return Calibrated(own, rates(scattered, tail, own, rng))
@@ -140,7 +140,7 @@ def test_parameters_that_err_together_make_the_rate_of_the_axis_less_certain(see
 def test_the_interval_is_for_axes_off_by_the_allowance_and_for_those_that_are_not(seed: int) -> None:
     """The upper bound is the same; the lower one that of tests with so much more nu."""
     rng = np.random.default_rng(seed)
-    scattered = informed(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0), rng)
+    scattered = shrink(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0), rng)
     tail = tails(scattered, copies(1.0))
     own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
     plain = rates(scattered, tail, own, rng)
@@ -154,7 +154,7 @@ def test_the_interval_is_for_axes_off_by_the_allowance_and_for_those_that_are_no
 def test_a_year_has_a_wide_interval(seed: int) -> None:
     """In logarithm, in proportion to the logarithm of the budget."""
     rng = np.random.default_rng(seed)
-    scattered = informed(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0), rng)
+    scattered = shrink(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0), rng)
     widths = []
     for budget in (1e2, 1e4, 1e8):
         tail = tails(scattered, copies(1.0))
@@ -194,7 +194,7 @@ def test_records_that_differ_get_an_allowance(seed: int) -> None:
     for k, one in enumerate(records):
         one[:, 0] += 0.5 * (-1) ** k
     found = [deviations(one) for one in records]
-    allowed = allowance(found, informed(scatter(found, MEMORY, rng), copies(1.0), rng))
+    allowed = allowance(found, shrink(scatter(found, MEMORY, rng), copies(1.0), rng))
     print(f"allowances {allowed}")
     assert 0.75 < allowed[0] < 3.0
     assert allowed[1] < 1.0
@@ -209,7 +209,7 @@ def test_what_is_off_all_along_is_allowed_for(seed: int) -> None:
     k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
     own = []
     for one in found:
-        scattered = informed(scatter(one, MEMORY, np.random.default_rng(seed)), copies(k), rng)
+        scattered = shrink(scatter(one, MEMORY, np.random.default_rng(seed)), copies(k), rng)
         tail, allowed = tails(scattered, copies(k)), allowance(one, scattered)
         same = np.random.default_rng(seed)
         own.append(thresholds(scattered, tail, allowed, BUDGET * MEMORY, same))
@@ -224,6 +224,6 @@ def test_equal_records_hardly_ever_get_one(seed: int) -> None:
     count = 0
     for _ in range(40):
         found = [deviations(forgotten(rng, 200))]
-        count += bool(allowance(found, informed(scatter(found, MEMORY, rng), copies(1.0), rng)).any())
+        count += bool(allowance(found, shrink(scatter(found, MEMORY, rng), copies(1.0), rng)).any())
     print(f"{count} of 40 have an allowance")
     assert count <= 9

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.calibration.fault_trials import Fault, catch
-from monitor_core.calibration.injection import changed, load_of, torque
+from monitor_core.calibration.fault_trials import Fault, run_trials
+from monitor_core.calibration.injection import changed_values, equivalent_load, faulty_torque
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S
@@ -29,7 +29,7 @@ def healthy(seed: int) -> SampleBlock:
 
 
 def test_faults_are_found_and_named(healthy: SampleBlock) -> None:
-    found, onsets = catch(MODEL, SETTINGS, healthy, FAULTS, 20, 6.0)
+    found, onsets = run_trials(MODEL, SETTINGS, healthy, FAULTS, 20, 6.0)
     assert onsets == 20
     for one in found:
         print(one.fault, one.exact, one.delay(0.5), one.delay(0.9), one.first)
@@ -44,27 +44,27 @@ def test_faults_are_found_and_named(healthy: SampleBlock) -> None:
 
 def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: SampleBlock) -> None:
     """To the sample: the state is restored at the onset, the rest is the monitor's own."""
-    (found,), onsets = catch(MODEL, SETTINGS, healthy, FAULTS[:1], 2, 6.0)
+    (found,), onsets = run_trials(MODEL, SETTINGS, healthy, FAULTS[:1], 2, 6.0)
     assert onsets == 2
     at = len(healthy.t_us) - round(6.0 / INTERVAL_S) - 1
-    load = load_of(MODEL, changed(MODEL, "kT", 0.3))
+    load = equivalent_load(MODEL, changed_values(MODEL, "kT", 0.3))
     assert load is not None
     u = healthy.u.copy()
-    u[at:] = torque(MODEL, SETTINGS, healthy, load, np.zeros(3))[at:]
+    u[at:] = faulty_torque(MODEL, SETTINGS, healthy, load, np.zeros(3))[at:]
     changes = AxisMonitor(MODEL, SETTINGS).update(SampleBlock(healthy.t_us, u, healthy.y))
     (first,) = [c.alarm.raised_us for c in changes if c.alarm.raised_us > healthy.t_us[at]][:1]
     assert (first - int(healthy.t_us[at])) * 1e-6 + INTERVAL_S == pytest.approx(found.delay_s[-1], abs=1e-9)
 
 
 def test_without_a_fault_nothing_is_found(healthy: SampleBlock) -> None:
-    found, _ = catch(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
+    found, _ = run_trials(MODEL, SETTINGS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
     assert all(one.found_within(6.0) == 0.0 for one in found)
     assert all(one.delay(0.5) == np.inf for one in found)
 
 
 def test_a_record_that_is_too_short(healthy: SampleBlock) -> None:
     with pytest.raises(ValueError, match="too short"):
-        catch(MODEL, SETTINGS, healthy.select(slice(0, 1500)), FAULTS, 5, 6.0)
+        run_trials(MODEL, SETTINGS, healthy.select(slice(0, 1500)), FAULTS, 5, 6.0)
 
 
 def test_the_simulated_plant_is_the_model(seed: int) -> None:
@@ -82,7 +82,7 @@ def test_the_simulated_fault_is_the_plant_with_the_fault(seed: int) -> None:
     """Without noise, against the simulation of a drive whose inertia changes."""
     rng = np.random.default_rng(seed)
     u = rng.standard_normal((600, 1))
-    faulty = changed(MODEL, "1/Ja", 0.5)
+    faulty = changed_values(MODEL, "1/Ja", 0.5)
     before, x = simulate_linear(MODEL.drive, MODEL.nominal, u[:300], INTERVAL_S)
     after, _ = simulate_linear(MODEL.drive, faulty, u[300:], INTERVAL_S, x)
     plants = Plants(MODEL, SETTINGS, [MODEL.nominal, faulty])

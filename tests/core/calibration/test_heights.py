@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, Heights
+from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks
 
 PLACES = 500
 EVEN = np.ones((1, PLACES))
 
 
-def watched(g: Floats, pieces: int = 1, places: int = PLACES) -> Heights:
+def watched(g: Floats, pieces: int = 1, places: int = PLACES) -> ExcursionPeaks:
     """Of a course g (N, H), cut into pieces, all over so many places."""
-    of = Heights(g.shape[1])
+    of = ExcursionPeaks(g.shape[1])
     course, at = of.course(), 0
     for piece in np.array_split(g, pieces):
         here = np.arange(at, at + len(piece)) * places // len(g)

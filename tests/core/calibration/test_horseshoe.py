@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_statistics import EXPECTED, drawn
+from monitor_core.calibration.healthy_statistics import EXPECTED, draw_posterior
 
 
 def seen(e: Floats, rng: np.random.Generator, times: int = 1000) -> Floats:
-    return drawn(e, rng.standard_normal((times, len(e))), rng)
+    return draw_posterior(e, rng.standard_normal((times, len(e))), rng)
 
 
 def scales(scale: float, n: int) -> tuple[Floats, Floats]:
@@ -85,6 +85,6 @@ def test_intervals_hold_the_truth(seed: int) -> None:
 def test_chance_that_goes_together_stays_together(seed: int) -> None:
     rng = np.random.default_rng(seed)
     one = rng.standard_normal((4000, 1))
-    draws = drawn(np.full(4, 30.0), np.hstack([one, one, -one, rng.standard_normal((4000, 1))]), rng)
+    draws = draw_posterior(np.full(4, 30.0), np.hstack([one, one, -one, rng.standard_normal((4000, 1))]), rng)
     together = np.asarray(np.corrcoef(draws.T))[0]
     assert together == pytest.approx([1, 1, -1, 0], abs=0.08)

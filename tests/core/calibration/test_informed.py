@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_statistics import informed
+from monitor_core.calibration.healthy_statistics import shrink
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.calibration.surrogate_records import Excursions
 
@@ -36,7 +36,7 @@ def test_the_bias_that_the_copies_have_is_told_better_than_by_the_record(seed: i
     off: list[list[Floats]] = []
     for _ in range(200):
         raw = record(rng, mean, sigma, 200)
-        told = informed(raw, copies(mean, sigma), rng)
+        told = shrink(raw, copies(mean, sigma), rng)
         off.append(
             [one.mean_d - mean for one in (raw, told)] + [np.log(one.sigma / sigma) for one in (raw, told)]
         )
@@ -51,7 +51,7 @@ def test_copies_of_another_model_are_not_believed(seed: int) -> None:
     rng = np.random.default_rng(seed)
     mean, sigma = np.array([0.05, 0.05, 0.05]), np.array([0.05, 0.05, 0.05])
     raw = record(rng, mean, sigma, 200)
-    told = informed(raw, copies(-mean, 1.5 * sigma), rng)
+    told = shrink(raw, copies(-mean, 1.5 * sigma), rng)
     assert told.mean_d == pytest.approx(raw.mean_d, abs=0.2 * raw.off.std(axis=0).max())
     assert told.sigma == pytest.approx(raw.sigma, rel=0.03)
     assert told.off.std(axis=0) == pytest.approx(raw.off.std(axis=0), rel=0.05)
@@ -70,7 +70,7 @@ def test_what_copies_are_off_by_themselves_stays(own: float, seed: int) -> None:
         chance = record(rng, mean, sigma, 200)
         rest = np.sqrt(1 - own**2 / (2 / 200))  # of the record's chance
         raw = replace(chance, mean_d=off + rest * chance.mean_d)
-        told = informed(raw, copies(mean + off, sigma, own), rng)
+        told = shrink(raw, copies(mean + off, sigma, own), rng)
         held += np.abs(told.mean_d - mean) < 1.645 * told.off.std(axis=0)
     print(f"{100 * held / times} of 100 hold the truth")
     assert (held / times > 0.84).all()
@@ -84,6 +84,6 @@ def test_errors_of_copies_go_together(seed: int) -> None:
     together = 0.04**2 * np.ones((2 * P, 2 * P))
     seen = []
     for _ in range(20):
-        told = informed(record(rng, np.zeros(P), np.ones(P), 400), replace(found, error=together), rng)
+        told = shrink(record(rng, np.zeros(P), np.ones(P), 400), replace(found, error=together), rng)
         seen.append(np.corrcoef(np.hstack([told.off, np.log(told.power)]).T))
     assert (np.mean(seen, axis=0) > 0.2).all()

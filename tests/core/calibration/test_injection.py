@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.injection import changed, load_of, torque
+from monitor_core.calibration.injection import changed_values, equivalent_load, faulty_torque
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Output, split_name
 from monitor_core.excitation import multisine
@@ -23,7 +23,7 @@ def exact_names(model: AxisModel) -> tuple[str, ...]:
 
 def _is_exact(model: AxisModel, name: str) -> bool:
     try:
-        return load_of(model, changed(model, name, 0.01)) is not None
+        return equivalent_load(model, changed_values(model, name, 0.01)) is not None
     except ValueError:
         return False
 
@@ -68,11 +68,11 @@ def test_the_faulty_plant_moves_as_the_record_says(
     u = multisine(rng, SAMPLES, H, (0.2, 10.0), 1.23)
     of = model(output)
     angle, speed = moved(VALUES, u)
-    faulty = changed(of, name, change)
-    load = load_of(of, faulty)
+    faulty = changed_values(of, name, change)
+    load = equivalent_load(of, faulty)
     assert load is not None
     record = SampleBlock(np.arange(SAMPLES) * 5000, u, angle if output == "angle" else speed, name="r")
-    needed = torque(of, Settings(H), record, load, np.zeros(len(of.drive.inputs)))
+    needed = faulty_torque(of, Settings(H), record, load, np.zeros(len(of.drive.inputs)))
     _, with_it = moved(faulty, needed)
     _, without = moved(faulty, u)
     away = np.std(with_it[:-2] - speed[:-2]) / np.std(without - speed)
@@ -83,16 +83,17 @@ def test_the_faulty_plant_moves_as_the_record_says(
 def test_a_torque_that_acts_late(seed: int) -> None:
     """Half an interval late, the load is that of half an interval later."""
     of = model("speed")
-    load = load_of(of, changed(of, "fm", 1.0))
+    load = equivalent_load(of, changed_values(of, "fm", 1.0))
     assert load is not None
     y = np.random.default_rng(seed).standard_normal(50).cumsum()
     record = SampleBlock(np.arange(50) * 5000, np.zeros(50), y, name="r")
     at_once, late = (
-        torque(of, replace(Settings(H), delay_s=delay), record, load, np.zeros(3)) for delay in (0.0, H / 2)
+        faulty_torque(of, replace(Settings(H), delay_s=delay), record, load, np.zeros(3))
+        for delay in (0.0, H / 2)
     )
     assert late[:-1] == pytest.approx((at_once[:-1] + at_once[1:]) / 2)
 
 
 def test_a_fault_beyond_the_bounds() -> None:
     with pytest.raises(ValueError, match="kT would leave its bounds"):
-        changed(model("angle"), "kT", -0.95)
+        changed_values(model("angle"), "kT", -0.95)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.surrogate_records import Parts, beyond
+from monitor_core.calibration.surrogate_records import PartSums, excess_covariance
 
 P, PARTS, COPIES, SAMPLES = 2, 30, 64, 200
 REPEATED = 5
@@ -16,7 +16,7 @@ def told(
 ) -> Floats:
     """Variances (2, p) of copies whose parameters (p,) differ by so much in mean and log sigma."""
     differ = rng.standard_normal((2, P, COPIES)) * np.stack([off, louder])[:, :, np.newaxis]
-    found = Parts()
+    found = PartSums()
     for _ in range(PARTS):
         d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(differ[1]) + differ[0]
         found.add(d + of_parts[:, np.newaxis] * rng.standard_normal((P, 1)))
@@ -49,7 +49,7 @@ def test_parts_that_differ_make_none_and_hide_none(seed: int) -> None:
 def test_errors_that_go_together_are_seen_to(seed: int) -> None:
     """Copies that are off and louder by the same chance."""
     rng = np.random.default_rng(seed)
-    of_copy, found = rng.standard_normal(COPIES), Parts()
+    of_copy, found = rng.standard_normal(COPIES), PartSums()
     for _ in range(PARTS):
         d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(0.1 * of_copy) - 0.2 * of_copy
         found.add(d)
@@ -72,7 +72,7 @@ def test_what_stands_out_of_chance_is_told_without_it(seed: int) -> None:
         x = rng.standard_normal((n, COPIES)) + np.sqrt(strength) * way[:, np.newaxis] * rng.standard_normal(
             COPIES
         )
-        error = beyond(np.cov(root @ x), chance, COPIES)
+        error = excess_covariance(np.cov(root @ x), chance, COPIES)
         return float(np.trace(np.linalg.solve(chance, error)))
 
     none, weak, strong = (np.mean([one(s) for _ in range(200)]) for s in (0.0, 1.0, 10.0))

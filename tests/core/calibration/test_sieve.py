@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.synthetic_innovations import Sieve, autoregression
+from monitor_core.calibration.synthetic_innovations import SieveBootstrap, autoregression
 
 N, COPIES = 40_000, 16
 
@@ -54,7 +54,7 @@ def test_a_filter_of_no_order(seed: int) -> None:
 def test_colour_and_spread_are_the_records(pole: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     eps = coloured(rng, pole)
-    drawn = Sieve(eps, COPIES, rng).take(N)
+    drawn = SieveBootstrap(eps, COPIES, rng).take(N)
     assert drawn.shape == (N, COPIES)
     assert drawn.std() == pytest.approx(eps.std(), rel=0.05)
     assert abs(drawn.mean()) < 0.1 * eps.std()
@@ -67,11 +67,13 @@ def test_it_goes_on_where_it_was(seed: int) -> None:
     """Whatever the pieces: no step where they meet, the first samples as the others, and each copy of its own."""
     rng = np.random.default_rng(seed)
     eps = coloured(rng, 0.95, uniform=True)
-    sieve = Sieve(eps, COPIES, rng)
+    sieve = SieveBootstrap(eps, COPIES, rng)
     drawn = np.concatenate([sieve.take(count) for count in [1, 7, 10, 333] * 30])
     shocks = drawn[1:] - 0.95 * drawn[:-1]
     assert abs(shocks).max() < 1.3  # of 1, but for what the filter is off by
-    first = np.array([Sieve(eps, COPIES, np.random.default_rng(seed + k)).take(1) for k in range(60)])
+    first = np.array(
+        [SieveBootstrap(eps, COPIES, np.random.default_rng(seed + k)).take(1) for k in range(60)]
+    )
     assert first.std() == pytest.approx(eps.std(), rel=0.25)
     assert abs(np.corrcoef(drawn.T) - np.eye(COPIES)).max() < 0.35
 
@@ -85,7 +87,7 @@ def test_bursts_are_larger_than_the_records(seed: int) -> None:
 
     for _ in range(8):
         record = coloured(rng, 0.5, 4000)
-        drawn = Sieve(record, many, rng).take(N).T.reshape(-1)
+        drawn = SieveBootstrap(record, many, rng).take(N).T.reshape(-1)
         found.append([largest(drawn), largest(record), largest(coloured(rng, 0.5, many * N))])
     of_copies, of_the_record, of_fresh = np.exp(np.mean(np.log(found), axis=0))
     assert of_copies > 1.25 * of_the_record
@@ -96,7 +98,7 @@ def test_bursts_are_larger_than_the_records(seed: int) -> None:
 def test_each_knows_which_sample_it_is_drawn_from(pole: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     eps = coloured(rng, pole)
-    a, sieve = autoregression(eps), Sieve(eps, 3, rng)
+    a, sieve = autoregression(eps), SieveBootstrap(eps, 3, rng)
     taken = [(sieve.take(count), sieve.origin) for count in (7, 2500, 1, 90)]
     drawn, origin = (np.concatenate(parts) for parts in zip(*taken, strict=True))
     shocks, own = lfilter(a, [1.0], drawn, axis=0), lfilter(a, [1.0], eps)
@@ -113,6 +115,6 @@ def test_each_knows_which_sample_it_is_drawn_from(pole: float, seed: int) -> Non
 def test_a_short_record_is_drawn_as_it_is(seed: int) -> None:
     rng = np.random.default_rng(seed)
     eps = np.array([1.0, -1.0, 2.0, -2.0])
-    drawn = Sieve(eps, 3, rng).take(50)
+    drawn = SieveBootstrap(eps, 3, rng).take(50)
     assert drawn.shape == (50, 3)
     assert set(np.unique(drawn)) <= set(eps)

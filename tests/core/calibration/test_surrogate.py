@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monitor_core.calibration.surrogate_records import simulated
+from monitor_core.calibration.surrogate_records import simulate_excursions
 from tests.core.calibration.healthy_axes import plant, record
 
 MINUTES_5 = 60_000
@@ -15,7 +15,7 @@ def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> No
     """Of fm, over sigma, as 400 h of such axes have it; the copies say how far they are off themselves."""
     of = plant(colour)
     one = record(of, seed, MINUTES_5)
-    found = simulated(of.model, of.settings, [one], 1.0, np.random.default_rng(seed), 4_000_000)
+    found = simulate_excursions(of.model, of.settings, [one], 1.0, np.random.default_rng(seed), 4_000_000)
     off = found.mean[FM] / found.sigma[FM] - bias
     own = float(np.hypot(np.sqrt(found.error[FM, FM]), 0.02))  # so many copies have some chance left
     print(f"colour {colour}: off by {off:+.3f}, stated {own:.3f}")
@@ -26,4 +26,4 @@ def test_the_bias_that_colour_makes(colour: float, bias: float, seed: int) -> No
 def test_records_too_short_for_copies_are_refused() -> None:
     of = plant(0.0)
     with pytest.raises(ValueError, match=r"innovations|learned|memories"):
-        simulated(of.model, of.settings, [record(of, 1, 1500)], 1.0, np.random.default_rng(1), 1000)
+        simulate_excursions(of.model, of.settings, [record(of, 1, 1500)], 1.0, np.random.default_rng(1), 1000)

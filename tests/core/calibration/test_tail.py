@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.false_alarm_tail import ENOUGH, LEAST_H, LEVEL_SD, TAU_SD, fitted
+from monitor_core.calibration.false_alarm_tail import ENOUGH, LEAST_H, LEVEL_SD, TAU_SD, fit_peaks
 from monitor_core.calibration.run_length import log_mean_time, log_single
 from monitor_core.kernel.compile import entry
 
@@ -39,7 +39,7 @@ def test_memory_and_level_are_found_within_what_is_stated(share: float, seed: in
     for _ in range(FITS):
         tau, level = MEMORY * math.exp(TAU_SD * rng.standard_normal()), LEVEL_SD * rng.standard_normal()
         heights = happened(rng, tau, level + math.log(share))
-        way = fitted(K, heights, MEMORY, share * SAMPLES)
+        way = fit_peaks(K, heights, MEMORY, share * SAMPLES)
         off.append(np.linalg.solve(way.root, way.best - [math.log(tau), level]))
         stated.append(math.hypot(*way.root[0]))
         counts.append(int((heights > LEAST_H).sum()))
@@ -52,14 +52,14 @@ def test_memory_and_level_are_found_within_what_is_stated(share: float, seed: in
 def test_how_often_the_lowest_is_reached_is_known_as_their_number_tells_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
     heights = happened(rng, MEMORY, 0.0)
-    way = fitted(K, heights, MEMORY, SAMPLES)
+    way = fit_peaks(K, heights, MEMORY, SAMPLES)
     drawn = way.best + rng.standard_normal((2000, 2)) @ way.root.T
     log_rate = [log_often(heights[ENOUGH - 1 : ENOUGH], math.exp(log_tau), level) for log_tau, level in drawn]
     assert np.std(log_rate) == pytest.approx(1 / math.sqrt(ENOUGH), rel=0.3)
 
 
 def test_of_records_in_which_nothing_can_have_happened_the_formula_holds() -> None:
-    way = fitted(K, np.zeros(0), MEMORY, 1e-6)
+    way = fit_peaks(K, np.zeros(0), MEMORY, 1e-6)
     assert way.best == pytest.approx([math.log(MEMORY), 0.0], abs=1e-3)
     assert way.root @ way.root.T == pytest.approx(np.diag([TAU_SD**2, LEVEL_SD**2]), rel=1e-3, abs=1e-5)
 
@@ -67,11 +67,11 @@ def test_of_records_in_which_nothing_can_have_happened_the_formula_holds() -> No
 def test_where_nothing_happened_though_it_was_expected_it_happens_less() -> None:
     """The longer the record, the less; until it is the formula that does not hold, and says what it said before."""
     expected = float(np.exp(log_often(np.array([LEAST_H]), MEMORY, 0.0))[0])
-    ways = [fitted(K, np.zeros(0), MEMORY, SAMPLES * count / expected) for count in (1.0, 4.0)]
+    ways = [fit_peaks(K, np.zeros(0), MEMORY, SAMPLES * count / expected) for count in (1.0, 4.0)]
     for way in ways:
         assert (way.best < [math.log(MEMORY), 0.0]).all()
     assert (ways[1].best < ways[0].best).all()
-    absurd = fitted(K, np.zeros(0), MEMORY, SAMPLES * 3000.0 / expected)
+    absurd = fit_peaks(K, np.zeros(0), MEMORY, SAMPLES * 3000.0 / expected)
     assert absurd.best == pytest.approx([math.log(MEMORY), 0.0])
     assert absurd.root == pytest.approx(np.diag([TAU_SD, LEVEL_SD]))
 
@@ -113,7 +113,7 @@ def test_what_is_remembered_longer_is_extrapolated(seed: int) -> None:
     remembered((seed + 1) % 2**31, 8 * steps, lam, share, K, h, alarms, np.zeros(0))
     heights = np.sort(tops[:found])[::-1] / MEMORY
     assert found > ENOUGH
-    way = fitted(K, heights, MEMORY, steps)
+    way = fit_peaks(K, heights, MEMORY, steps)
     tau, level = np.exp(way.best[0]), way.best[1]
     log_rate = level - log_mean_time(np.array(K), h / tau, np.array(tau))
     counted = np.log(alarms / (8 * steps))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.multimodel_tails import Heights
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import log_share
 
 N, SIZES = 400_000, (0.25, 0.35, 0.5, 0.7)
@@ -29,8 +29,8 @@ def course(llr: Floats, h: Floats | None = None) -> tuple[Floats, int]:
     return out, alarms
 
 
-def heights(g: Floats) -> Heights:
-    of = Heights(g.shape[1])
+def heights(g: Floats) -> ExcursionPeaks:
+    of = ExcursionPeaks(g.shape[1])
     place = np.zeros(len(g), np.int64)
     of.take(g, 0, place, place, of.course())
     of.samples = len(g)
@@ -58,4 +58,4 @@ def test_it_is_nearer_one_where_alarms_are_seldom_and_never_above(seed: int) -> 
     assert (often < seldom).all()
     assert (seldom < 0).all()
     assert seldom[2] < seldom[1] < seldom[0]
-    assert log_share(Heights(2), 2, -8.0, draws).tolist() == [0.0, 0.0, 0.0]
+    assert log_share(ExcursionPeaks(2), 2, -8.0, draws).tolist() == [0.0, 0.0, 0.0]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Output, split_name
-from monitor_core.kernel.propagate import evaluate
+from monitor_core.kernel.propagate import evaluate_coefficients
 from monitor_core.kernel.tables import Tables
 from monitor_core.modeling.drawing import Drawing, from_tables
 from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
@@ -117,7 +117,7 @@ def evaluated(model: AxisModel, theta: Array) -> Array:
     V0, coef = constants["V0"][:, np.newaxis], constants["coef"][:, np.newaxis]
     V = np.append(constants["V0"], 0.0)[:, np.newaxis]
     factors = (T.term_slot, T.factor_start, T.factor_par, T.factor_exp)
-    interpreted = cast("Any", evaluate).py_func  # compiled, it may be called by the kernel only
+    interpreted = cast("Any", evaluate_coefficients).py_func  # compiled, it may be called by the kernel only
     interpreted((0,), *factors, V0, coef, theta[:, np.newaxis], V)
     return np.asarray(V[:, 0])
 

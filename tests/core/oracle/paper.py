@@ -207,17 +207,17 @@ class Paper:
             return
         if self.s.drift:
             self.P = self.P + (1 - self.lam) * np.diag(self.P_nom)
-        if self.s.floor or self.s.starved:
+        if self.s.floor or self.s.min_excitation:
             self._look()
         self._cusum()
 
     def _starves(self, psi: Array) -> bool:
         """Running mean, over a tenth of the memory, of psi' P psi beside its steady mean p (1 - lambda)."""
         share = min(float(psi @ self.P @ psi) / (len(psi) * (1 - self.s.lam)), 1.0)
-        if self.s.starved:
+        if self.s.min_excitation:
             self.plenty += min(10 * (1 - self.s.lam), 1.0) * (share - self.plenty)
-        self.starved_samples += self.plenty < self.s.starved
-        return bool(self.plenty < self.s.starved)
+        self.starved_samples += self.plenty < self.s.min_excitation
+        return bool(self.plenty < self.s.min_excitation)
 
     def _expected(self, psi: Array) -> float:
         """Var eps over lambda_0: 1 + psi' P psi / (1 + lambda)."""
@@ -273,7 +273,7 @@ class Paper:
         if len(self.diagonals) == self.s.seed_updates:
             self.P_nom = np.mean(self.diagonals[self.s.seed_updates // 2 :], axis=0)
             vague = (1 + self.s.lam) * self.model.scale**2 / self.s.lam0
-            if self.s.starved and (self.P_nom > vague).any():
+            if self.s.min_excitation and (self.P_nom > vague).any():
                 self.diagonals, self.P_nom = [], vague
             self.P = np.diag(self.P_nom)
 

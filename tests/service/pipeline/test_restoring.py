@@ -83,14 +83,14 @@ def test_nothing_saved_is_no_message(tmp_path: Path, checkpoints: Checkpoints, j
 def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
-    monitors[AXIS].batch.state.calm[:] = 10**6  # healthy for long when it was saved
+    monitors[AXIS].batch.state.below_nu[:] = 10**6  # healthy for long when it was saved
     save(monitors, checkpoints)
     journal.record(AXIS, "N m s/rad", 0.06, OPEN)
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.open == (AxisAlarm(AXIS, OPEN),)
     assert found[AXIS].open_alarms == (OPEN,)
     assert found["demo.axis2"].open_alarms == ()
-    assert list(found[AXIS].batch.state.calm[:, 0]) == [10**6, 10**6, 0]
+    assert list(found[AXIS].batch.state.below_nu[:, 0]) == [10**6, 10**6, 0]
     ((_, ended),) = found[AXIS].apply([Recovered("fm", 99)])
     assert (ended.raised_us, ended.ended_us) == (OPEN.raised_us, 99)
 

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.fault_trials import Caught, Fault
+from monitor_core.calibration.fault_trials import Fault, TrialResult
 from monitor_core.calibration.multimodel_thresholds import BankLimits
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.calibration.scatter import Scatter
@@ -53,7 +53,7 @@ def by_hand() -> Calibration:
     )  # fmt: skip
 
 
-def _by_tests() -> list[Caught]:
+def _by_tests() -> list[TrialResult]:
     """Of kT 20 % are found in time, by a hair, and 10 % are not; of 1/Ja 50 % upwards, nothing downwards."""
     missed = [("kT", 27), ("", 3)]
     return [
@@ -68,7 +68,7 @@ def _by_tests() -> list[Caught]:
     ]
 
 
-def _by_bank() -> list[Caught]:
+def _by_bank() -> list[TrialResult]:
     """The same faults: of kT 10 % are found in time, too; of 1/Ja all."""
     return [
         caught("kT", 0.1, [0.5] * 15 + [0.75] * 15, [("kT", 28), ("delay", 1), ("noise", 1)]),
@@ -84,12 +84,12 @@ def _by_bank() -> list[Caught]:
 
 def caught(
     name: str, size: float, delays: Sequence[float] | np.ndarray, names: list[tuple[str, int]]
-) -> Caught:
+) -> TrialResult:
     """With so many alarms of each name."""
     first = tuple(name for name, many in names for _ in range(many))
     assert len(delays) == len(first) == ONSETS
     exact = name == "kT"
     way = "up" if size > 0 else "down"
-    return Caught(
+    return TrialResult(
         Fault(name, size), exact, np.array(delays), first, (way,) * ONSETS, 3.0 if exact else math.nan
     )

@@ -41,7 +41,7 @@ class Ran:
         case = BY_NAME["paper"]
         self.block = self.make_block(seed)
         own = tuple(Threshold(a, 0.4, w) for a, w in ((0.3, 0.0), (0.2, 0.001), (0.3, 0.0)))
-        settings = case.settings(relative_sd=0.05, outlier=6.0, starved=0.05, floor=0.05)
+        settings = case.settings(relative_sd=0.05, outlier=6.0, min_excitation=0.05, floor=0.05)
         settings = replace(settings, thresholds=own)
         fleet = Fleet([case.model], [settings])
         self.monitor: AxisMonitor = fleet.monitors[0]
@@ -74,7 +74,7 @@ class Ran:
 
     @property
     def took(self) -> NDArray[np.bool_]:
-        return np.asarray(self.trace.does != SKIP)
+        return np.asarray(self.trace.mode != SKIP)
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +86,8 @@ def test_the_trace_says_what_became_of_each_sample(ran: Ran) -> None:
     counts = dict(zip(COUNTERS, ran.monitor.batch.state.counts[:, 0].tolist(), strict=True))
     assert counts == dict(ran.monitor.status().counters)
     for name, fate in COUNTED.items():
-        assert np.count_nonzero(ran.trace.does == fate) == counts[name], name
-    assert np.count_nonzero(ran.trace.does == RESTART) == counts["started"] + counts["gap"] > 2
+        assert np.count_nonzero(ran.trace.mode == fate) == counts[name], name
+    assert np.count_nonzero(ran.trace.mode == RESTART) == counts["started"] + counts["gap"] > 2
     assert np.count_nonzero(~ran.took) == counts["not_finite"] == 1
     assert counts["gated"] > 50
     assert counts["outlier"] >= 1
@@ -122,7 +122,7 @@ def test_bins_hold_the_least_and_the_largest_values(ran: Ran) -> None:
                 theta[inside, i].mean() if inside.any() else np.nan, nan_ok=True
             )
         for fate in (TRACK, GATED, SETTLE, RESTART):
-            assert c.fate(fate)[k] == np.count_nonzero(ran.trace.does[took][inside] == fate)
+            assert c.fate(fate)[k] == np.count_nonzero(ran.trace.mode[took][inside] == fate)
     assert c.unseen(0).sum() == np.count_nonzero(ran.trace.observed[took, 0] == 2)
 
 
@@ -177,7 +177,7 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
         assert trace.multimodel is not None
         course.take(part.t_us, trace.estimator, [], trace.multimodel)
         g.append(trace.multimodel.g)
-        took.append(trace.estimator.does != SKIP)
+        took.append(trace.estimator.mode != SKIP)
     assert changed
     found, share = course.beside, np.concatenate(g)[np.concatenate(took)] / beside.bank.h
     assert isinstance(found, BankCourse)

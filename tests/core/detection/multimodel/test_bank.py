@@ -8,7 +8,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.detection.multimodel.candidates import OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN
-from monitor_core.detection.multimodel.events import Changed, Event, Named, Onset, Over
+from monitor_core.detection.multimodel.events import CauseEnded, CauseIdentified, ChangeDetected, Event, Onset
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.multimodel_detector import (
     Limit,
@@ -42,12 +42,12 @@ def share(cause: str, size: float = 0.2, probability: float = 1.0) -> Share:
     return Share(cause, probability, size, 0.01)
 
 
-def changed(t: int, cause: str, size: float = 0.2) -> Changed:
-    return Changed(t, ONSET, (share(cause, size),))
+def changed(t: int, cause: str, size: float = 0.2) -> ChangeDetected:
+    return ChangeDetected(t, ONSET, (share(cause, size),))
 
 
-def named(t: int, since: int, *shares: Share) -> Named:
-    return Named(t, since, ONSET, shares, certain=True)
+def named(t: int, since: int, *shares: Share) -> CauseIdentified:
+    return CauseIdentified(t, since, ONSET, shares, certain=True)
 
 
 class Book(AlarmTracker):
@@ -72,7 +72,7 @@ def feed(*events: Event) -> tuple[Book, list[list[Alarm]]]:
 def test_an_alarm_is_raised_named_corrected_once_and_ended() -> None:
     fm, kT = share("fm", 0.2, 0.99), share("kT", 0.1, 0.01)
     book, said = feed(
-        changed(10, "kT"), named(12, 10, fm, kT), named(20, 10, share("kT", 0.1)), Over(30, 28, "kT")
+        changed(10, "kT"), named(12, 10, fm, kT), named(20, 10, share("kT", 0.1)), CauseEnded(30, 28, "kT")
     )
     ((raised,), (first,), (corrected,), (ended,)) = said
     assert (raised.stage, raised.parameter, raised.onset_us, raised.onset_low_us) == ("changed", "kT", 4, 3)
@@ -101,10 +101,10 @@ def test_what_does_not_last_ends_and_a_cause_that_stands_takes_what_is_more_of_i
     assert book.open[0].onset_us == 4
     (again,) = book.take(changed(60, "kT", 0.1))
     assert (again.raised_us, again.crossings) == (10, 2)
-    assert book.take(Over(70, 60, HEALTHY)) == []
+    assert book.take(CauseEnded(70, 60, HEALTHY)) == []
     assert told(book) == [(10, "named", "kT", "up")]
     book.take(changed(80, "fm"))
-    (over,) = book.take(Over(90, 80, HEALTHY))
+    (over,) = book.take(CauseEnded(90, 80, HEALTHY))
     assert (over.parameter, over.ended_us) == ("fm", 90)
 
 
@@ -120,7 +120,7 @@ def test_another_cause_than_the_one_that_stands_at_first_sight_is_an_alarm_of_it
 
 
 def test_that_all_is_as_it_was_raises_nothing() -> None:
-    book, said = feed(changed(10, HEALTHY), named(12, 10, share(HEALTHY)), Over(20, 10, HEALTHY))
+    book, said = feed(changed(10, HEALTHY), named(12, 10, share(HEALTHY)), CauseEnded(20, 10, HEALTHY))
     assert (book.open, said) == ((), [[], [], []])
 
 

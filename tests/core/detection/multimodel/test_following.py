@@ -5,9 +5,9 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.fault_trials import Fault
-from monitor_core.calibration.multimodel_fault_trials import catch_by_bank
+from monitor_core.calibration.multimodel_fault_trials import run_multimodel_trials
 from monitor_core.calibration.multimodel_thresholds import bank_limits
-from monitor_core.detection.multimodel.events import Changed, Named
+from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected
 from monitor_core.detection.multimodel.hypothesis import FOLLOWED
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
@@ -61,7 +61,7 @@ def test_what_conditions_do_is_no_fault(column: int, by: float, turns: float, se
     shift = course(column, by, turns)
     u, y = axis(rng, shift, {}, N)
     assert not bank().run(T, u, y, shift=shift)
-    assert any(isinstance(event, Changed) for event in bank().run(T, u, y))
+    assert any(isinstance(event, ChangeDetected) for event in bank().run(T, u, y))
 
 
 def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
@@ -70,8 +70,8 @@ def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
     shift, at = course(FM, -0.5), N // 2
     u, y = axis(rng, shift, {"kT": 0.75}, at)
     events = bank().run(T, u, y, shift=shift)
-    named = [event for event in events if isinstance(event, Named)]
-    print([event.shares[0] for event in events if isinstance(event, Changed | Named)])
+    named = [event for event in events if isinstance(event, CauseIdentified)]
+    print([event.shares[0] for event in events if isinstance(event, ChangeDetected | CauseIdentified)])
     assert T[at] < named[0].time_us < T[at] + 5_000_000
     assert named[0].shares[0].cause == "kT"
     size = named[1].shares[0]  # when it is known better
@@ -150,7 +150,7 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
         limits.append(bank_limits(OF.model, OF.settings, [one], 12_000.0, rng, 100_000).own)
         if moved is told is shift:
             faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
-            caught = catch_by_bank(OF.model, OF.settings, limits[0], one, faults, 6, 5.0)
+            caught = run_multimodel_trials(OF.model, OF.settings, limits[0], one, faults, 6, 5.0)
     h = [float(np.median([one.h for one in own])) for own in limits]
     allowed = [sum(one.allowance for one in own if one.cause == "fm") for own in limits]
     for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):

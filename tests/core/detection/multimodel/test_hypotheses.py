@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.multimodel.candidates import TORQUE_SCALE, TORQUE_STUCK, change
+from monitor_core.detection.multimodel.candidates import TORQUE_SCALE, TORQUE_STUCK, hypothesis_of
 from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
@@ -127,8 +127,8 @@ def lively(case: Case, h: float = 3.0) -> HypothesisBank:
 def few(name: str) -> tuple[Hypothesis, ...]:
     model, s = BY_NAME[name].model, BY_NAME[name].settings()
     causes = (*model.monitored, TORQUE_SCALE)
-    some = [change(model, s, cause, size) for cause in causes for size in (-0.2, 0.2)]
-    return (*some, Hypothesis("output stuck", frozen=True), change(model, s, TORQUE_STUCK, 1.0))
+    some = [hypothesis_of(model, s, cause, size) for cause in causes for size in (-0.2, 0.2)]
+    return (*some, Hypothesis("output stuck", frozen=True), hypothesis_of(model, s, TORQUE_STUCK, 1.0))
 
 
 def state(bank: HypothesisBank) -> list[bytes]:

@@ -19,7 +19,7 @@ from monitor_core.detection.multimodel.candidates import (
     TORQUE_STUCK,
 )
 from monitor_core.detection.multimodel.detection_limit import least_delay
-from monitor_core.detection.multimodel.events import Changed, Named, Over
+from monitor_core.detection.multimodel.events import CauseEnded, CauseIdentified, ChangeDetected
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
@@ -64,8 +64,10 @@ def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank
     for k in range(seed, seed + 20):
         bank.reset()
         events = bank.run(*experiment(k, {"kT": 1.5}, samples=2000))
-        changed, named = (next(e for e in events if isinstance(e, kind)) for kind in (Changed, Named))
-        assert isinstance(named, Named)
+        changed, named = (
+            next(e for e in events if isinstance(e, kind)) for kind in (ChangeDetected, CauseIdentified)
+        )
+        assert isinstance(named, CauseIdentified)
         assert named.time_us - changed.time_us >= slowest
         assert named.certain
         wrong += [named.shares[0].cause] if named.shares[0].cause != "kT" else []
@@ -78,7 +80,7 @@ def test_what_no_size_fits_well_is_not_called_noise(bank: HypothesisBank, seed: 
     for k in range(seed, seed + 120):
         bank.reset()
         events = bank.run(*experiment(k, {"kT": 2.0}, samples=2400))
-        names.append(next(e.shares[0].cause for e in events if isinstance(e, Named)))
+        names.append(next(e.shares[0].cause for e in events if isinstance(e, CauseIdentified)))
     wrong = [name for name in names if name != "kT"]
     print(f"named wrong {wrong} of {len(names)}")
     assert len(wrong) <= 4  # 2 of 600 are
@@ -99,7 +101,7 @@ def test_onset_and_size_are_within_their_intervals(bank: HypothesisBank, seed: i
     for k in range(seed, seed + SEEDS):
         bank.reset()
         rec = experiment(k, {"kT": 1.2}, samples=1900)
-        named = [e for e in bank.run(*rec) if isinstance(e, Named)]
+        named = [e for e in bank.run(*rec) if isinstance(e, CauseIdentified)]
         if not named:
             continue
         onset, share = named[-1].onset, named[-1].shares[0]
@@ -158,7 +160,7 @@ def test_faults_of_sensors_are_named(fault: str, bank: HypothesisBank, seed: int
     for k in range(seed, seed + 5):
         bank.reset()
         rec = SENSOR_FAULTS[fault](experiment(k, samples=2500))
-        named = [e for e in bank.run(*rec) if isinstance(e, Named)]
+        named = [e for e in bank.run(*rec) if isinstance(e, CauseIdentified)]
         names.append(named[-1].shares[0].cause if named else "")
     print(f"{fault}: {names}")
     assert sum(name == fault.removesuffix(" back") for name in names) >= 3
@@ -180,8 +182,8 @@ def test_a_second_change_is_seen_and_the_end_of_both(bank: HypothesisBank, seed:
         bank.reset()
         rec = two_faults(k)
         events = bank.run(*rec)
-        at = [(e.time_us * 1e-6, e.shares[0].cause) for e in events if isinstance(e, Named)]
-        over = [e.cause for e in events if isinstance(e, Over)]
+        at = [(e.time_us * 1e-6, e.shares[0].cause) for e in events if isinstance(e, CauseIdentified)]
+        over = [e.cause for e in events if isinstance(e, CauseEnded)]
         print(at, over)
         first = any(t < 15 and name == "kT" for t, name in at)
         second = any(60 < t < 70 and name == "1/Ja" for t, name in at)
@@ -210,7 +212,7 @@ def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> No
     """At h = 8 there are false alarms, one in a quarter of a minute; none of them may stand for ever."""
     bank = bank_of("speed", 8.0, seed)
     events = bank.run(*experiment(seed, samples=60_000, fault_at=50_000))
-    changed, over = (sum(isinstance(e, kind) for e in events) for kind in (Changed, Over))
+    changed, over = (sum(isinstance(e, kind) for e in events) for kind in (ChangeDetected, CauseEnded))
     print(f"{changed} alarms, {over} over")
     assert changed > 3
     assert over >= changed / 2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
-from monitor_core.detection.multimodel.naming import Causes
+from monitor_core.detection.multimodel.naming import CausePosterior
 
 HYPOTHESES = (
     Hypothesis("kT", 0.1, alike=("torque scale",)),
@@ -29,7 +29,7 @@ def test_shares_sizes_and_what_is_alike() -> None:
     of_kT = {size: parabola(size, 0.04, 0.1, 0.08) for size in (0.1, -0.1)}
     of_delay = {size: parabola(size, 1.8, 0.7, 1.0) for size in (1.0, 2.0, 3.0)}
     evidence = np.array([of_kT[0.1], of_delay[1.0], of_kT[-0.1], of_delay[2.0], 2.0, of_delay[3.0]])
-    found = {share.cause: share for share in Causes(HYPOTHESES).shares(evidence)}
+    found = {share.cause: share for share in CausePosterior(HYPOTHESES).shares(evidence)}
     assert (found["kT"].size, found["kT"].size_sd) == pytest.approx((0.04, 0.1))
     assert (found["delay"].size, found["delay"].size_sd) == pytest.approx((1.8, 0.7))
     assert math.isnan(found["noise"].size)
@@ -46,6 +46,6 @@ def test_shares_sizes_and_what_is_alike() -> None:
 
 
 def test_overwhelming_evidence_is_no_overflow() -> None:
-    first, *others = Causes(HYPOTHESES).shares(np.array([0.0, 5e3, 0.0, 1e4, 0.0, 5e3]))
+    first, *others = CausePosterior(HYPOTHESES).shares(np.array([0.0, 5e3, 0.0, 1e4, 0.0, 5e3]))
     assert (first.cause, first.probability) == ("delay", 1.0)
     assert [share.probability for share in others] == [0.0, 0.0]
