@@ -1,16 +1,16 @@
-"""Thresholds from healthy records and a false-alarm budget, and what faults they find.
+"""Thresholds from healthy records and a false-alarm budget, and the faults that they detect.
 
-``calibrate`` (``calibration_procedure``) is the whole way.  Read in this order:
+``calibrate`` (``calibration_procedure``) is the whole procedure.  Read in this order:
 
 * ``healthy_records``: the recursion over the records.  ``record_doubts``: whether they can be used.
-* ``scatter``: how the estimates scatter in them.  ``surrogate_records``: copies of the records, and how far the sums of
-  the tests go in these.  ``healthy_statistics``: both together, and by what records differ.
-* ``run_length``, ``false_alarm_tail``, ``budget``: thresholds, and their rate of false alarms.
-* ``injection``, ``simulated_copies``, ``fault_trials``: faults that begin anywhere in a record.
+* ``scatter``: scatter of the estimates in the records.  ``surrogate_records``: bootstrap copies of the records, and
+  the excursions of the CUSUM sums in these.  ``healthy_statistics``: both combined, and the allowance.
+* ``run_length``, ``false_alarm_tail``, ``budget``: thresholds and their false-alarm rate.
+* ``injection``, ``simulated_copies``, ``fault_trials``: faults injected anywhere in a record.
 * For the multi-model detector: ``multimodel_healthy`` (the detector over the records and their copies),
-  ``synthetic_innovations`` (innovations of the copies), ``multimodel_tails`` (how far g goes), ``spectra`` (what a
-  record knows), ``multimodel_thresholds``, ``multimodel_fault_trials``.
-* ``result``: thresholds, their rate of false alarms, and the faults that would have been found.
+  ``synthetic_innovations`` (innovations of the copies), ``multimodel_tails`` (tails of g), ``spectra`` (uncertainty
+  from the length of the record), ``multimodel_thresholds``, ``multimodel_fault_trials``.
+* ``result``: thresholds, their false-alarm rate, and the detected faults.
 """
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions, Progress, calibrate

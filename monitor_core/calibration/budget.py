@@ -1,4 +1,4 @@
-"""Thresholds that keep a false-alarm budget, and the rate that they will have, with its uncertainty."""
+"""Thresholds that keep a false-alarm budget, and their false-alarm rate with its uncertainty."""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ _NEAR = 0.02
 class Rates:
     """False alarms per sample: of the tests of each parameter (p,), of all, and the bounds of a 90 % interval.
 
-    With an allowance they are meant for axes that are off by it; the lower bound is for axes that are not.
+    The rates hold for axes whose nominal values are off by the allowance; the lower bound for axes that are not off.
     """
 
     parameters: Floats
@@ -39,17 +39,17 @@ class Rates:
 
 
 def best_nu(log_time: float, within: float) -> float:
-    """nu over sigma with which the smallest fault is found ``within`` so many memories.
+    """nu over sigma that finds the smallest fault ``within`` so many memories.
 
-    A change of delta sigma is found after (h + delta) / (delta - k) memories, where h = A / k - c holds the budget,
-    A = log of the mean time between false alarms in memories; the delta with which that is ``within`` is least at
+    A change of delta sigma is found after (h + delta) / (delta - k) memories, where h = A / k - c holds the budget and
+    A is the log of the mean time between false alarms in memories.  The delta that is found ``within`` is smallest at
     k^2 = A / (within - 0.25), as c grows by 0.25 k.
     """
     return float(np.clip(math.sqrt(log_time / max(within - 0.25, 0.1)), LEAST_NU, MOST_NU))
 
 
 def nu_over_sigma(parameters: int, memory: float, samples: float, within: float) -> float:
-    """``best_nu`` of each test, for a budget of one false alarm of the axis in so many samples."""
+    """``best_nu`` of each test, for a budget of one false alarm of the axis in ``samples``."""
     return best_nu(math.log(max(2 * parameters * samples / memory, math.e)), within)
 
 
@@ -60,11 +60,11 @@ def thresholds(
     samples: float,
     rng: np.random.Generator,
 ) -> tuple[Threshold, ...]:
-    """Thresholds with which an axis has on the average no more than one false alarm in so many samples.
+    """Thresholds with which an axis has at most one false alarm in ``samples`` on average.
 
-    Every parameter gets the same share of the budget, and the axis keeps the whole of it as surely as the upper bound
-    of the 90 % interval says.  The allowance (p,), in sizes, is for what estimates are off by beside their scatter: it
-    buys no lower threshold.
+    Every parameter gets the same share of the budget.  The upper bound of the 90 % interval of the rate of the axis
+    keeps the budget.  The allowance (p,), in sizes, covers what the estimates are off by besides their scatter; it does
+    not lower a threshold.
     """
     draws = _draws(scatter, len(tails), rng)
     log_budget, log_share = -math.log(samples), -math.log(samples * len(tails))
@@ -84,7 +84,7 @@ def thresholds(
 
 
 def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Floats) -> float:
-    """h of a parameter, in sizes times samples, whose rate is below its share with the certainty ``UPPER``."""
+    """h of a parameter, in sizes times samples, whose rate stays below its share with the certainty ``UPPER``."""
     least = LEAST_H * tail.sigma * scatter.memory
 
     def excess(log_h: float) -> float:
@@ -100,14 +100,14 @@ def _threshold(scatter: Scatter, tail: Tail, i: int, log_share: float, draws: Fl
 
 
 def _draws(scatter: Scatter, parameters: int, rng: np.random.Generator) -> Floats:
-    """Chance (p, B, 5), for each resampling: of both ways of the tail, and of the formula."""
+    """Standard normal draws (p, B, 5) for each resampling: of both directions of the tail, and of the formula."""
     return rng.standard_normal((parameters, len(scatter.power), 5))
 
 
 def _draw_log_rates(
     scatter: Scatter, tail: Tail, i: int, h: float, draws: Floats, spare: float = 0.0
 ) -> Floats:
-    """Logarithms of the rate of a parameter (B,), by what the resampled records and chance say."""
+    """Logarithms (B,) of the rate of a parameter, for each resampling of the records and each draw."""
     offset = scatter.offset[i] + scatter.off[:, i]
     rate = tail.log_rate(h, offset, scatter.power[:, i], spare, draws[:, :4])
     sd = _OFF + _FARTHER * max(0.0, tail.log_known - float(np.median(rate)))
@@ -128,7 +128,7 @@ def _bound(
 def rates(
     scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator
 ) -> Rates:
-    """How often these thresholds will alarm on axes that are like the healthy records, off by the allowance or not."""
+    """False-alarm rate of these thresholds on axes like those of the healthy records, off by the allowance or not."""
     h = [threshold.alpha2 for threshold in own]
     likely = np.array([tail.most_likely(h[i], float(scatter.offset[i])) for i, tail in enumerate(tails)])
     beyond = max(tail.log_known - rate for tail, rate in zip(tails, likely, strict=True))

@@ -1,9 +1,9 @@
-"""Calibration: from healthy records of an axis and a false-alarm budget to thresholds, and what they will find.
+"""Calibration: from healthy records of an axis and a false-alarm budget to thresholds and the faults that they detect.
 
-The steps: deviations of the estimates in the records (healthy.py) are checked (doubts.py); bootstrap copies of the
-records (surrogate.py) tell the tails of the CUSUM sums (tail.py), from which the thresholds follow (budget.py); changes
-are put into the longest record to see what is found (catch.py); the multi-model detector is calibrated with the same
-records and budget (hypotheses.py, catch_by_bank.py).
+The steps: deviations of the estimates in the records (healthy_records.py) are checked (record_doubts.py).  Bootstrap
+copies of the records (surrogate_records.py) give the tails of the CUSUM sums (false_alarm_tail.py), from which the
+thresholds follow (budget.py).  Faults are injected into the longest record (fault_trials.py).  The multi-model detector
+is calibrated with the same records and budget (multimodel_thresholds.py, multimodel_fault_trials.py).
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ Task = Callable[[PartialProgress], BankLimits | None]
 
 
 class Pending(Protocol):
-    """A task that may run meanwhile."""
+    """A task that may run in parallel."""
 
     def result(self, progress: PartialProgress) -> BankLimits | None:
-        """Wait for the result of the task, reporting its progress."""
+        """Wait for the result of the task and report its progress meanwhile."""
 
 
 Launcher = Callable[[Task], AbstractContextManager[Pending]]
@@ -64,13 +64,13 @@ Launcher = Callable[[Task], AbstractContextManager[Pending]]
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """What is asked of a calibration.
+    """Options of a calibration.
 
     Attributes:
         budget_s: mean time between false alarms of the axis that the thresholds must keep [s].
-        within_s: changes are to be found within this time [s], as small ones as possible; None: ten memory lengths.
+        within_s: time within which changes must be found [s], as small ones as possible; None: ten memory lengths.
         sizes: changes to try, as shares of the size of the parameter, upwards and downwards.
-        onsets: number of places of the record at which each change begins.
+        onsets: number of onsets in the record for each change.
         seed: of the bootstrap.
         copies: samples of bootstrap copies for the CUSUM tests.
         bank_copies: samples of bootstrap copies for the multi-model detector.
@@ -90,7 +90,7 @@ def _no_progress(_step: str, _done: float, _total: float) -> None:
 
 
 class _Deferred:
-    """Runs the task when its result is asked for: the launcher of a single core."""
+    """Runs the task when its result is requested: the launcher for a single core."""
 
     def __init__(self, task: Task) -> None:
         self._task = task
@@ -115,14 +115,14 @@ def calibrate(
 
     Args:
         model: the axis with its nominal values.
-        settings: how it is monitored; thresholds in it are ignored.
-        records: healthy records, at best with the motion that will be monitored; ten minutes are good.
+        settings: how the axis is monitored; thresholds in it are ignored.
+        records: healthy records, preferably with the motion that will be monitored; ten minutes are good.
         options: the budget, and which changes to try.
         progress: called with the present step.
         launch: starts the calibration of the multi-model detector, which is half of the work, on another core.
 
     Returns:
-        The thresholds in ``result.settings``, their rate with its uncertainty, and what would have been found.
+        The thresholds in ``result.settings``, their false-alarm rate with its uncertainty, and the detected changes.
 
     Raises:
         CalibrationError: these records yield no thresholds; the text says why and what would be right.
@@ -168,7 +168,7 @@ def _thresholds(
 ) -> tuple[tuple[Threshold, ...], Rates]:
     """Thresholds of the CUSUM tests, and their false-alarm rate.
 
-    All from the same draws: with others the bound of a far budget, which is as wide, would not be met again.
+    Both use the same draws: with others the bound of a long budget, which is uncertain, would not be reproduced.
     """
     own = thresholds(
         statistics.scatter, statistics.tails, statistics.allowance, samples, np.random.default_rng(seed)
@@ -187,7 +187,7 @@ def _trials(
     within_s: float,
     progress: Progress,
 ) -> tuple[list[TrialResult], int]:
-    """What the CUSUM tests find of changes in the longest record; nothing if it is too short."""
+    """Detection of changes in the longest record by the CUSUM tests; nothing if the record is too short."""
     longest = max(records, key=lambda record: len(record.t_us))
     faults = [
         Fault(name, sign * size)
@@ -215,7 +215,7 @@ def _limits(
     copies: int,
     progress: PartialProgress,
 ) -> BankLimits | None:
-    """Thresholds of the multi-model detector; None if the axis cannot have it."""
+    """Thresholds of the multi-model detector; None if it is not available for the axis."""
     if reason_unavailable(model, settings):
         return None
     return bank_limits(model, settings, records, samples, rng, copies, progress)
@@ -230,7 +230,7 @@ def _multimodel(
     options: CalibrationOptions,
     within_s: float,
 ) -> MultiModelCalibration:
-    """Thresholds of the multi-model detector, and what it finds of the same changes."""
+    """Thresholds of the multi-model detector, and its detection of the same changes."""
     longest = max(records, key=lambda record: len(record.t_us))
     for share in (OBSERVED_SHARE, 1.0) if faults else ():
         try:

@@ -1,4 +1,4 @@
-"""Tail of the sums of a test: the run length formula, fitted to the excursions in copies of healthy records."""
+"""Tail of the CUSUM sums of a test: the run-length formula, fitted to excursions in bootstrap copies of records."""
 
 import math
 from collections.abc import Callable
@@ -27,7 +27,7 @@ _LEAST_K = 0.1
 
 
 class PeakFit(NamedTuple):
-    """Of one direction: logarithms of the memory, and of the rate over the formula's with that memory."""
+    """Fit of one direction: log of the memory, and log of the rate over that of the formula with this memory."""
 
     best: Floats  # (2,)
     root: Floats  # (2, 2) of their covariance: L with L L'
@@ -35,7 +35,7 @@ class PeakFit(NamedTuple):
 
 @dataclass(frozen=True)
 class Tail:
-    """Rates of false alarms of one parameter by threshold."""
+    """False-alarm rate of one parameter as a function of the threshold."""
 
     k: float
     """nu over sigma with which it was simulated, and is meant to be used"""
@@ -52,21 +52,22 @@ class Tail:
         return self.k * self.sigma
 
     def most_likely(self, h: float, offset: float, spare: float = 0.0) -> float:
-        """As ``log_rate``, of what is most likely."""
+        """``log_rate`` at the most likely fit."""
         return float(self.log_rate(h, np.array([offset]), np.ones(1), spare)[0])
 
     def log_rate(
         self, h: float, offset: Floats, power: Floats, spare: float = 0.0, chance: Floats | None = None
     ) -> Floats:
-        """Logarithm of the false alarms per sample of both directions (B,).
+        """Logarithm (B,) of the false alarms per sample of both directions.
 
         Args:
             h: threshold, in sizes times samples.
             offset: of the mean of the deviation, in sizes (B,).
             power: variance of the deviation over that of the records (B,).
-            spare: of an allowance in nu, in sizes, what the deviations do not need.
-            chance: standard normal (B, 4), of what is not known of memory and rate of either direction; none: they
-                are as is most likely.
+            spare: part of the allowance in nu that the deviations do not use, in sizes.
+            chance: standard normal (B, 4), for the uncertainty of memory and rate of both directions; None: the most
+                likely
+                values.
         """
         sigma = self.sigma * np.sqrt(power)
         apart = np.zeros((1, 4)) if chance is None else chance
@@ -80,7 +81,7 @@ class Tail:
 
 
 def tails(scatter: Scatter, found: Excursions) -> tuple[Tail, ...]:
-    """How often the sums go how far, of each parameter."""
+    """Tail of the sums of each parameter."""
     return tuple(_tail(i, scatter, found) for i in range(len(scatter.sigma)))
 
 
@@ -97,13 +98,15 @@ def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
 
 
 def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakFit:
-    """What excursions say of one direction, with what is known before: a Poisson process (Laplace's approximation).
+    """Memory and rate of one direction from the peaks of its excursions.
+
+    The excursions are a Poisson process; the posterior is approximated by Laplace's method.
 
     Args:
-        k: nu, less what the mean has of it, over sigma.
-        heights: of excursions from zero, over sigma times memory, falling.
+        k: nu, less the part that the mean uses, over sigma.
+        heights: peaks of the excursions from zero, over sigma times memory, falling.
         memory: of white noise that is forgotten, in samples.
-        samples: in which they happened.
+        samples: number of samples in which they occurred.
     """
     h = heights[: min(ENOUGH, int((heights > LEAST_H).sum()))]
     known = np.array([TAU_SD, LEVEL_SD])
@@ -116,7 +119,7 @@ def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakF
         return np.asarray(math.log(samples) + apart[1] + often)
 
     def loss(apart: Floats) -> float:
-        """Negative logarithm of how likely they are, and these numbers beforehand."""
+        """Negative log of the posterior density."""
         lower, upper = np.exp(np.split(log_count(around, apart), 2))
         of_heights = np.log(np.maximum(lower - upper, _TINY)).sum()
         prior = ((apart / known) ** 2).sum() / 2
@@ -130,7 +133,7 @@ def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakF
 
 
 def minimise(f: Callable[[Floats], float], start: Floats, step: float) -> Floats:
-    """Where f is least, near ``start``."""
+    """Minimum of f near ``start``."""
     from scipy.optimize import minimize  # as in run_length.py
 
     simplex = np.vstack([start, start + 100 * step * np.eye(len(start))])

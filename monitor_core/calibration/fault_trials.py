@@ -1,4 +1,4 @@
-"""Faults injected at many onsets of a healthy record: when the tests would have found them, under which name."""
+"""Faults injected at many onsets of a healthy record: when the CUSUM tests detect them, and under which name."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ PARTS = 40
 
 @dataclass(frozen=True)
 class Fault:
-    """A monitored parameter changes by so many of its sizes."""
+    """A change of a monitored parameter, as a share of its size."""
 
     parameter: str
     size: float
@@ -30,10 +30,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What became of a fault, at each onset.
+    """Detection of one fault, at each onset.
 
-    ``exact``: put into the record by the torque that the same motion would have needed; else simulated with the
-    identified model.  ``torque_peak``: the largest torque that it needs, where it is exact.
+    ``exact``: injected by the torque that the same motion would have needed; otherwise simulated with the identified
+    model.  ``torque_peak``: the largest torque needed, where it is exact.
     """
 
     fault: Fault
@@ -44,11 +44,11 @@ class TrialResult:
     torque_peak: float
 
     def found_within(self, seconds: float) -> float:
-        """Share of the onsets with an alarm by then."""
+        """Share of the onsets with an alarm within this time."""
         return float(np.mean(self.delay_s <= seconds))
 
     def delay(self, share: float) -> float:
-        """By then so large a share has an alarm; inf: not within what was looked at."""
+        """Time within which this share of the onsets has an alarm; inf: not within the watched time."""
         ordered = np.sort(self.delay_s)
         return float(ordered[min(len(ordered) - 1, max(0, int(np.ceil(share * len(ordered))) - 1))])
 
@@ -62,9 +62,9 @@ def run_trials(
     seconds: float,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
-    """Let each fault begin at so many places of the record, and watch for so many seconds.
+    """Start each fault at ``onsets`` samples of the record and watch for ``within_s`` seconds.
 
-    Returns what became of them, and how many onsets were possible.
+    Returns the results, and the number of onsets that were possible.
 
     Raises:
         ValueError: the record is too short for that.
@@ -82,7 +82,7 @@ def run_trials(
 
 
 def onset_samples(model: AxisModel, settings: Settings, record: SampleBlock, onsets: int, N: int) -> Ints:
-    """Samples of a record at which faults begin, with N of them left to be watched.
+    """Samples of a record at which faults begin, each followed by at least N samples.
 
     Raises:
         ValueError: the record is too short for that.
@@ -97,10 +97,10 @@ def onset_samples(model: AxisModel, settings: Settings, record: SampleBlock, ons
 def inject(
     model: AxisModel, settings: Settings, record: SampleBlock, faults: Sequence[Fault], at: Ints, N: int
 ) -> Iterator[tuple[Fault, EquivalentLoad | None, Floats, Floats | None]]:
-    """Each fault, put into the record.
+    """Each fault, injected into the record.
 
-    How it loads the motor, if that is known exactly, and the torque of the whole record with it, wherever it begins;
-    else the outputs (N, onsets) from each onset on.
+    Yields the equivalent load of the fault where that is known exactly, with the torque of the whole record under it;
+    otherwise the outputs (N, onsets) from each onset on.
     """
     states = innovations(model, settings, record, at.tolist())
     u_scale = Assembly(model.drive, model.monitored).model_constants(model, settings.speed_scale)["u_scale"]
@@ -115,7 +115,7 @@ def inject(
 
 
 def _first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:
-    """From where on the tests run, some memories behind the start."""
+    """First sample at which the tests run, some memories after the start."""
     st, step = monitor.batch.state, monitor.settings.span
     for k in range(0, len(record.t_us), step):
         part = record.select(slice(k, k + step))
@@ -128,7 +128,7 @@ def _first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:
 def _healthy_states(
     model: AxisModel, settings: Settings, record: SampleBlock, at: Ints
 ) -> list[tuple[Floats, Ints]]:
-    """The state of the healthy monitor just before each of these samples."""
+    """State of the healthy monitor just before each of these samples."""
     monitor, done, found = AxisMonitor(model, settings), 0, []
     for end in at.tolist():
         part = record.select(slice(done, end))
@@ -148,7 +148,7 @@ def _faulty_outputs(
     eps: Floats,
     states: Floats,
 ) -> Floats:
-    """The record's outputs (N, onsets), changed by what the model says that the fault changes."""
+    """Outputs (N, onsets) of the record, changed by the difference that the model predicts for the fault."""
     rows = np.arange(N)[:, np.newaxis] + at
     u, e = record.u[rows], np.nan_to_num(eps[rows])
     plants, W = Plants(model, settings, [model.nominal, values]), len(at)
@@ -199,7 +199,7 @@ def _first_alarms(
 
 
 def _relative_to_onset(event: Crossing, record: SampleBlock, onset: int) -> Crossing:
-    """With its time counted from the onset."""
+    """The event with its time counted from the onset."""
     return Crossing(
         event.parameter,
         event.direction,

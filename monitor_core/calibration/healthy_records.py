@@ -22,9 +22,9 @@ OUT_OF_REACH = 1e30
 
 @dataclass(frozen=True)
 class Deviations:
-    """Of one record: deviations of the estimates and sqrt(lambda_0 P_ii), in sizes of the parameters.
+    """Deviations of the estimates in one record and sqrt(lambda_0 P_ii), in sizes of the parameters.
 
-    ``tested`` says at which samples the tests of a parameter ran.
+    ``tested`` marks the samples at which the tests of a parameter ran.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Deviations:
 
 
 def without_tests(settings: Settings) -> Settings:
-    """The settings with tests that never alarm, and so change nothing."""
+    """The settings with tests that never alarm and so never change the state."""
     return replace(settings, thresholds=(), alpha2=OUT_OF_REACH, widen=0.0, run_on=False)
 
 
@@ -49,7 +49,7 @@ def deviations(
     records: Sequence[SampleBlock],
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[Deviations]:
-    """Run all records, one after the other in the life of the axis, as the daemon would."""
+    """Run all records one after the other, as the daemon would run an axis."""
     monitor = AxisMonitor(model, without_tests(settings))
     total, done, found = sum(len(record.t_us) for record in records), 0, []
     for record in records:

@@ -1,4 +1,4 @@
-"""Statistics of healthy records that need no budget: from deviations to the tails of the sums of the tests."""
+"""Statistics of healthy records: from deviations to the tails of the CUSUM sums, without thresholds."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from monitor_core.settings import Settings
 
 @dataclass(frozen=True)
 class HealthyStatistics:
-    """Of p parameters: how their estimates scatter, what their tests are to allow for, and how far the sums go."""
+    """Of p parameters: scatter of the estimates, allowance of the tests, and tails of the sums."""
 
     scatter: Scatter
     alone: Scatter
@@ -40,14 +40,14 @@ def healthy_statistics(
     copies: int = SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> HealthyStatistics:
-    """What thresholds are made from.
+    """Statistics from which thresholds are computed.
 
-    ``found`` is what the recursion made of the records.  nu is best for a ``budget`` of so many samples between two
-    false alarms of the axis, and faults that are to be found ``within`` so many memories.  ``copies``: samples of
-    healthy records that are simulated.
+    ``found`` are the deviations of the records.  nu is chosen for a ``budget`` of so many samples between two false
+    alarms of the axis, and for faults to be found ``within`` so many memories.  ``copies``: samples of bootstrap
+    copies.
 
     Raises:
-        ValueError: nothing was tested, or learned, in any record.
+        ValueError: no parameter was tested, or nothing was learned, in any record.
     """
     memory = settings.memory
     k = nu_over_sigma(len(model.scale), memory, budget, within)
@@ -72,7 +72,7 @@ MOST_OWN = 0.5
 
 
 def shrink(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Scatter:
-    """The scatter of the records, with what the copies know of its mean and its size."""
+    """Scatter of the records, shrunk towards the mean and size that the bootstrap copies give."""
     p, times = len(scatter.sigma), len(scatter.power)
     own = rng.multivariate_normal(np.zeros(2 * p), found.error, size=times)
     differs = [(scatter.mean_d - found.mean) / found.sigma, np.log(scatter.sigma / found.sigma)]
@@ -90,16 +90,16 @@ def shrink(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Sca
 def _shrinkage(
     differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """What to add to the copies' numbers (n,), and how far off the truth may be then (B, n).
+    """What to add to the numbers of the copies (n,), and draws of the remaining error (B, n).
 
-    A record has the copies' own error in its chance, as it is of the same innovations.  So that is no part of what they
-    differ by, and stays.
+    The chance of a record contains the error of the copies, as both come from the same innovations.  So that error is
+    not part of their difference, and stays.
 
     Args:
-        differs: what the record's numbers differ by (n,).
+        differs: numbers of the record less those of the copies (n,).
         chance: of the record (B, n).
         own: error of the copies (B, n).
-        rng: of what is drawn.
+        rng: random generator.
     """
     sd, sd_own = chance.std(axis=0), own.std(axis=0)
     most = np.minimum(sd_own, MOST_OWN * sd)
@@ -123,9 +123,9 @@ LEVEL = 0.99
 def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
     """Allowance of each parameter (p,), in sizes.
 
-    The means of parts, of all records, scatter by sigma sqrt(2 / memories) if there is nothing but noise.  What is
-    beyond that (DerSimonian and Laird 1986; nothing, where chance would do) is a bias that comes and goes: of the
-    pose, of the temperature.  To it comes the bias that stays, of nominal values that are not quite those of the axis.
+    The means of parts of all records scatter by sigma sqrt(2 / memories) if there is only noise.  What exceeds that
+    (DerSimonian and Laird 1986; nothing where chance explains it) is a bias that comes and goes, with the pose or the
+    temperature.  The lasting bias, of nominal values that are not quite those of the axis, is added.
     """
     q = max(1, round(scatter.memory / BINS))
     means, weights = [], []
@@ -165,12 +165,13 @@ _TINY = 1e-300
 
 
 def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
-    """What the numbers may be (B, n), drawn from the posterior.
+    """Draws of the true numbers (B, n) from the posterior.
 
     Args:
-        e: the numbers as seen (n,), n > 1, in standard deviations of their chance.
-        chance: standard normal (B, n), of what is not known given kappa; numbers seen with the same chance share it.
-        rng: of tau and kappa.
+        e: observed numbers (n,), n > 1, in standard deviations of their chance.
+        chance: standard normal (B, n), for what is unknown given kappa; shared by numbers observed with the same
+            chance.
+        rng: for tau and kappa.
     """
     B, n = chance.shape
     tau, of_tau = _half_cauchy(_SCALES)
@@ -185,7 +186,7 @@ def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Float
 
 
 def _draw_kappa(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
-    """One kappa for each of these rows (B, 1), as likely as it is within its row."""
+    """One kappa for each row (B, 1), drawn by its probability within the row."""
     up_to = np.cumsum(weights, axis=1)
     up_to /= up_to[:, -1:]
     all_rows = (up_to + np.arange(len(kappa))[:, np.newaxis]).ravel()  # rising, all the way
@@ -193,16 +194,17 @@ def _draw_kappa(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: n
 
 
 def _likelihood(e: Floats, kappa: Floats) -> Floats:
-    """Of kappa = 1 / (1 + tau^2 zeta^2) (T, S), for each number (T, S, n).
+    """Likelihood of kappa = 1 / (1 + tau^2 zeta^2) (T, S), for each number (T, S, n).
 
-    Given kappa what is seen is N(0, 1 / kappa), and the number has the mean (1 - kappa) e and the variance 1 - kappa.
+    Given kappa the observation is N(0, 1 / kappa), and the number has the mean (1 - kappa) e and the variance 1 -
+    kappa.
     """
     log = np.log(kappa)[:, :, np.newaxis] / 2 - kappa[:, :, np.newaxis] * _shrink_factor(e) ** 2 / 2
     return np.asarray(np.maximum(np.exp(log - log.max(axis=(0, 1))), _TINY))
 
 
 def _half_cauchy(n: int) -> tuple[Floats, Floats]:
-    """Points and their weights (n,)."""
+    """Quadrature points and weights (n,) of the half Cauchy distribution."""
     x = np.exp(np.linspace(-_WIDE, _WIDE, n))
     weight = 1 / (x + 1 / x)
     return x, weight / weight.sum()

@@ -1,8 +1,8 @@
-"""Faults put into a healthy record: exactly, where the same motion would only have needed another torque.
+"""Faults injected into a healthy record: exactly, where the same motion would only have needed another torque.
 
-The motor torque enters the drive by a vector b: x' = A x + b u + ...  A fault that changes A, and the columns of the
-other inputs, by -b times something that is known from the measurement (friction of the motor: its speed), or b itself
-by a factor (the torque constant), leaves the motion as it was if the torque is  u' = (u + load) / factor.
+The motor torque enters the drive by a vector b: x' = A x + b u + ...  A fault may change A, and the columns of the
+other inputs, by -b times a measured quantity (friction of the motor: its speed), or b itself by a factor (the torque
+constant).  Such a fault leaves the motion unchanged if the torque is  u' = (u + load) / factor.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ _SAME = 1e-9
 
 @dataclass(frozen=True)
 class EquivalentLoad:
-    """u' = (u + viscous speed + sum of (coefficient, input) ) / factor, in N m at the motor."""
+    """u' = (u + viscous speed + sum of (coefficient, input)) / factor, in N m at the motor."""
 
     factor: float
     viscous: float
@@ -31,7 +31,7 @@ class EquivalentLoad:
 
 
 def changed_values(model: AxisModel, name: str, change: float) -> dict[str, float]:
-    """Values with a monitored parameter changed by so many of its sizes.
+    """Parameter values with one monitored parameter changed by a share of its size.
 
     Raises:
         ValueError: it would leave its bounds.
@@ -46,7 +46,7 @@ def changed_values(model: AxisModel, name: str, change: float) -> dict[str, floa
 
 
 def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> EquivalentLoad | None:
-    """How the torque changes for the same motion with these values; None: that is not known exactly."""
+    """Change of the torque for the same motion with these values; None: it is not known exactly."""
     if values.get(DELAY, 0.0) != model.nominal.get(DELAY, 0.0):
         return None
     drive = model.drive
@@ -63,7 +63,7 @@ def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> Equivalent
 
 
 def _share(change: Floats, b: Floats) -> float | None:
-    """The number that b is multiplied by to give a vector; None: there is none."""
+    """Factor of b that gives a vector; None: there is none."""
     share = float(change @ b / (b @ b))
     return (
         share
@@ -83,10 +83,10 @@ def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:
 def faulty_torque(
     model: AxisModel, settings: Settings, record: SampleBlock, load: EquivalentLoad, u_scale: Floats
 ) -> Floats:
-    """The torque u' (N,) that the motion of the record would have needed.
+    """Torque u' (N,) that the motion of the record would have needed.
 
-    A load acts with its mean over the interval in which the torque is held.  ``u_scale`` (m,) is what angles are
-    multiplied by for gravity.
+    A load acts with its mean over the interval in which the torque is held.  ``u_scale`` (m,) are the factors of the
+    angles in gravity.
     """
     needed, speed = record.u.copy(), _mean_speed(model, record, settings)
     if load.viscous:
@@ -99,7 +99,7 @@ def faulty_torque(
 def _input(
     model: AxisModel, settings: Settings, record: SampleBlock, c: int, scale: float, speed: Floats
 ) -> Floats:
-    """Mean of a further input over the interval that begins with each sample (N,)."""
+    """Mean of an input besides the torque over the interval that begins with each sample (N,)."""
     kind, output = model.drive.inputs[c], model.drive.output
     if kind == ONE:
         return np.ones(len(record.u))
@@ -125,6 +125,6 @@ def _interval_mean(values: Floats) -> Floats:
 
 
 def _with_delay(mean: Floats, settings: Settings) -> Floats:
-    """A torque that acts late acts in part over the next interval."""
+    """The mean load after the delay of the torque: a part of it acts in the next interval."""
     late = min(settings.delay_s / settings.interval_s, 1.0)
     return np.asarray((1 - late) * mean + late * np.append(mean[1:], mean[-1]))

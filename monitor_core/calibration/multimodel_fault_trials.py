@@ -1,4 +1,4 @@
-"""Faults injected at many onsets of a healthy record, as the multi-model detector would have found them."""
+"""Faults injected at many onsets of a healthy record: detection by the multi-model detector."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ PARTS = 20
 
 
 class _FirstAlarm(NamedTuple):
-    """The first alarm, s after the onset; what it was called when it was named, or, until then, at first sight."""
+    """The first alarm, s after the onset; its final name, or its first one if it was not named."""
 
     delay_s: float = math.inf
     cause: str = ""
@@ -29,7 +29,7 @@ class _FirstAlarm(NamedTuple):
 
 
 class _HealthyState(NamedTuple):
-    """A bank's state, and the steps by which its nominal values had moved."""
+    """State of a bank, and the steps by which its nominal values had moved."""
 
     memory: Memory
     moved: tuple[int, ...]
@@ -45,7 +45,7 @@ def run_multimodel_trials(
     seconds: float,
     progress: Callable[[float], None] = lambda _: None,
 ) -> list[TrialResult]:
-    """As ``catch``, by the bank with these limits; ``first`` is the cause that it names.
+    """As ``run_trials``, by the multi-model detector with these limits; ``first`` is the cause that it names.
 
     Raises:
         ValueError: the record is too short for that.
@@ -75,7 +75,7 @@ def run_multimodel_trials(
 
 
 def _healthy_states(bank: HypothesisBank, record: SampleBlock, at: Ints) -> list[_HealthyState]:
-    """Of the healthy bank just before each of these samples; none of its hypotheses alarms meanwhile."""
+    """States of the healthy bank just before each of these samples; none of its hypotheses alarms before."""
     quiet = HypothesisBank(bank.model, bank.settings, bank.hypotheses, allowance=bank.allowance)
     done, found = 0, []
     for end in at.tolist():

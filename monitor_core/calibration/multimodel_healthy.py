@@ -1,7 +1,7 @@
-"""The multi-model detector over healthy records, and over as many copies of them as its tails need.
+"""The multi-model detector over healthy records, and over as many bootstrap copies of them as its tails need.
 
-The copies have the motion of the records, as what a model lacks goes with it, and innovations that never were
-(sieve.py).
+The copies have the motion of the records, because model errors depend on the motion, and synthetic innovations
+(synthetic_innovations.py).
 """
 
 from collections.abc import Callable, Sequence
@@ -32,9 +32,10 @@ _CHUNK = 10_000
 
 @dataclass(frozen=True)
 class MultiModelStatistics:
-    """What a bank does on healthy records (``recorded``), and on copies of them, or on them again where there are none.
+    """Excursions of a bank on healthy records (``recorded``) and on copies of them.
 
-    ``allowance`` (H,); ``covariance`` (H, H): of what is known of log r (spectra.py); ``places`` of the motion.
+    Without copies the records count twice.  ``allowance`` (H,); ``covariance`` (H, H) of log r (spectra.py);
+    ``places``: number of blocks of the motion.
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -53,10 +54,10 @@ def multimodel_statistics(
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> MultiModelStatistics:
-    """Run the bank over records, and over so many samples of their copies.
+    """Run the bank over the records, and over ``samples`` of bootstrap copies.
 
     Raises:
-        ValueError: the axis can have no bank; nothing was tested in any record.
+        ValueError: the detector is not available for the axis; no record has tested samples.
     """
     bank = HypothesisBank(model, settings, default_hypotheses(model, settings))
     allowance = allowances(bank, records)
@@ -80,7 +81,10 @@ def multimodel_statistics(
 
 
 def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
-    """What is taken from each log-likelihood ratio (H,), so that in no part of a healthy record it is positive."""
+    """Amount subtracted from each log-likelihood ratio (H,).
+
+    With it the mean is positive in no part of a healthy record.
+    """
     most = np.zeros(len(bank.hypotheses))
     for record in records:
         N = len(record.t_us)
@@ -99,7 +103,7 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
 
 
 class _Blocks:
-    """Parts of the records, a block of innovations long, by number."""
+    """Numbered blocks of the records, as long as a block of innovations."""
 
     def __init__(self, settings: Settings, records: Sequence[SampleBlock]) -> None:
         self._length = block_length(settings)
@@ -107,14 +111,14 @@ class _Blocks:
         self.many = int(self._first[-1])
 
     def index(self, record: int, samples: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Of samples of a record."""
+        """Block numbers of samples of a record."""
         return np.asarray(self._first[record] + samples // self._length)
 
 
 def _run_record(
     bank: HypothesisBank, record: SampleBlock, heights: ExcursionPeaks, places: _Blocks, number: int
 ) -> Floats:
-    """One record, from the start; its innovations (N, 1 + H)."""
+    """Run one record from the start; returns its innovations (N, 1 + H)."""
     bank.reset()
     course, found = heights.course(), []
     for k in range(0, len(record.t_us), _CHUNK):
@@ -135,7 +139,7 @@ def _run_copies(
     rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> ExcursionPeaks:
-    """Copies of the records, at least so many samples."""
+    """Run copies of the records, at least ``samples`` in all."""
     heights, clock = ExcursionPeaks(len(bank.hypotheses)), 0
     found = (
         (number, copy_source(bank.model, bank.settings, record)) for number, record in enumerate(records)
@@ -158,7 +162,7 @@ def _run_copies(
 
 
 class _Copies:
-    """LANES copies of a record of so many samples, one after the other through one bank."""
+    """LANES copies of a record, run one after the other through one bank."""
 
     def __init__(self, bank: HypothesisBank, heights: ExcursionPeaks, clock: int, length: int) -> None:
         self._bank, self._heights, self._clock, self._length = bank, heights, clock, length
@@ -175,9 +179,9 @@ class _Copies:
         place: NDArray[np.int64],
         origin: NDArray[np.int64],
     ) -> None:
-        """The next samples, u and y (N, LANES), which begin ``at``.
+        """Run the next samples, u and y (N, LANES), from the sample ``at``.
 
-        They lie at the places (N,) of the motion, and have innovations from the places ``origin`` (N, LANES).
+        ``place`` (N,) are the blocks of the motion, ``origin`` (N, LANES) those of the innovations.
         """
         for a in range(LANES):
             self._bank.memory = self._memories[a]

@@ -1,17 +1,17 @@
 """Tail of g of each hypothesis, extrapolated from its highest excursions.
 
-What exceeds a high level is of a generalised Pareto distribution (Pickands 1975), of shape xi: 0, exponential, for an
-exact model; above 0 where small excursions are the noise's and high ones what the model lacks, so that the tail becomes
-flatter on the way.  Each hypothesis alone is vague about its shape: it is drawn towards the mean of all, as far as they
-do not differ by more than chance (empirical Bayes, Efron and Morris 1975).  The tail does not become flatter for ever:
-g rises against a drift, and far out falls exponentially; so the shape holds for as far again as it was seen, and from
-there on the slope stays.
+Exceedances of a high level have a generalised Pareto distribution (Pickands 1975) of shape xi: 0 (exponential) for an
+exact model; above 0 where small excursions come from noise and high ones from model errors, so that the tail becomes
+flatter.  The shape of one hypothesis alone is uncertain: it is shrunk towards the mean of all as far as they do not
+differ by more than chance (empirical Bayes, Efron and Morris 1975).  The tail does not become flatter for ever: g rises
+against a drift and falls exponentially far out.  So the shape is used for as far again as it was seen, and from there
+on the slope stays.
 
-Excursions at the same place of the motion are not as many as they look, for the next motion has other places; nor are
-those that the same few samples of the record made, its largest innovations, which are in the copies again and again:
-so the chance of a tail is that of other places and other innovations, drawn with weights (Bayesian bootstrap, Rubin
-1981) about what is found, the same for all hypotheses, as their excursions go together.  The product of both weights
-counts what each excursion has of its own three times (Owen 2007): that is known from its influence, and taken away.
+Excursions at the same place of the motion, or from the same few large innovations of the record, are not independent.
+So the uncertainty of a tail is that of other places and other innovations: drawn with random weights (Bayesian
+bootstrap, Rubin 1981), the same for all hypotheses, as their excursions are correlated.  The product of both weights
+counts the variance of each single excursion three times (Owen 2007); that is computed from its influence and
+subtracted.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _UNSURE = 0.25
 
 @dataclass(frozen=True)
 class BankTails:
-    """Of H hypotheses; drawn (B, H) with other motion and innovations, the first as they are.
+    """Tails of H hypotheses; draws (B, H) over motion and innovations, the first is the estimate.
 
-    Excursions above ``base`` (H,) happen at the rate exp(log_rate) per sample, and exceed it by ``mean`` in the mean.
+    Excursions above ``base`` (H,) occur at the rate exp(log_rate) per sample and exceed it by ``mean`` on average.
     """
 
     base: Floats
@@ -50,7 +50,7 @@ class BankTails:
     """Logarithm of the factor that excursions above base become seldomer by, as far as they are seen"""
 
     def log_rates(self, h: Floats, steeper: Floats) -> Floats:
-        """Logarithms of the rates (B, H) of excursions above h (H,), where g is so many times as steep (B, H)."""
+        """Logarithms (B, H) of the rates of excursions above h (H,), where g is steeper by a factor (B, H)."""
         sigma, xi, end, slope = self._form
         above = h * steeper - self.base
         fallen = np.log1p(xi / sigma * np.clip(above, 0.0, end)) / xi
@@ -60,7 +60,7 @@ class BankTails:
 
     @cached_property
     def _form(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Scale and shape; the end of what the shape holds for, and the slope of -log of the share beyond (B, H)."""
+        """Scale, shape, end of the range of the shape, slope of -log of the survival function beyond; each (B, H)."""
         xi = np.where(np.abs(self.shape) > _NO_SHAPE, self.shape, _NO_SHAPE)
         sigma = self.mean * (1 - xi)
         end = sigma * np.expm1(2 * self.seen * xi) / xi
@@ -70,7 +70,7 @@ class BankTails:
 def bank_tails(
     heights: ExcursionPeaks, many: int, weights: tuple[Floats, Floats], farther: Floats
 ) -> BankTails:
-    """Of so many hypotheses; weights (B, places) of motion and innovations, and ``farther`` (B,), standard normal."""
+    """Tails of ``many`` hypotheses; weights (B, places) of motion and innovations; ``farther`` (B,) standard normal."""
     highest = [heights.highest(i) for i in range(many)]
     base = np.array([pair[0] for pair in highest])
     number = np.array([len(pair[1]) for pair in highest])
@@ -94,7 +94,7 @@ def bank_tails(
 
 
 def _own_variances(falling: Floats, alike: int) -> tuple[float, float, float]:
-    """Of the logarithms of number and mean, and of the shape, where excursions (n,) happen each by itself.
+    """Variances of the logs of number and mean, and of the shape, for independent excursions (n,).
 
     The sums of the squares of their influences (Hampel 1974).
     """
@@ -110,9 +110,9 @@ def _own_variances(falling: Floats, alike: int) -> tuple[float, float, float]:
 
 
 def _with_chance(drawn: Floats, own: Floats) -> Floats:
-    """Draws (H, B) about what is, as far as chance: with ``own`` (H,), of the excursions by themselves, once in it.
+    """Draws (H, B) around the estimate with the chance of single excursions, ``own`` (H,), counted once.
 
-    About what is, as where few innovations make a tail, most draws lack some of them.
+    They are centred on the estimate: where few innovations make a tail, most draws lack some of them.
     """
     differs = drawn[:, 1:] - drawn[:, 1:].mean(axis=1, keepdims=True)
     found = differs.var(axis=1)
@@ -121,7 +121,7 @@ def _with_chance(drawn: Floats, own: Floats) -> Floats:
 
 
 def _shrink_to_mean(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
-    """Each towards the mean of all (H, B); those that cannot tell have the mean."""
+    """Each shape shrunk towards the mean of all (H, B); those that are undetermined get the mean."""
     out = np.zeros_like(shape)
     if tell.any():
         own, mean = shape[tell, :1], shape[tell].mean(axis=0)
@@ -146,7 +146,7 @@ LEAST_HEIGHT = 2.0
 
 
 class ExcursionPeaks:
-    """Excursions of g of so many hypotheses, from pieces of its course over copies of records."""
+    """Peaks of the excursions of g of all hypotheses, collected piece by piece over copies of records."""
 
     def __init__(self, many: int) -> None:
         self._least = np.full(many, LEAST_HEIGHT)
@@ -158,7 +158,7 @@ class ExcursionPeaks:
         """Tested ones."""
 
     def course(self) -> tuple[Floats, NDArray[np.int64]]:
-        """The excursions of a course that begins; what ``take`` is given with each of its pieces."""
+        """State of a new course of g, to be given to ``take`` with each of its pieces."""
         return np.zeros_like(self._top), np.zeros_like(self._now)
 
     def take(
@@ -169,7 +169,7 @@ class ExcursionPeaks:
         origin: NDArray[np.int64],
         going_on: tuple[Floats, NDArray[np.int64]],
     ) -> None:
-        """g (N, H) from the time ``clock`` [samples] on; places of its motion and of its innovations (N,)."""
+        """Add g (N, H) from time ``clock`` [samples] on, with the blocks of its motion and innovations (N,)."""
         N, many = g.shape
         self.largest = np.maximum(self.largest, g.max(axis=0, initial=0.0))
         largest, times = np.empty((many, N // 2 + 1)), np.empty((4, many, N // 2 + 1), np.int64)
@@ -188,15 +188,18 @@ class ExcursionPeaks:
             self._least[i] = self._largest[i][-1]
 
     def highest(self, i: int) -> tuple[float, Floats, NDArray[np.int64]]:
-        """What the highest of hypothesis i exceed; by how much (n,), falling; place and origin of the peaks (2, n)."""
+        """The highest excursions of hypothesis i.
+
+        Returns the level that they exceed, by how much (n,), falling, and place and origin of the peaks (2, n).
+        """
         order = np.argsort(self._largest[i])[::-1]
         base = float(self._largest[i][order[TOP]]) if len(order) > TOP else LEAST_HEIGHT
         return base, self._largest[i][order[:TOP]] - base, self._times[i][[PLACE, ORIGIN]][:, order[:TOP]]
 
     def events(self, i: int, many: int) -> Floats:
-        """First sample, and that where they reach the least high of them (2, n), of so many that go highest.
+        """First sample, and the sample at which they reach the lowest of them (2, n), of the highest excursions.
 
-        Where they reach it is told from their peak, as if they had risen evenly.
+        The latter is interpolated from the peak, as if g rose linearly.
         """
         order = np.argsort(self._largest[i])[::-1][:many]
         heights, times = self._largest[i][order], self._times[i][:, order]

@@ -1,12 +1,12 @@
-"""Thresholds of a multi-model detector from healthy records and a false-alarm budget.
+"""Thresholds of the multi-model detector from healthy records and a false-alarm budget.
 
-For an exact model g goes beyond h about as often as exp(-h) says.  Of a real axis it is exp(-r h), with an r of each
-hypothesis (bank_tails.py): of the records themselves, as what the model lacks goes with their motion, and of copies of
-them (watched.py), which are as many as the tail needs.  What speaks for a hypothesis all along in some part of a
-healthy record is taken from its log-likelihood ratios: the allowance.
+For an exact model g exceeds h at about the rate exp(-h).  For a real axis it is exp(-r h), with an r of each hypothesis
+(multimodel_tails.py): from the records themselves, as model errors depend on their motion, and from copies of them
+(multimodel_healthy.py), of which there are as many as the tail needs.  What speaks for a hypothesis throughout a part
+of a healthy record is subtracted from its log-likelihood ratios: the allowance.
 
-What the rate is off by is what chance has done to the record: it knows the power of the innovations no better than it
-is long (spectra.py), and neither its motion nor its largest innovations are the next ones (bank_tails.py).
+The rate is uncertain because the record is finite: it determines the power of the innovations only as well as its
+length allows (spectra.py), and the next motion and the next large innovations are others (multimodel_tails.py).
 """
 
 import math
@@ -37,7 +37,7 @@ _HALVINGS = 14
 
 @dataclass(frozen=True)
 class BankLimits:
-    """Limits of all hypotheses; false alarms per sample of the whole bank, most likely, and a 90 % interval."""
+    """Limits of all hypotheses; false alarms per sample of the detector, most likely, and a 90 % interval."""
 
     own: tuple[Limit, ...]
     total: float
@@ -54,10 +54,10 @@ def bank_limits(
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> BankLimits:
-    """Thresholds with one false alarm of the whole bank in so many samples, kept with a certainty of 95 %.
+    """Thresholds with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
 
     Raises:
-        ValueError: the axis can have no bank; nothing was tested in any record.
+        ValueError: the detector is not available for the axis; no record has tested samples.
     """
     return limits_for_budget(
         multimodel_statistics(model, settings, records, rng, copies, progress), samples, rng
@@ -67,9 +67,9 @@ def bank_limits(
 def limits_for_budget(
     statistics: MultiModelStatistics, samples: float, rng: np.random.Generator
 ) -> BankLimits:
-    """Thresholds with one false alarm of the whole bank in so many samples, kept with a certainty of 95 %.
+    """Thresholds with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
 
-    Every hypothesis has the same share of the budget.
+    Every hypothesis gets the same share of the budget.
     """
     many, log_budget = len(statistics.hypotheses), -float(np.log(max(samples, 1.0)))
     weights = (_weights(statistics.places, rng), _weights(statistics.places, rng))
@@ -109,14 +109,14 @@ def limits_for_budget(
 
 
 def _weights(places: int, rng: np.random.Generator) -> Floats:
-    """Of mean 1, drawn (1 + _DRAWS, places); the first all alike."""
+    """Random weights of mean 1 (1 + _DRAWS, places); the first row is 1."""
     drawn = rng.exponential(size=(1 + _DRAWS, places))
     drawn[0] = 1.0
     return np.asarray(drawn / drawn.mean(axis=1, keepdims=True))
 
 
 def _height_for_rate(log_rate: Callable[[Floats], Floats], share: float, least: Floats) -> Floats:
-    """The height (H,) where the logarithm of a rate, which falls, is the share; at least ``least``."""
+    """Height (H,), at least ``least``, where the log of a falling rate equals the share."""
     low, high = least.copy(), least.copy()
     while (above := log_rate(high) > share).any():
         high = np.where(above, 2 * high, high)
@@ -141,9 +141,9 @@ _UNSURE = 0.2
 
 
 def log_share(found: ExcursionPeaks, hypotheses: int, log_rate: float, draws: Floats) -> Floats:
-    """Logarithm (B,) of alarms of the bank over those of its hypotheses, which are exp(log_rate) per sample together.
+    """Logarithm (B,) of the alarms of the detector over those of its hypotheses, whose total rate is exp(log_rate).
 
-    ``draws`` (B,) are of a standard normal.
+    ``draws`` (B,) are standard normal.
     """
     often, seldom = (_merged_share(found, hypotheses, many) for many in (_OFTEN, _FEW))
     if not seldom[0] < 0 or not often[0] < seldom[0]:
@@ -154,7 +154,7 @@ def log_share(found: ExcursionPeaks, hypotheses: int, log_rate: float, draws: Fl
 
 
 def _merged_share(found: ExcursionPeaks, hypotheses: int, many: int) -> tuple[float, float]:
-    """Logarithms of the share, and of the rate of excursions, where each hypothesis has so many."""
+    """Logs of the share, and of the rate of excursions, counted with ``many`` excursions of each hypothesis."""
     events = np.concatenate([found.events(i, many) for i in range(hypotheses)], axis=1)
     together, alarms, last = max(events.shape[1], 1), 0, -1.0
     for start, reached in events[:, np.argsort(events[1])].T.tolist():

@@ -1,4 +1,4 @@
-"""Why a record gives no thresholds: it is too short, without excitation, or has a change inside."""
+"""Checks of healthy records: long enough, with excitation, without a change inside."""
 
 import math
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ the square of so many memories is known to the root of that, as no record of min
 
 
 class CalibrationError(Exception):
-    """Records from which no thresholds can be had; the text says why, with numbers, and what would be right."""
+    """Records that yield no thresholds; the text says why, with numbers, and what would be right."""
 
 
 def check_settings(settings: Settings) -> None:
@@ -46,10 +46,10 @@ def check_settings(settings: Settings) -> None:
 
 
 def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
-    """That the records are long enough, and move the axis.
+    """Check that the records are long enough and move the axis.
 
     Raises:
-        CalibrationError: they do not.
+        CalibrationError: they are not or do not.
     """
     h, memory = settings.interval_s, settings.memory
     tested = np.concatenate([deviations.tested for deviations in found])
@@ -78,10 +78,10 @@ def check_records(model: AxisModel, settings: Settings, found: Sequence[Deviatio
 
 
 def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
-    """That nothing changes inside a record, and the nominal values are those of the axis.
+    """Check that nothing changes inside a record, and that the nominal values are those of the axis.
 
     Raises:
-        CalibrationError: something does.
+        CalibrationError: a parameter changes or is off.
     """
     for deviations in found:
         _check_no_change(model, settings, deviations)
@@ -118,7 +118,7 @@ def _check_no_change(model: AxisModel, settings: Settings, deviations: Deviation
 
 
 def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
-    """Where the means before and after differ most surely, by how much, and the standard deviation on either side."""
+    """Index of the most significant step of the mean, its size, and the standard deviation on each side."""
     n = len(d)
     k = np.arange(edge, n - edge)
     total = np.cumsum(d)
@@ -145,12 +145,12 @@ def _check_no_offset(model: AxisModel, settings: Settings, found: Sequence[Devia
 
 
 def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, interval_s: float) -> None:
-    """That the budget can be promised from records of that length.
+    """Check that records of this length can support the budget.
 
-    What copies know, the model says: so the records ``alone`` are not to be silent about it.
+    The copies rely on the model, so the records ``alone`` must not contradict them.
 
     Raises:
-        CalibrationError: it cannot.
+        CalibrationError: they cannot.
     """
     most = max(rates.upper, alone.upper) / rates.total
     widest = max(WIDEST, math.sqrt(samples / scatter.memory))

@@ -1,4 +1,4 @@
-"""Result of a calibration: thresholds, their false-alarm rate, and the changes that each detector would have found."""
+"""Result of a calibration: thresholds, their false-alarm rate, and the changes that each detector finds."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class DetectorResult:
 
 @dataclass(frozen=True)
 class MultiModelCalibration:
-    """Thresholds of the multi-model detector, and what it would have found of the same changes."""
+    """Thresholds of the multi-model detector, and its detection of the same changes."""
 
     limits: BankLimits
     caught: Sequence[TrialResult]
@@ -76,8 +76,8 @@ class MultiModelCalibration:
 class CalibrationResult:
     """Result of ``calibrate``; times in seconds.
 
-    ``settings`` have the thresholds.  ``onsets`` is the number of places at which each change began.  ``caught`` is
-    empty if the records are too short to try changes.  ``records_s`` is the total length of the records.
+    ``settings`` contain the thresholds.  ``onsets`` is the number of onsets of each change.  ``caught`` is empty if the
+    records are too short for trials.  ``records_s`` is the total length of the records.
     """
 
     model: AxisModel
@@ -100,7 +100,7 @@ class CalibrationResult:
 
     @property
     def by_bank(self) -> DetectorResult | None:
-        """Performance of the multi-model detector, if the axis can have it."""
+        """Performance of the multi-model detector, if it is available for the axis."""
         if self.bank is None:
             return None
         return DetectorResult("multimodel", self._between(self.bank.limits), self.bank.caught, self.within_s)

@@ -1,13 +1,13 @@
 """Mean time between false alarms of a CUSUM test on an estimate with exponential forgetting.
 
-The deviation of such an estimate is autocorrelated like lambda^l: with its standard deviation sigma as the unit, and
+The deviation of such an estimate is autocorrelated like lambda^l.  With its standard deviation sigma as the unit, and
 the memory tau, the test  g = max(0, g + d - k),  alarm at  g > h tau,  has the mean time between alarms
 
     tau / k^2 (e^a - 1 - a),      a = k (h + c)
 
-which is that of Brownian motion with a boundary moved out by c, for the overshoot at both ends.  Far out c is close to
-twice Milne's length, 2.92; for low thresholds, which the deviation may cross within its own correlation time, it is
-smaller.  Both were fitted to simulations (k 0.3 to 2.5, h 0.5 to 14, lambda 0.98 and 0.99): right within 15 %.
+This is the formula of Brownian motion with a boundary moved out by c for the overshoot at both ends.  For high
+thresholds c is close to twice Milne's length, 2.92; for low ones, which the deviation may cross within its correlation
+time, it is smaller.  Both were fitted to simulations (k 0.3 to 2.5, h 0.5 to 14, lambda 0.98 and 0.99): within 15 %.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ _LEAST_H = 1e-3
 
 
 def boundary(k: Floats, h: Floats) -> Floats:
-    """c: by how much the boundary seems farther away, in the unit of h."""
+    """c: shift of the boundary for the overshoot, in the unit of h."""
     return np.asarray(2.9 + 0.25 * k + 0.02 * k**2 - 1.7 * np.exp(-(0.13 + 0.96 * k) * h))
 
 
@@ -43,17 +43,17 @@ def log_mean_time(k: Floats, h: Floats, tau: Floats) -> Floats:
 
 
 def log_single(k: Floats, h: Floats) -> Floats:
-    """Logarithm of how many excursions of g from zero go beyond h, for each alarm at h.
+    """Logarithm of the number of excursions of g from zero beyond h per alarm at h.
 
-    After an alarm the sum restarts while the deviation is still large, and often goes as far again; an excursion
-    that goes twice as far is one.  Fitted to simulations (k 0.3 to 1.4): right within 6 % from h = 1.5 on.
+    After an alarm the sum restarts while the deviation is still large, and often reaches h again; an excursion to 2 h
+    counts once.  Fitted to simulations (k 0.3 to 1.4): within 6 % from h = 1.5 on.
     """
     k = np.maximum(k, LEAST_K)
     return np.asarray(np.log1p(-np.exp(-(0.7 + 0.3 * k) * k * np.maximum(h, _LEAST_H))))
 
 
 def threshold(k: float, log_samples: float, tau: float) -> float:
-    """h, over sigma tau, with which the mean time between alarms is e^log_samples samples; 0 where any gives more."""
+    """h, over sigma tau, with a mean time between alarms of e^log_samples samples; 0 where any threshold gives more."""
 
     def excess(h: float) -> float:
         return float(log_mean_time(np.array(k), np.array(h), np.array(tau))) - log_samples
@@ -62,7 +62,7 @@ def threshold(k: float, log_samples: float, tau: float) -> float:
 
 
 def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
-    """Where f, of different signs at low and high, is zero."""
+    """Root of f, which has different signs at low and high."""
     from scipy.optimize import brentq  # costs the daemon half a second, which never calls it
 
     return float(brentq(f, low, high, xtol=xtol))

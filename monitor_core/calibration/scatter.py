@@ -1,8 +1,7 @@
-"""Scatter of the estimates about their nominal values in healthy records, and its uncertainty.
+"""Scatter of the estimates around their nominal values in healthy records, and its uncertainty.
 
-The size of the deviations is the recorded one, whatever P says: colour of the innovations and an imperfect model are
-in it.  How well a record tells it, its blocks, several memories long, say: resampled (block bootstrap; Kuensch 1989)
-they give another variance each time.
+The size of the deviations is the recorded one, not that of P: it contains the colour of the innovations and model
+errors. Its uncertainty comes from resampling blocks of several memories (block bootstrap; Kuensch 1989).
 """
 
 import math
@@ -25,11 +24,11 @@ LONGEST, MOST_BLOCKS = 5, 30
 
 @dataclass(frozen=True)
 class Scatter:
-    """What healthy records say of p parameters, in sizes of the parameters; times in samples.
+    """Scatter of p parameters in healthy records, in sizes of the parameters; times in samples.
 
-    ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii).  ``power`` (B, p): what the true
-    variance may be, over sigma^2.  ``off`` (B, p): how far from ``mean_d`` the true mean may be.  Both go together in
-    parameters that err together.
+    ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii).  ``power`` (B, p): draws of the
+    true variance over sigma^2.  ``off`` (B, p): draws of the true mean less ``mean_d``.  Both are correlated between
+    parameters whose estimates are.
     """
 
     mean_d: Floats  # (p,)
@@ -42,23 +41,23 @@ class Scatter:
 
     @property
     def offset(self) -> Floats:
-        """Of the deviations (p,), as far as the rates have it in them."""
+        """Offset of the deviations (p,), as far as the rates include it."""
         most = OFFSET * self.sigma
         return np.clip(self.mean_d, -most, most)
 
     @property
     def beyond(self) -> Floats:
-        """How much farther off zero the deviations are all along (p,): the tests allow for it."""
+        """Lasting offset of the deviations (p,) that the rates do not include: covered by the allowance."""
         return np.abs(self.mean_d - self.offset)
 
 
 def scatter(
     deviations: Sequence[Deviations], memory: float, rng: np.random.Generator, times: int = 1000
 ) -> Scatter:
-    """What the records say, with ``times`` resamplings of their blocks.
+    """Scatter of the records, with ``times`` resamplings of their blocks.
 
     Raises:
-        ValueError: there is nothing in them.
+        ValueError: the records have no tested samples.
     """
     q = max(1, round(memory / BINS))
     parts = [part for deviation in deviations if len(part := binned(deviation, q)) > BINS]
@@ -88,15 +87,15 @@ def binned(deviations: Deviations, q: int) -> Floats:
 
 
 def _correlation(values: Floats) -> Floats:
-    """Of the columns of values (B, p)."""
+    """Correlation of the columns of values (B, p)."""
     z = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), _SMALL)
     return np.asarray(z.T @ z / len(z))
 
 
 def _mirrored_variance(resampled: Floats, memories: float) -> Floats:
-    """Variance of the truth over the record's, from resampled over the record's (B, p): as far to the other side.
+    """Draws of the true variance over that of the record, mirrored from the resampled ones (B, p).
 
-    Few blocks do not scatter enough: at least as normal deviations do, that are forgotten within a memory.
+    Few blocks scatter too little: at least as much as normal deviations that are forgotten within a memory.
     """
     log = np.log(resampled)
     return np.asarray(

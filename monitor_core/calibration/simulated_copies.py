@@ -1,4 +1,4 @@
-"""Axes simulated with the identified model and the innovations of a record: healthy ones, and faulty ones."""
+"""Axes simulated with the identified model and the innovations of a record, healthy and faulty."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ _ENDLESS = 1 - 1e-6
 
 @dataclass(frozen=True)
 class Innovations:
-    """Of the predictor at nominal, along a record: eps (N,), NaN where nothing was learned, and states.
+    """Innovations eps (N,) of the predictor with nominal values along a record, NaN where nothing was learned.
 
     ``x`` (len(at), n) are the states after the sample before each of ``at``.
     """
@@ -35,7 +35,7 @@ class Innovations:
 def innovations(
     model: AxisModel, settings: Settings, record: SampleBlock, at: Sequence[int] = ()
 ) -> Innovations:
-    """Innovations of the predictor at nominal, and its state just before the samples ``at``, in rising order."""
+    """Innovations of the predictor with nominal values, and its states just before the samples ``at``, rising."""
     frozen = replace(without_tests(settings), lam=_ENDLESS, P0=(), min_excitation=0.0, floor=0.0, outlier=0.0)
     monitor = AxisMonitor(model, frozen)
     eps, states, done = [], [], 0
@@ -48,12 +48,12 @@ def innovations(
 
 
 class Plants:
-    """Drives of one structure, each with its own values, in innovations form with the gain of the monitor.
+    """Drives of one structure with different values, in innovations form with the gain of the monitor.
 
     Args:
         model: the nominal one.
         settings: of its monitor.
-        values: parameter values of each drive, the torque's delay among them where it is a parameter.
+        values: parameter values of each drive, with the delay of the torque where that is a parameter.
     """
 
     def __init__(self, model: AxisModel, settings: Settings, values: Sequence[Mapping[str, float]]) -> None:
@@ -68,7 +68,7 @@ class Plants:
         self._filtered = drive.output != "speed" and COULOMB in drive.inputs
 
     def run(self, which: Ints, x: Floats, u_before: Floats, u: Floats, eps: Floats) -> tuple[Floats, Floats]:
-        """Outputs y (N, W) and the states (W, n) at the end of drives ``which`` (W,).
+        """Outputs y (N, W) and final states (W, n) of the drives ``which`` (W,).
 
         Args:
             which: number of the drive.

@@ -1,19 +1,19 @@
-"""Uncertainty of the slope of g of each hypothesis, from that of the spectrum of the innovations.
+"""Uncertainty of the slope r of g of each hypothesis, from that of the spectrum of the innovations.
 
-g goes beyond h about as often as exp(-r h), with the r where the cumulant generating function of a log-likelihood ratio
-is zero (Lundberg).  That hangs on the power S of the innovations e_0 at the frequencies where the hypothesis looks at
-them.  Its innovations are  e_i = (1 + F) e_0 + d:  its predictor filters what is noise, and differs by d of the power D
-where there is motion.  For Gaussian noise, and innovations that are said to have the variances lambda and lambda_i, the
+g exceeds h at about the rate exp(-r h), where r is the root of the cumulant generating function of a log-likelihood
+ratio (Lundberg).  It depends on the power S of the innovations e_0 at the frequencies that the hypothesis uses.  The
+innovations of the hypothesis are  e_i = (1 + F) e_0 + d:  its predictor filters the noise, and differs by d, of power
+D, where there is motion.  For Gaussian noise, and innovations with the stated variances lambda and lambda_i, the
 function of r is the mean over all frequencies of
 
     -log(1 - x) / 2 - r D / (2 lambda_i) + B / (1 - x) - r level,
 
 x = r S (1 / lambda - |1 + F|^2 / lambda_i),  B = r^2 D S |1 + F|^2 / (2 lambda_i^2),  and the level is half of
-log(lambda_i / lambda), and the allowance.  With F = 0 and lambda_i = lambda r is lambda times the mean of D over that
-of D S; where more noise is said to be there, r falls several times as fast with S.
+log(lambda_i / lambda) plus the allowance.  With F = 0 and lambda_i = lambda, r is lambda times the mean of D over that
+of D S; for hypotheses of more noise, r falls several times as fast with S.
 
-A record knows the power at each frequency from as many periodogram ordinates as it is long (Priestley 1981, 6.2): a
-hypothesis that looks at all frequencies knows its r well, an offset, at those next to zero, does not.
+A record determines the power at each frequency by as many periodogram ordinates as it is long (Priestley 1981, 6.2): r
+is well known for a hypothesis that uses all frequencies, but not for an offset, which uses those next to zero.
 """
 
 from collections.abc import Callable
@@ -29,12 +29,12 @@ _MOST = 0.5
 
 
 class Spectra:
-    """Of innovations (N, 1 + H), of what holds and of each hypothesis, in segments of so many samples.
+    """Spectra of the innovations (N, 1 + H) of the reference and of each hypothesis, in segments.
 
     Args:
-        variance: that innovations are said to have (1 + H,).
-        allowance: taken from each log-likelihood ratio (H,).
-        length: of a segment.
+        variance: stated variance of the innovations (1 + H,).
+        allowance: subtracted from each log-likelihood ratio (H,).
+        length: samples of a segment.
     """
 
     def __init__(self, variance: Floats, allowance: Floats, length: int) -> None:
@@ -50,7 +50,7 @@ class Spectra:
         self._samples = self._segments = 0
 
     def add(self, eps: Floats) -> None:
-        """Of one record; samples without a finite innovation are left out."""
+        """Add a record; samples without a finite innovation are left out."""
         kept = eps[np.isfinite(eps).all(axis=1)]
         segments = len(kept) // self._length
         for segment in kept[: segments * self._length].reshape(segments, self._length, -1):
@@ -62,7 +62,7 @@ class Spectra:
         self._samples, self._segments = self._samples + len(kept), self._segments + segments
 
     def r(self) -> Floats:
-        """Of each hypothesis (H,): 1 for an exact model; far above it where nothing ever speaks for a hypothesis."""
+        """Slope of each hypothesis (H,): 1 for an exact model; very large where nothing ever speaks for it."""
         D, slack, moved = self._parts()
 
         def cumulant(r: Floats) -> Floats:
@@ -73,14 +73,14 @@ class Spectra:
         return _root(cumulant, 1 / np.maximum(slack.max(axis=0), _LEAST))
 
     def covariance(self) -> Floats:
-        """Of log r (H, H); nothing is known of those that nothing speaks for."""
+        """Covariance of log r (H, H); infinite for hypotheses without evidence."""
         share = self._shares()
         own = (share / self._bands()).T @ share * self._length / max(self._samples, 1)
         less = _MOST / np.maximum(np.sqrt(np.diag(own)), _MOST)
         return np.asarray(own * np.outer(less, less))
 
     def _shares(self) -> Floats:
-        """By how much log r falls with the logarithm of the power at each frequency (F, H): by implicit derivatives."""
+        """Sensitivity of log r to the log of the power at each frequency (F, H), by implicit derivatives."""
         D, slack, moved = self._parts()
         r = self.r()
         x, B = r * slack, r**2 * moved
@@ -93,18 +93,18 @@ class Spectra:
         return np.asarray(with_power / np.where(slope > _LEAST, slope, np.inf))
 
     def _bands(self) -> Floats:
-        """Of the frequencies (F, 1): half of the first and of the last is another's."""
+        """Width of each frequency band (F, 1); the first and the last count half."""
         band = np.ones((len(self._eps), 1))
         band[0] = band[-1] = 0.5
         return band
 
     def _weight(self) -> Floats:
-        """Of the frequencies (F, 1) in a mean."""
+        """Weight of each frequency (F, 1) in a mean."""
         bands = self._bands()
         return np.asarray(bands / bands.sum())
 
     def _parts(self) -> tuple[Floats, Floats, Floats]:
-        """Of each frequency and hypothesis (F, H), at r = 1: D, x, which is what noise speaks for it, and B."""
+        """D, x and B of each frequency and hypothesis (F, H), at r = 1."""
         many = max(self._segments, 1)
         S, difference = np.maximum(self._eps / many, _LEAST * self._lam), self._difference / many
         # Of what motion makes, chance puts its part into F: as much as it would of a difference with no noise in it.
@@ -115,7 +115,7 @@ class Spectra:
 
 
 def _root(f: Callable[[Floats], Floats], most: Floats) -> Floats:
-    """Where convex functions that fall from 0 at 0 are 0 again (H,), below ``most``; far out if they never are."""
+    """Second root (H,) of convex functions that fall from 0 at 0, below ``most``; far out if there is none."""
     low, high = np.zeros_like(most), np.minimum(most, 1.0)
     for _ in range(_DOUBLINGS):
         high = np.where(f(high) < 0, np.minimum(2 * high, most), high)

@@ -1,7 +1,7 @@
-"""Surrogate records: the motion of a healthy record, its innovations in another order, through the monitor.
+"""Surrogate records: the motion of a healthy record, its innovations in another order, run through the monitor.
 
-Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations: their colour stays.  What the recursion makes
-of them, its autocorrelation, the unequal tails, is its own, as the very recursion runs.
+Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations, which keeps their colour.  The recursion
+itself runs over the copies, so the autocorrelation and the asymmetry of the estimates are reproduced.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ _ROOM, _KNOWN = 300_000, 50
 
 @dataclass(frozen=True)
 class Excursions:
-    """Largest values of the tests' sums in each excursion from zero, falling; [direction][parameter].
+    """Peaks of the sums of the tests in each excursion from zero, falling; [direction][parameter].
 
-    In sizes times samples, of tests with nu over sigma = k (p,), over so many ``samples`` of each test.
+    In sizes times samples, of tests with nu over sigma = k (p,), in ``samples`` of each test.
     """
 
     k: Floats
@@ -70,7 +70,7 @@ def simulate_excursions(
     samples: int = SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Excursions:
-    """Excursions of the tests' sums with nu = k sigma, so many samples long.
+    """Excursions of the sums of tests with nu = k sigma, in ``samples`` of copies.
 
     Raises:
         ValueError: no record has innovations, or is long enough.
@@ -95,7 +95,7 @@ def simulate_excursions(
 
 
 def _bootstrap_error(copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator) -> Floats:
-    """Of copies with few of the innovations, made as small as it is with all of them (2 p, 2 p)."""
+    """Error covariance (2 p, 2 p) of the copies, scaled from copies with few of the innovations to all of them."""
     few = [bootstrap_blocks(copies.settings, source, FEW, rng) for source in sources]
     parts = PartSums()
     turns = math.ceil(OWN_SAMPLES / LANES / sum(len(source.u) for source in sources))
@@ -111,7 +111,7 @@ def _bootstrap_error(copies: _Copies, sources: Sequence[CopySource], rng: np.ran
 
 @dataclass(frozen=True)
 class CopySource:
-    """Of a record: what its copies need, from where the estimates run on."""
+    """What copies of a record are made from, starting where the estimates run."""
 
     u: Floats
     eps: Floats
@@ -122,7 +122,7 @@ class CopySource:
 
 
 def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> CopySource | None:
-    """What copies of a record need; None where too little was learned from it."""
+    """What copies of a record are made from; None where too little was learned in it."""
     monitor, start = AxisMonitor(model, without_tests(settings)), 0
     step = settings.span
     st = monitor.batch.state
@@ -150,13 +150,13 @@ def block_length(settings: Settings) -> int:
 def bootstrap_blocks(
     settings: Settings, source: CopySource, share: float, rng: np.random.Generator
 ) -> MatchedBlocks:
-    """Innovations for LANES copies of a record, each of which has so many times those of the record."""
+    """Innovations for LANES copies of a record, each drawn from a share of those of the record."""
     length = block_length(settings)
     return MatchedBlocks(source.eps, length, max(FEWEST, round(share * len(source.eps) / length)), LANES, rng)
 
 
 class Innovations(Protocol):
-    """Those of LANES copies."""
+    """Innovations of LANES copies."""
 
     def take(self, count: int) -> Floats:
         """The next (count, LANES)."""
@@ -206,12 +206,12 @@ class _Copies:
 
 
 def stride(settings: Settings) -> int:
-    """So many samples go by from one that is looked at to the next."""
+    """Number of samples from one that is evaluated to the next."""
     return max(1, round(settings.memory / BINS))
 
 
 class _PeakCounter:
-    """How far the sums of the tests of all copies go."""
+    """Collects the peaks of the sums of the tests of all copies."""
 
     def __init__(self, model: AxisModel, settings: Settings, k: float) -> None:
         p = len(model.scale)
@@ -223,12 +223,12 @@ class _PeakCounter:
         self._begun = 0
 
     def begin(self) -> None:
-        """With other copies."""
+        """Start with other copies."""
         self._begun += 1
         self._g[...] = self._top[...] = 0.0
 
     def take(self, d: Floats, s: Floats) -> None:
-        """Deviations and their sqrt(lambda_0 P_ii) (n, p, LANES)."""
+        """Add deviations and their sqrt(lambda_0 P_ii) (n, p, LANES)."""
         self._sums += [d.sum(axis=(0, 2)), (d * d).sum(axis=(0, 2)), s.sum(axis=(0, 2))]
         self._counted += len(d) * LANES
         if self._alpha1 is None:
@@ -244,7 +244,7 @@ class _PeakCounter:
         return np.asarray(np.sqrt(self._sums[1] / self._counted - mean**2))
 
     def found(self, error: Floats) -> Excursions:
-        """All that was found, by copies that are off by so much."""
+        """All excursions found, with the error of the copies."""
         assert self._alpha1 is not None
         kept = tuple(
             tuple(self._q * np.sort(row[: min(n, _ROOM)])[::-1] for row, n in zip(rows, ns, strict=True))
@@ -270,16 +270,16 @@ _TINY = 1e-6
 
 
 class MatchedBlocks:
-    """Innovations of copies, without end.
+    """Endless innovations of copies.
 
-    Each copy has blocks of its own, drawn with replacement, and takes from them again and again.
+    Each copy has its own blocks, drawn with replacement, and uses them again and again.
 
     Args:
-        eps: of the record (N,), at least two.
-        length: of a block.
-        many: blocks that each copy has.
-        copies: how many there are.
-        rng: of the choice.
+        eps: innovations of the record (N,), at least two.
+        length: samples of a block.
+        many: number of blocks of each copy.
+        copies: number of copies.
+        rng: random generator.
     """
 
     def __init__(self, eps: Floats, length: int, many: int, copies: int, rng: np.random.Generator) -> None:
@@ -296,7 +296,7 @@ class MatchedBlocks:
 
     @property
     def samples(self) -> int:
-        """That a copy has, one or the other more than once."""
+        """Number of samples of a copy, repeated ones included."""
         return self._length * int(self._first.shape[1])
 
     def take(self, count: int) -> Floats:
@@ -313,7 +313,7 @@ class MatchedBlocks:
 
 
 def predicted_sum(eps: Floats, lags: int) -> Floats:
-    """The best linear prediction (N,), at each sample, of the sum of the next ``lags`` from as many last (Wiener)."""
+    """Best linear prediction (N,), at each sample, of the sum of the next ``lags`` from as many past ones (Wiener)."""
     N, size = len(eps), next_fast_len(len(eps) + 2 * lags + 1, real=True)
     F = rfft(eps, size)
     r = irfft(np.abs(F) ** 2, size)[: 2 * lags + 1]  # autocovariance, by N
@@ -343,14 +343,14 @@ class PartSums:
         return len(self._sums)
 
     def add(self, d: Floats) -> None:
-        """Deviations (n, p, W) of a part."""
+        """Add deviations (n, p, W) of a part."""
         self._sums.append(np.stack([d.sum(axis=0), (d * d).sum(axis=0)]))
         self._counts.append(float(len(d)))
 
     def own_error(self) -> Floats:
-        """Covariance (2 p, 2 p) of what copies have from their blocks: of the means, over sigma, and of log sigma.
+        """Covariance (2 p, 2 p) between copies due to their blocks: of the means, over sigma, and of log sigma.
 
-        More colour makes more bias and more scatter, of all parameters that it reaches: these errors go together.
+        More colour makes more bias and more scatter of all parameters that it reaches, so these errors are correlated.
         """
         x = self._each()
         R, W = len(x), x.shape[-1]
@@ -361,7 +361,7 @@ class PartSums:
         return excess_covariance(np.cov(copies), chance, W)
 
     def _each(self) -> Floats:
-        """What each part makes of both, of each copy (R, 2 p, W); means of these are what the copy has."""
+        """Contribution of each part to both, of each copy (R, 2 p, W); their means are those of the copy."""
         sums, n = np.array(self._sums), np.array(self._counts)[:, np.newaxis, np.newaxis]
         of_copy, square = sums.sum(axis=0) / n.sum()
         variance = (square - of_copy**2).mean(axis=-1, keepdims=True)
@@ -371,10 +371,10 @@ class PartSums:
 
 
 def excess_covariance(seen: Floats, chance: Floats, times: int) -> Floats:
-    """What a covariance (n, n), seen ``times`` times, has beyond that of chance (n, n), as far as it stands out.
+    """The significant part of a covariance (n, n) beyond that of chance (n, n).
 
-    A spiked covariance (Donoho, Gavish and Johnstone 2018): of eigenvalues, in units of chance, those above what chance
-    alone would make, without what it added to them.
+    A spiked covariance (Donoho, Gavish and Johnstone 2018): of the eigenvalues, in units of chance, those above what
+    chance alone would give with ``times`` draws, less its contribution to them.
     """
     root = np.linalg.cholesky(chance)
     half = np.linalg.solve(root, seen)

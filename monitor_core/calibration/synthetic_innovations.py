@@ -1,8 +1,9 @@
 """Synthetic innovations of any length with the spectrum of those of a record.
 
-Blocks of a record's innovations (blocks.py) have its colour, but what is over within a block, a burst of noise, happens
-in copies only as it happened in the record, again and again.  So the colour is taken out by an autoregression, what is
-left is drawn in pieces too short to hold a burst, and the colour is put back (sieve bootstrap, Buehlmann 1997).
+Blocks of a record's innovations (surrogate_records.py) have its colour, but a burst of noise within a block occurs in
+copies only as it occurred in the record, again and again.  So the colour is removed by an autoregression, the shocks
+that are left are drawn in pieces too short to hold a burst, and the colour is restored (sieve bootstrap, Buehlmann
+1997).
 """
 
 import numpy as np
@@ -21,12 +22,12 @@ _SETTLING = 1000
 
 
 class SieveBootstrap:
-    """Innovations of copies, without end.
+    """Endless innovations of copies.
 
     Args:
-        eps: of the record (N,), at least two, of mean zero.
-        copies: how many there are.
-        rng: of the choice.
+        eps: innovations of the record (N,), at least two, of mean zero.
+        copies: number of copies.
+        rng: random generator.
     """
 
     def __init__(self, eps: Floats, copies: int, rng: np.random.Generator) -> None:
@@ -57,10 +58,11 @@ class SieveBootstrap:
 
 
 def autoregression(eps: Floats) -> Floats:
-    """Coefficients (1 + order,) of the filter that makes white what is left of eps (N,) (Yule and Walker).
+    """Coefficients (1 + order,) of the whitening filter of eps (N,) (Yule and Walker).
 
-    Of twice the order of the least AIC: what colours innovations has no order, and that one predicts them best (Shibata
-    1980), but has a bias where their power is large or small, which no interval states; of the longer one it is chance.
+    The order is twice that of the smallest AIC: coloured innovations have no finite order.  The AIC order predicts them
+    best (Shibata 1980), but has a bias where their power is large or small, which no interval covers; at twice the
+    order the error is chance.
     """
     N = len(eps)
     longest = min(2 * _ORDERS[-1], N // _SAMPLES_EACH)
@@ -93,7 +95,7 @@ _NO_SHAPE = 1e-6
 
 
 class Shocks:
-    """Of a record (N,)."""
+    """Shocks of a record (N,) with resampled tails."""
 
     def __init__(self, shocks: Floats) -> None:
         self._shocks = shocks
@@ -106,7 +108,7 @@ class Shocks:
         return len(self._shocks)
 
     def _tail(self, sign: int) -> tuple[int, float, float, float]:
-        """Of the largest, or the lowest: the sign, the level, and scale and shape of what exceeds it."""
+        """Of the largest, or the smallest, shocks: the sign, the level, and scale and shape of their exceedances."""
         falling = np.argsort(-sign * self._shocks)
         self._rank[falling[: self._many]] = sign * np.arange(1, self._many + 1)
         level = float(sign * self._shocks[falling[self._many]])
@@ -114,7 +116,7 @@ class Shocks:
         return sign, level, sigma, xi
 
     def drawn(self, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
-        """Those with the indices ``which``, of any shape."""
+        """Shocks at the indices ``which``, of any shape."""
         out = self._shocks[which]
         for sign, level, sigma, xi in self._tails:
             rank = sign * self._rank[which]
@@ -125,7 +127,7 @@ class Shocks:
 
 
 def pareto(falling: Floats) -> tuple[float, float]:
-    """Scale sigma and shape xi, not 0, of a generalised Pareto distribution, of excesses (N,) of it as they fall.
+    """Scale sigma and shape xi, not 0, of a generalised Pareto distribution of exceedances (N,), falling.
 
     x is exceeded with probability (1 + xi x / sigma)^(-1 / xi).  By probability-weighted moments (Hosking and Wallis
     1987):  xi = 2 - m / (m - 2 a),  with m the mean of x and a that of x (1 - F).
