@@ -1,4 +1,4 @@
-"""How an axis is monitored: predictor, forgetting, detector, gaps."""
+"""Settings of the monitoring of an axis: predictor, forgetting, tests, gaps."""
 
 import math
 from dataclasses import dataclass, field
@@ -113,7 +113,7 @@ class Settings:
 
     @property
     def divisor(self) -> float:
-        """Of lambda_0 P, which gives the covariance of the estimates: 1 + lambda; 2 where parameters drift."""
+        """Divisor of lambda_0 P that gives the covariance of the estimates: 1 + lambda; 2 for a random walk."""
         return 2.0 if self.drift else 1 + self.lam
 
     @property
@@ -123,19 +123,19 @@ class Settings:
 
     @property
     def span(self) -> int:
-        """Updates between two looks at P: a quarter of the memory."""
+        """Number of updates between two applications of the information floor: a quarter of the memory."""
         return max(1, round(self.memory / 4))
 
     @property
     def naming_samples(self) -> int:
-        """Samples from the first crossing to the name; also between readings, and of recovery that ends an alarm."""
+        """Samples from the first crossing to the name, between readings, and of a recovery that ends an alarm."""
         return round(NAMING_MEMORIES * self.memory)
 
     def tests(self, p: int) -> Floats:
         """alpha1, alpha2 and the allowance of each parameter (3, p).
 
         Raises:
-            ValueError: there are thresholds of another number of parameters.
+            ValueError: the thresholds are for another number of parameters.
         """
         own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
         if len(own) != p:

@@ -1,7 +1,7 @@
-"""When a series left its level, and whether at once or little by little: Bayes for one change in white noise.
+"""When a series left its level, and whether suddenly or gradually: Bayes for one change in white noise.
 
-The values are means over consecutive stretches of time.  Each moment is as likely as any other to be that of the
-change; level before it and size are integrated out, both being Gaussian.
+The values are means over consecutive stretches of time.  Each moment has the same prior probability; the level before
+the change and its size are integrated out, both Gaussian.
 """
 
 from typing import NamedTuple
@@ -38,8 +38,8 @@ def find_change(edges: Floats, values: Floats, sd: Floats, level_sd: float) -> C
     Args:
         edges: (N + 1,) in any unit of time, increasing.
         values: white but for the change.
-        sd: at least; a larger scatter about what fits best counts.
-        level_sd: standard deviation of the level before, about zero.
+        sd: lower bound; a larger scatter around the best fit is used instead.
+        level_sd: standard deviation of the level before, around zero.
     """
     moments = _moments(edges)
     step, ramp = _steps(edges, moments), _ramps(edges, moments)
@@ -85,7 +85,7 @@ def _fit(f: Floats, values: Floats, sd: Floats, level_sd: float) -> tuple[Floats
 
 
 def _excess(f: Floats, values: Floats, sd: Floats, level_sd: float) -> float:
-    """Root mean square of the residuals of the best fit, in standard deviations; three are fitted."""
+    """Root mean square of the residuals of the best fit, in standard deviations (three degrees of freedom)."""
     log_evidence, size, _ = _fit(f, values, sd, level_sd)
     best = int(log_evidence.argmax())
     rest = values - size[best] * f[best]
@@ -95,7 +95,7 @@ def _excess(f: Floats, values: Floats, sd: Floats, level_sd: float) -> float:
 
 
 def _interval(edges: Floats, p: Floats) -> tuple[float, float]:
-    """The middle COVERED of the probability p (moments,), which is spread evenly over the parts of the stretches."""
+    """The central interval of probability COVERED of p (moments,), uniform within the parts of the stretches."""
     at = np.append((edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS).ravel(), edges[-1])
     total = np.append(0.0, np.cumsum(p))
     low, high = np.interp([(1 - COVERED) / 2, (1 + COVERED) / 2], total, at)

@@ -28,7 +28,7 @@ class Raised:
 
 @dataclass(frozen=True, slots=True)
 class DetectedAgain:
-    """The tests of an open alarm have crossed their thresholds again, so many times."""
+    """The tests of an open alarm have crossed their thresholds again, ``count`` times."""
 
     alarm: AlarmKey
     time_us: int
@@ -113,7 +113,7 @@ class Detector(Protocol[E_contra]):
         """The cause that is nearest its threshold."""
 
     def interpret(self, event: E_contra, open_alarms: Sequence[Alarm]) -> list[AlarmEvent]:
-        """What an event of this detector means for the alarms, of which these are open, the oldest first."""
+        """Alarm events that an event of this detector causes, given the open alarms, the oldest first."""
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
         """From now on these alarms are open, in place of the previous ones."""

@@ -27,7 +27,7 @@ LEAST_TOLERANCE = 3.3
 
 
 class Causes(NamedTuple):
-    """What speaks for each of the parameters, in their order; those known before have T = 0 and probability 0."""
+    """Evidence for each parameter, in their order; those known before have T = 0 and probability 0."""
 
     T: Floats  # (p,) chi-square
     size: Floats  # (p,) if it alone has changed
@@ -44,7 +44,7 @@ class Causes(NamedTuple):
         return int(self.probability.argmax())
 
     def explains(self, tolerance: float) -> bool:
-        """Whether the likeliest cause explains all, where d_i alone may be off by ``tolerance`` standard deviations."""
+        """Whether the most likely cause explains all deviations to within ``tolerance`` standard deviations."""
         return bool(self.rest <= limit(tolerance, self.freedom))
 
     def stands_out(self, tolerance: float) -> bool:
@@ -53,7 +53,7 @@ class Causes(NamedTuple):
 
 
 def limit(tolerance: float, freedom: int) -> float:
-    """The chi-square that is passed as seldom as ``tolerance`` standard deviations are."""
+    """The chi-square with the same tail probability as ``tolerance`` standard deviations."""
     if not freedom:
         return np.inf
     tail = chdtrc(1, max(tolerance, LEAST_TOLERANCE) ** 2)
@@ -61,7 +61,10 @@ def limit(tolerance: float, freedom: int) -> float:
 
 
 def single_faults(d: Floats, V: Floats, known: Collection[int] = (), prior: Floats | None = None) -> Causes:
-    """The causes of d (p,) of covariance V (p, p), beside those known; ``prior`` (p,) odds, else all are equal."""
+    """Evidence for single causes of d (p,) of covariance V (p, p), given those known.
+
+    ``prior`` (p,) are the prior odds, equal by default.
+    """
     p = len(d)
     rest = [i for i in range(p) if i not in known]
     T, size, size_sd, probability = np.zeros(p), np.zeros(p), np.full(p, np.inf), np.zeros(p)
@@ -78,7 +81,7 @@ def single_faults(d: Floats, V: Floats, known: Collection[int] = (), prior: Floa
 
 
 def sizes(d: Floats, V: Floats, changed: Sequence[int]) -> tuple[Floats, Floats]:
-    """Sizes and standard deviations of the ``changed`` ones, if nothing else has changed."""
+    """Sizes and standard deviations of the ``changed`` parameters, if no others have changed."""
     R, scale = _information(V)
     J = list(changed)
     covariance = np.linalg.inv(R[np.ix_(J, J)])
@@ -86,9 +89,9 @@ def sizes(d: Floats, V: Floats, changed: Sequence[int]) -> tuple[Floats, Floats]
 
 
 def _information(V: Floats) -> tuple[Floats, Floats]:
-    """The inverse of V in units of its standard deviations, and these; parameters differ by many orders.
+    """The inverse of V in units of its standard deviations, and these; parameters differ by many orders of magnitude.
 
-    Rounding may leave a V, of a predictor that is running away, with a direction of less than no variance.
+    Rounding may leave V, of a diverging predictor, with a direction of negative variance.
     """
     scale = np.sqrt(np.diag(V))
     values, vectors = np.linalg.eigh(V / np.outer(scale, scale))

@@ -1,6 +1,6 @@
-"""Onset and kind of a change, from how the estimates went until then.
+"""Onset and kind of a change, from the past of the estimates.
 
-theta and P at two times say what the samples between them said alone: R theta is the sum of psi (eps + psi' theta),
+theta and P at two times give the information of the samples between them: R theta is the sum of psi (eps + psi' theta),
 forgotten like R = P^-1.  So R_k theta_k - lam^n R_(k-1) theta_(k-1) has no memory left: its mean is dR theta and its
 covariance lambda_0 dR, dR = R_k - lam^n R_(k-1), white from stretch to stretch.
 """
@@ -25,7 +25,7 @@ LEAST_SHARE = 1e-4
 
 
 class Past(NamedTuple):
-    """Deviations and P at some times, equally many samples that were learned apart."""
+    """Deviations and P at several times, with the same number of learned samples in between."""
 
     t_us: NDArray[np.int64]  # (N,)
     d: Floats  # (N, p)
@@ -42,7 +42,7 @@ class Past(NamedTuple):
 def past_of(
     t_us: NDArray[np.int64], kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float
 ) -> Past:
-    """From what the kernel keeps: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2)."""
+    """Past from the arrays of the kernel: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2)."""
     known = t_us != NEVER
     rows, columns = np.triu_indices(p)
     P = np.empty((int(known.sum()), p, p))
@@ -51,9 +51,9 @@ def past_of(
 
 
 def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
-    """Deviations (p,) that explain the last stretches, all counting alike, with their covariance; None: too little.
+    """Deviations (p,) that fit the last stretches with equal weights, with their covariance; None: too little is known.
 
-    An estimate forgets: where an axis has just moved little, most of what was learned since a change is gone from it.
+    An estimate forgets: where an axis has moved little since, most of what was learned after a change is lost.
     """
     if len(past.t_us) <= stretches:
         return None
@@ -70,14 +70,14 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
 
 
 def _said(past: Past) -> tuple[Floats, Floats]:
-    """Information dR (N, p, p) and R theta (N, p) of each stretch by itself."""
+    """Information dR (N, p, p) and R theta (N, p) of each single stretch."""
     R, before = _inverses(past.P), past.lam * _inverses(past.P[:-1] + np.diag(past.walk))
     ds = np.einsum("kij,kj->ki", R[1:], past.d[1:]) - np.einsum("kij,kj->ki", before, past.d[:-1])
     return R[1:] - before, ds
 
 
 def _inverses(P: Floats) -> Floats:
-    """Of matrices (N, p, p); NaN where there is none, as a predictor that runs away may make P singular."""
+    """Inverses of matrices (N, p, p); NaN where there is none: a diverging predictor may make P singular."""
     try:
         return np.asarray(np.linalg.inv(P))
     except np.linalg.LinAlgError:
@@ -91,8 +91,8 @@ def change_of(past: Past, i: int, alone: bool) -> Change | None:
 
     Args:
         past: as kept.
-        i: which.
-        alone: nothing but it has changed; otherwise nothing is assumed of the others, which tells less.
+        i: index of the parameter.
+        alone: whether only it has changed; otherwise nothing is assumed of the others, which gives less information.
     """
     edges, value, sd = _stretches(past, i, alone)
     if len(value) < FEWEST:
@@ -103,10 +103,10 @@ def change_of(past: Past, i: int, alone: bool) -> Change | None:
 
 
 def scatter(past: Past, i: int) -> float:
-    """How much more than P says the estimate of parameter i scatters, by how the stretches do; at least 1.
+    """Scatter of the estimate of parameter i over that of P, from differences of the stretches; at least 1.
 
-    From differences, which a single change hardly touches: those of neighbours are smaller where they are correlated,
-    and what is correlated averages out the more slowly.
+    A single change hardly affects differences of neighbours.  They are smaller where neighbours are correlated, but
+    then the mean also converges more slowly.
     """
     _, value, sd = _stretches(past, i, alone=True)
     if len(value) < 4 * APART:
@@ -119,13 +119,13 @@ def scatter(past: Past, i: int) -> float:
 
 
 def _variance(value: Floats, sd: Floats, apart: int) -> float:
-    """Of values over their standard deviations, from differences; without the largest, which may be a change."""
+    """Variance of values over their sd, from differences; without the largest, which may be a change."""
     square = (value[apart:] - value[:-apart]) ** 2 / (sd[apart:] ** 2 + sd[:-apart] ** 2)
     return float(np.mean(np.sort(square)[:-apart]))
 
 
 def _stretches(past: Past, i: int, alone: bool) -> tuple[Floats, Floats, Floats]:
-    """Edges (N + 1,), us after the last, values (N,) and their sd (N,) of the stretches that say anything."""
+    """Edges (N + 1,), us after the last, values (N,) and their sd (N,) of the stretches with information."""
     if len(past.t_us) <= FEWEST:
         return np.zeros(1), np.zeros(0), np.zeros(0)
     dR, ds = _said(past)
@@ -144,7 +144,7 @@ def _of_itself(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
 
 
 def _beside_others(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
-    """Of each stretch by itself; a stretch that does not tell the parameters apart says nothing."""
+    """Value and sd of each stretch alone; a stretch that does not separate the parameters has no information."""
     value, information = np.zeros(len(dR)), np.zeros(len(dR))
     for k, (A, b) in enumerate(zip(dR, ds, strict=True)):
         scale = np.sqrt(np.abs(np.diag(A)))

@@ -1,4 +1,4 @@
-"""Admission of samples: each lane skips its sample, restarts or moves; and what it holds until the next one."""
+"""First and last step of a sample: it is classified, and its inputs are held until the next one."""
 
 import math
 from typing import Any
@@ -34,11 +34,11 @@ def classify_sample(
     mode: Ints,
     h: Floats,
 ) -> bool:
-    """Decide what each lane does with its sample (t, u, y) and over which interval h (W,) in s; True if any moves.
+    """Set the mode of each lane for its sample (t, u, y), and the interval h (W,) in s; True if any lane moves.
 
-    A time that is not after the last one is refused; one that is earlier by more than a gap is a clock that was set.
-    Where more than one sample was lost the torque of meanwhile is not known, and the error that its guess leaves in
-    the state is nothing to learn from.
+    A time that is not after the last one is refused; a time that is earlier by more than a gap means that the clock was
+    set.  Where more than one sample was lost the torque in between is unknown; the state is then wrong for a while, and
+    nothing is learned from it.
     """
     any_moves = False
     for a in range(len(lanes)):
@@ -73,7 +73,7 @@ def classify_sample(
 
 @kernel
 def restart_predictor(lanes: Any, mode: Ints, state_of_y: Floats, y: Floats, X: Floats) -> None:
-    """Start predictors anew: the drive moves rigidly with this sample's output.  theta, P and g stay."""
+    """Restart predictors: the drive moves rigidly with the output of this sample.  theta, P and g stay."""
     n = state_of_y.shape[0]
     z = X.shape[0] - n
     for a in range(len(lanes)):
@@ -99,7 +99,7 @@ def form_innovation(
     eps: Floats,
     X: Floats,
 ) -> None:
-    """eps = y - yhat (eq. 11).  A predictor that has left the finite numbers is restarted by its next sample."""
+    """eps = y - yhat (eq. 11).  A predictor whose values are no longer finite restarts with its next sample."""
     for a in range(len(lanes)):
         if mode[a] >= SETTLE and not math.isfinite(y[a] - yhat[a] + S[a]):
             counts[DIVERGED, a] += 1
@@ -130,9 +130,9 @@ def hold_inputs(
     du: Floats,
     torque_before: Floats,
 ) -> None:
-    """The sample's inputs act from now on: torque, friction of the speed, constant, gravity of the measured angle.
+    """Hold the inputs of the sample from now on: torque, friction, constant, gravity of the measured angle.
 
-    Where the angle is measured, friction follows the predicted speed, so it depends on theta: du_i = tanh' z_i.
+    Where the angle is measured, friction uses the predicted speed, so it depends on theta: du_i = tanh' z_i.
     """
     p = du.shape[0]
     n = X.shape[0] // (p + 1)
@@ -182,7 +182,7 @@ _C = tuple(1.0 / math.factorial(k) for k in range(14))
 
 @kernel
 def tanh(x: float) -> float:
-    """Tanh x, within three units of its last place; odd, to the last bit."""
+    """Tanh x, with an error below three units of its last place; exactly odd."""
     double = 2.0 * min(abs(x), _ONE_FROM)
     k = (double * (1.0 / math.log(2.0)) + _WHOLE) - _WHOLE
     r = (double - k * _LOG2_HIGH) - k * _LOG2_LOW
@@ -210,9 +210,9 @@ def follow_conditions(
     theta_seen: Floats,
     mode: Ints,
 ) -> None:
-    """theta_0(s) moves to ``to[k]`` (p, W) beside theta_0, and the estimate along with it: theta - theta_0(s) stays.
+    """Move theta_0(s) to ``to[k]`` (p, W), and the estimate along with it: theta - theta_0(s) stays.
 
-    Where it is not a number the conditions are not known: the last ones hold, and nothing is learned.
+    NaN means that the conditions are unknown: the last ones are kept, and nothing is learned.
     """
     for i in range(shift.shape[0]):
         for a in range(len(lanes)):
@@ -230,7 +230,7 @@ def follow_conditions(
 
 @kernel
 def close_gate(lanes: Any, k: int, a0: int, gate: NDArray[np.bool_], mode: Ints) -> None:
-    """Where the gate (N, W) is closed the sample is predicted, so that the state stays true, and nothing is learned."""
+    """Where the gate (N, W) is closed the sample is predicted, so that the state stays right; nothing is learned."""
     for a in range(len(lanes)):
         if mode[a] >= SEED and not gate[k, min(a0 + a, gate.shape[1] - 1)]:
             mode[a] = GATED

@@ -1,4 +1,4 @@
-"""A block of samples of a bank of axes through the recursion: the one entry into the kernel."""
+"""A block of samples of a batch of axes through the recursion: the entry point of the kernel."""
 
 import math
 from typing import Any, NamedTuple
@@ -94,9 +94,9 @@ class BatchSamples(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """What the recursion did at each sample; arrays of length 0 where it is not wanted.  eps NaN: no update.
+    """Values of the recursion at each sample; arrays of length 0 where no trace is wanted.  eps NaN: no update.
 
-    Entries beyond the samples of an axis mean nothing.
+    Entries beyond the samples of an axis have no meaning.
     """
 
     eps: Floats  # (N, W)
@@ -124,7 +124,7 @@ def _take(
     mode: Ints,
     learns: Ints,
 ) -> None:
-    """The lanes' samples k; a lane that has no more of them skips."""
+    """The samples k of the lanes; a lane without a sample k skips."""
     for a in range(len(lanes)):
         mode[a] = SKIP
         learns[a] = 0
@@ -197,13 +197,13 @@ def run(
     noted: EvidenceColumns,
     trace: Trace,
 ) -> None:
-    """A block of samples through the bank of constants C and state F, I, as many axes at a time as there are lanes.
+    """Run a block of samples through a batch with constants C and state F, I, ``len(lanes)`` axes at a time.
 
-    ``kept_t`` (KEPT, axes) and ``kept_d`` (KEPT kept_numbers, axes) are state, too, but hardly ever touched.
+    ``kept_t`` (KEPT, axes) and ``kept_d`` (KEPT kept_numbers, axes) are state, too, but are seldom used.
 
     ``lanes``: an array of a multiple of eight, or (0,); the branch for the other shape is not compiled.
 
-    Lanes beyond the last axis repeat it, without samples; what they do is not kept.
+    Lanes beyond the last axis repeat it without samples; their results are discarded.
     """
     T, tr, W, z = tables, trace, len(lanes), tables.p * tables.n
     filled, what, value = events.filled, events.what, events.value

@@ -1,8 +1,8 @@
 """How the functions of the kernel are compiled.
 
-They take plain arrays, few at a time: a tuple of many arrays as an argument costs more to compile and to pass than the
-arithmetic behind it.  No fast-math: the same bits for one axis and for many.  Division as numpy does it: a test for
-zero would stop SIMD.
+They take plain arrays.  That makes long argument lists, but a tuple of arrays as an argument is slower than the
+arithmetic: numba counts references to each array of it, with atomic operations, at each call.  No fast-math: one axis
+and many axes give the same bits.  Division as in numpy: a test for zero would prevent SIMD.
 """
 
 from collections.abc import Callable
@@ -22,23 +22,23 @@ def _compiled(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
 
 
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a piece of the kernel; it is called by other pieces only, never from Python.
+    """Compile a piece of the kernel that is called only by other pieces, never from Python.
 
-    It becomes part of its callers: each array that is passed would cost seven words on the stack and, as some caller
-    must hold it meanwhile, two atomic operations, and a sample passes hundreds.
+    It is inlined into its callers: each array that is passed to a call costs seven words on the stack and two atomic
+    operations, and a sample passes hundreds of arrays.
     """
     return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
 def outlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """As ``kernel``, for what is called seldom or is long beside its call: compiled once, not in every caller."""
+    """As ``kernel``, for functions that are called seldom or are long: compiled once, not into every caller."""
     return _compiled(function, no_cpython_wrapper=True)
 
 
 def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile an entry of the kernel: callable from Python, cached on disk, releases the GIL.
 
-    Only entries are cached: their machine code contains that of all functions they call.  Caching those as well would
-    cost an eighth of the compile time.
+    Only entries are cached: their machine code contains that of all functions they call.  Caching the inner functions
+    as well would cost an eighth of the compile time.
     """
     return _compiled(function, cache=True)

@@ -1,4 +1,4 @@
-"""Two CUSUM tests for each parameter (paper eq. 21-23), with the onset and the calm that an episode needs."""
+"""Two CUSUM tests for each parameter (paper eq. 21-23), with the onset, and the recovery that ends an alarm."""
 
 import math
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ UP, DOWN, CALM = 0, 1, 2
 
 
 class Events(NamedTuple):
-    """What happened in a block, in order of the samples.  The first ``filled[0]`` columns are valid."""
+    """Events of a block, in order of the samples.  The first ``filled[0]`` columns are valid."""
 
     filled: NDArray[np.int64]  # (1,)
     what: NDArray[np.int64]  # (5, capacity): kind, axis, parameter, time us, onset us
@@ -50,10 +50,10 @@ def compute_deviations(
 def update_cusum(
     lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, below_nu: Ints, d: Floats, nu: Floats, on: Ints
 ) -> bool:
-    """g = max(0, g + d - nu) for d and for -d (eq. 21).
+    """g = max(0, g + d - nu) for d and for -d (eq. 21).  True if any lane's g exceeds its h.
 
-    The onset is the last time at which g was zero, or the first of all.  Counts the consecutive samples with
-    |d| <= nu.  ``on`` (p, W).  True if any lane's g exceeds its h.
+    The onset is the last time at which g was zero, or the first sample.  Counts the consecutive samples with |d| <= nu.
+    ``on`` (p, W): which tests run.
     """
     crossed = False
     for i in range(d.shape[0]):
@@ -97,10 +97,11 @@ def note_crossings(
     what: Ints,
     value: Floats,
 ) -> None:
-    """Note every g > h (eq. 23).  g then starts again from 0 if ``reset``: the paper's rule; its Figure 6 runs on.
+    """Note every g > h (eq. 23).  Then g restarts from 0 if ``reset``, the paper's rule; in its Figure 6 g runs on.
 
-    P_ii is then at least ``widen`` (W,) times P(0)_ii: theta_i has changed, and converges the faster.  A larger
-    diagonal leaves P positive definite.  After ``needed`` (W,) samples more there will be evidence for a name.
+    P_ii is raised to at least ``widen`` (W,) times P(0)_ii: theta_i has changed, and so converges faster.  A larger
+    diagonal leaves P positive definite.  After ``needed`` (W,) more samples there is evidence for the name of the
+    cause.
     """
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
@@ -130,7 +131,7 @@ def note_recoveries(
     what: Ints,
     value: Floats,
 ) -> None:
-    """Note every parameter whose deviation has just been below nu for as many samples as needed."""
+    """Note every parameter whose deviation has now been below nu for ``needed`` (W,) samples."""
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
             if on[i, a] and below_nu[i, a] == needed[a]:

@@ -1,9 +1,9 @@
-"""Evidence: the deviations of all parameters with their covariance, from which causes are told apart.
+"""Evidence: deviations of all parameters with their covariance, from which the cause of a change is isolated.
 
-A change has arrived in theta some memory lengths after it has happened.  So from the first crossing of an axis on the
-samples that are learned are counted, and theta - theta_0 and P are noted when they are enough.  Otherwise, too, each
-time that so many have been learned, for the slow course of the parameters.  How theta went until then is kept for a
-while, for the onset of a change.  All of it depends on samples only, not on how they are cut into blocks.
+A change has arrived in theta some memory lengths after it happened.  So the samples that are learned are counted from
+the first crossing of an axis, and theta - theta_0 and P are noted after enough of them.  They are also noted at regular
+intervals, for the long-term trend.  The deviations of the past are kept for a while, for the onset of a change.  All
+this depends on the samples only, not on how they are cut into blocks.
 """
 
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ KEPT = 64
 
 
 class EvidenceColumns(NamedTuple):
-    """What was noted in a block, in order of the samples.  The first ``filled[0]`` columns are valid."""
+    """Evidence noted in a block, in order of the samples.  The first ``filled[0]`` columns are valid."""
 
     filled: NDArray[np.int64]  # (1,)
     what: NDArray[np.int64]  # (4, capacity): COURSE or NAMING, axis, time us, number of the events before it
@@ -36,12 +36,12 @@ class EvidenceColumns(NamedTuple):
 
 
 def kept_numbers(p: int) -> int:
-    """How many numbers are kept of one moment: the deviations, and the upper triangle of P."""
+    """Number of values kept for one time: the deviations and the upper triangle of P."""
     return p + p * (p + 1) // 2
 
 
 def noted_numbers(p: int) -> int:
-    """How many numbers are noted."""
+    """Number of values in a column of evidence."""
     return 1 + 3 * p + p * p
 
 
@@ -50,9 +50,9 @@ _numbers = outlined(kept_numbers)
 
 @outlined
 def samples_until_kept(lanes: Any, span: Floats, learned: Ints) -> Ints:
-    """How many samples (W,) are to be learned until what is known is kept: each time that ``span`` divides ``learned``.
+    """Number of samples (W,) to learn until values are kept: whenever ``span`` divides ``learned``.
 
-    Counted down from here on, as a remainder in each sample would take a tenth of the time of it all.
+    It is counted down from here, as a remainder in each sample would take a tenth of the time of the recursion.
     """
     until = np.zeros_like(learned)
     for a in range(len(lanes)):
@@ -83,7 +83,7 @@ def gather_evidence(
     events: Ints,
     noted: Any,
 ) -> None:
-    """Count the samples that are learned, ``on`` (W,); keep theta - theta_0 of now and then, note what is due."""
+    """Count the learned samples, ``on`` (W,); keep theta - theta_0 at regular intervals, and note what is due."""
     keeps = notes = False
     for a in range(len(lanes)):
         left[a] -= on[a]
@@ -130,7 +130,7 @@ def _keep(
     kept_t: Ints,
     kept_d: Floats,
 ) -> None:
-    """What is known now in place of the oldest; ``learned`` (W,) are the samples learned so far."""
+    """Keep the present values in place of the oldest ones; ``learned`` (W,) is the number of learned samples."""
     p = d.shape[0]
     for a in range(len(lanes)):
         if until[a] == 0:
@@ -169,9 +169,9 @@ def _note(
     events: Ints,
     noted: Any,
 ) -> None:
-    """A column for each lane that is due.
+    """Note a column for each lane that is due.
 
-    A parameter whose calm has been noted may be named only now: its calm is counted again, so that the alarm ends.
+    A parameter whose recovery was noted before it was named is counted again, so that its alarm ends.
     """
     p = d.shape[0]
     for a in range(len(lanes)):

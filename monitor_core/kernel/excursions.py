@@ -1,4 +1,4 @@
-"""Excursions of the sums of the tests from zero: their largest values and times."""
+"""Excursions of CUSUM sums from zero: their peaks and times."""
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import entry
@@ -8,10 +8,10 @@ from monitor_core.kernel.compile import entry
 def excursions(
     d: Floats, nu: Floats, g: Floats, top: Floats, least: Floats, largest: Floats, found: Ints
 ) -> None:
-    """For  g = max(0, g +/- d - nu)  the largest value of each excursion from zero that is above ``least`` (p,).
+    """Peak of each excursion from zero of  g = max(0, g +/- d - nu)  that is above ``least`` (p,).
 
-    It goes into a row of ``largest`` (2, p, capacity), ``found`` (2, p) counts them, also those for which there is no
-    room.  d and nu are (N, p, W); ``g`` and ``top`` (2, p, W) are what a block before left.
+    The peaks are appended to ``largest`` (2, p, capacity); ``found`` (2, p) counts them, also those for which there is
+    no room.  d and nu are (N, p, W); ``g`` and ``top`` (2, p, W) are the state between blocks.
     """
     N, p, W = d.shape
     for k in range(N):
@@ -43,12 +43,11 @@ def excursion_peaks(
     g: Floats, clock: int, place: Ints, origin: Ints, least: Floats, top: Floats, now: Ints, largest: Floats,
     times: Ints, found: Ints
 ) -> None:  # fmt: skip
-    """Put each excursion of g (N, H) that ends, and went above ``least`` (H,), into a row of ``largest`` (H, room).
+    """Append each excursion of g (N, H) that ends, and exceeded ``least`` (H,), to ``largest`` (H, room).
 
-    ``clock`` is the time of the first sample, in samples; ``place`` (N,) the part of the record that each belongs to,
-    and ``origin`` (N,) the part that its innovation is of.  ``top`` (H,) and ``now`` (4, H) are what a piece before
-    left: of the excursion that goes on.  ``times`` (4, H, room) and ``found`` (H,) as the excursions are found; there
-    is to be room for N / 2.
+    ``clock`` is the time of the first sample, in samples; ``place`` (N,) is the block of the motion of each sample and
+    ``origin`` (N,) that of its innovation.  ``top`` (H,) and ``now`` (4, H) are the state of the open excursion between
+    pieces.  ``times`` (4, H, room) and ``found`` (H,) describe the excursions; there must be room for N / 2.
     """
     N, H = g.shape
     for k in range(N):

@@ -3,8 +3,8 @@
     x+ = x + K eps,      z_i+ = z_i - K psi_i + dK_i eps,      then over the interval
     x  = Ad x+ + Bd u,   z_i  = Ad z_i+ + dAd_i x+ + dBd_i u + Bd du_i
 
-with Ad, Bd and their derivatives made once for each distinct interval (exponential.py).  K = 0 simulates.
-The p columns z_i stand side by side; of them only the first q have derivatives of Ad, Bd, C and of inputs.
+with Ad, Bd and their derivatives computed once for each distinct interval (matrix_exponential.py).  K = 0 simulates.
+The p columns z_i are stored side by side; only the first q have derivatives of Ad, Bd, C and of inputs.
 """
 
 import math
@@ -52,7 +52,7 @@ def _correct(K: Floats, dK: Floats, eps: float, k: int, psi: Floats, x: Floats, 
 
 @outlined
 def _function(kind: int, a: float) -> tuple[float, float]:
-    """An input of the motion and its derivative."""
+    """An input that depends on the motion, and its derivative."""
     if kind == COULOMB:
         f = math.tanh(a)
         return f, 1.0 - f * f
@@ -79,7 +79,10 @@ def _of_motion(
     Z: Floats,
     slope: Floats,
 ) -> float:
-    """Input c, f(scale v) of the angle or speed v; its derivatives into row n + c of Z, slope (1, p) is scratch."""
+    """Input c, f(scale v) of the angle or speed v, with its derivatives into row n + c of Z.
+
+    ``slope`` (1, p) is scratch.
+    """
     to, v = x.size + c, y
     for i in range(slope.shape[1]):
         slope[0, i] = 0.0
@@ -99,7 +102,7 @@ def _of_motion(
 
 @entry
 def simulate_known(u: Floats, X: Floats, dX: Floats, C: Floats, dC: Floats, psi: Floats) -> None:
-    """Gradient psi (N, q) of the simulated output from rest, all inputs u (N, m) known, one held interval X, dX."""
+    """Gradient psi (N, q) of the simulated output from rest, all inputs u (N, m) known, one interval X, dX."""
     (n, q), wide = dC.shape, width(dC.shape[1])
     Ad, slopes = padded(X.reshape((1, *X.shape))), padded_slopes(dX.reshape((1, *dX.shape)), n, wide)
     x, w, flat = np.zeros(n), np.zeros(slopes.shape[1]), np.zeros((2, room(n) * wide))
@@ -118,7 +121,7 @@ def simulate_known(u: Floats, X: Floats, dX: Floats, C: Floats, dC: Floats, psi:
 
 @outlined
 def _corrects(K: Floats, dK: Floats) -> bool:
-    """K or a derivative of it is not zero."""
+    """Whether K or a derivative of it is not zero."""
     for r in range(K.size):
         if K[r] != 0.0:
             return True
@@ -130,7 +133,7 @@ def _corrects(K: Floats, dK: Floats) -> bool:
 
 @outlined
 def _varies(slopes: Floats) -> bool:
-    """Something of (L, n, q) is not zero."""
+    """Whether anything in ``slopes`` (L, n, q) is not zero."""
     for j in range(slopes.shape[0]):
         for r in range(slopes.shape[1]):
             for i in range(slopes.shape[2]):
@@ -141,7 +144,7 @@ def _varies(slopes: Floats) -> bool:
 
 @outlined
 def _moves(kind: Ints, source: Ints, measured: Ints, dscale: Floats) -> bool:
-    """An input has derivatives: of the motion that is predicted, or that is measured but scaled by a parameter."""
+    """Whether an input has derivatives: of predicted motion, or of measured motion scaled by a parameter."""
     complete = True
     for k in range(measured.size):
         complete &= measured[k] != 0
@@ -174,13 +177,13 @@ def predict_record(
     eps: Floats,
     psi: Floats,
 ) -> bool:
-    """Prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where nothing was measured.
+    """Prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where y was not measured.
 
-    ``step`` (N,) says which of the held X (G, n, n + m') and dX (G, n + m', n q) leads to the next sample, ``level``
-    (N,) which of the outputs C (L, n), dC (L, n, q) and input scales scale (L, m), dscale (L, m, q) applies.
+    ``step`` (N,) is the index of the held X (G, n, n + m') and dX (G, n + m', n q) that lead to the next sample,
+    ``level`` (N,) the index of the outputs C (L, n), dC (L, n, q) and input scales scale (L, m), dscale (L, m, q).
     Where X has one input more than there are kinds, m' = m + 1, that is the torque of the sample before.
 
-    Returns whether all is finite; if not, the rest of the record is left out.
+    Returns whether all values are finite; if not, the rest of the record is left out.
     """
     (n, p), m = Z0.shape, kind.size
     wide = width(p)
@@ -234,19 +237,19 @@ def predict_record(
 
 @outlined
 def room(size: int) -> int:
-    """Rows for so many, some of them zero: the first six go in one pass, the rest by threes (force, carry)."""
+    """Number of rows for ``size`` of them, padded with zeros: six go in one pass, the rest by threes (force, carry)."""
     return max(6, (size + 2) // 3 * 3)
 
 
 @outlined
 def width(p: int) -> int:
-    """Columns for so many: without a remainder behind the vectors of a loop, which takes as long as all of them."""
+    """Number of columns for p of them: padded to whole SIMD vectors, as a remainder takes as long as all of them."""
     return (p + 7) // 8 * 8
 
 
 @outlined
 def padded(X: Floats) -> Floats:
-    """X (G, n, n + m) with room for more columns."""
+    """X (G, n, n + m) with padded columns."""
     out = np.zeros((X.shape[0], X.shape[1], room(X.shape[2])))
     for g in range(X.shape[0]):
         for r in range(X.shape[1]):
@@ -257,7 +260,7 @@ def padded(X: Floats) -> Floats:
 
 @outlined
 def padded_slopes(dX: Floats, n: int, p: int) -> Floats:
-    """dX (G, n + m, n q) as (G, n + m, n p) with room for more rows; zero for what has no derivative."""
+    """dX (G, n + m, n q) as (G, n + m, n p) with padded rows; zero for parameters without derivatives."""
     G, rows, q = dX.shape[0], dX.shape[1], dX.shape[2] // n
     out = np.zeros((G, room(rows), n * p))
     for g in range(G):
@@ -270,7 +273,7 @@ def padded_slopes(dX: Floats, n: int, p: int) -> Floats:
 
 @outlined
 def force(g: int, dX: Floats, w: Floats, a: int, flat: Floats) -> None:
-    """Rows 0 .. n of Z_a become dX w; ``flat`` (2, rows p) is Z, all its elements side by side."""
+    """Rows 0 .. n of Z_a become dX w; ``flat`` (2, rows p) is Z as flat rows."""
     w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
     for e in range(dX.shape[2]):
         some = dX[g, 0, e] * w0 + dX[g, 1, e] * w1 + dX[g, 2, e] * w2
@@ -283,7 +286,7 @@ def force(g: int, dX: Floats, w: Floats, a: int, flat: Floats) -> None:
 
 @outlined
 def carry(g: int, X: Floats, n: int, rows: int, b: int, Z: Floats) -> None:
-    """Rows 0 .. n of the other Z += X Z_b, of whose rows the first ``rows`` count."""
+    """Rows 0 .. n of the other Z become Z + X Z_b; only the first ``rows`` rows of Z_b are used."""
     a, p = 1 - b, Z.shape[2]
     for r in range(n):
         x0, x1, x2, x3, x4, x5 = X[g, r, 0], X[g, r, 1], X[g, r, 2], X[g, r, 3], X[g, r, 4], X[g, r, 5]
@@ -298,7 +301,7 @@ def carry(g: int, X: Floats, n: int, rows: int, b: int, Z: Floats) -> None:
 
 @outlined
 def move(g: int, X: Floats, w: Floats, x: Floats) -> None:
-    """X (x, u) into x."""
+    """x becomes X (x, u)."""
     for r in range(x.size):
         total = 0.0
         for c in range(w.size):

@@ -1,12 +1,12 @@
-"""A bank of fixed predictors of one axis, hypotheses side by side, each with its CUSUM of log-likelihood ratios.
+"""Multi-model detector: fixed predictors of one axis side by side, each with a CUSUM of log-likelihood ratios.
 
     e_i = y - yhat_i,     x_i = x_i + K_i e_i,     then over the interval:  x_i = Ad_i x_i + Bd_i u
     l_i = 1/2 log(lam_0 / lam_i) + e_0^2 / (2 lam_0) - e_i^2 / (2 lam_i) - allowance_i
     g_i = max(0, g_i + l_i),     alarm when g_i > h_i
 
-Hypothesis 0 is what holds now.  As the mean of exp(l_i) is 1 while it holds (without allowance), the mean time between
-false alarms of each is at least exp(h_i) samples (Lorden).  theta is fixed, so the nominal interval is discretised
-once; any other one goes the way of the recursion (propagate.py).
+Hypothesis 0 is the present reference.  The mean of exp(l_i) is 1 while it holds (without allowance), so the mean time
+between false alarms of each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the nominal interval
+is discretised once; any other interval is propagated as in the recursion (propagate.py).
 """
 
 import math
@@ -68,7 +68,7 @@ when it is known what has changed, and only its size is to become more certain."
 
 
 class Memory(NamedTuple):
-    """State of a bank."""
+    """State of the multi-model detector of one axis."""
 
     x: Floats  # (n, H) at the last sample, after its correction
     u: Floats  # (m, H) inputs held since
@@ -93,7 +93,7 @@ class Block(NamedTuple):
 
 
 class BankTrace(NamedTuple):
-    """What happened at each sample; arrays of length 0 where it is not wanted."""
+    """Values at each sample; arrays of length 0 where no trace is wanted."""
 
     eps: Floats  # (N, H) innovations
     llr: Floats  # (N, H) l_i; NaN: not tested
@@ -102,7 +102,7 @@ class BankTrace(NamedTuple):
 
 @kernel
 def _request_stop(crossed: bool, integers: Ints) -> None:
-    """WAIT becomes 0 where the run is to stop."""
+    """Set WAIT to 0 where the run must stop for a decision."""
     if integers[PHASE, 0] == WATCHING:
         integers[WAIT, 0] = 0 if crossed else 1
     else:
@@ -129,7 +129,7 @@ def _record(k: int, moved: bool, tested: bool, eps: Floats, llr: Floats, sums: F
 def run_hypotheses(
     lanes: Any, T: Tables, P: Predictors, M: Memory, block: Block, start: int, trace: BankTrace
 ) -> int:
-    """Samples from ``start`` on through the bank, until something is to be decided; returns how many were taken.
+    """Run samples from ``start`` on until a decision is due; returns the number of samples taken.
 
     ``lanes``: an array of H numbers.
     """

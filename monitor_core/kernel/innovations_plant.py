@@ -1,4 +1,4 @@
-"""Axes in innovations form, side by side: what they would measure with this torque and these innovations."""
+"""Simulated axes in innovations form, side by side: their outputs with given torque and innovations."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Likelihood ratios of a multi-model detector, their CUSUMs, and since when these have been rising."""
+"""Log-likelihood ratios of the multi-model detector, their CUSUMs, and the times from which the onset is estimated."""
 
 import math
 from typing import Any
@@ -27,7 +27,7 @@ ONSET, LATE, FIRST_MARK = 0, 1, 2
 def log_likelihood_ratios(
     lanes: Any, own: Floats, moved: bool, turned: bool, eps: Floats, llr: Floats
 ) -> None:
-    """l_i (H,): minus infinity where torque or output are said to be stuck and move, in whatever digit."""
+    """l_i (H,); minus infinity where a hypothesis says that torque or output is stuck, and it changes in any digit."""
     step = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
     for a in range(len(lanes)):
         there = min(eps[a] * eps[a] * own[PRECISION, a], _CLIP)
@@ -37,7 +37,7 @@ def log_likelihood_ratios(
 
 @kernel
 def update_sums(lanes: Any, own: Floats, t: int, llr: Floats, sums: Floats, when: Ints) -> bool:
-    """g = max(0, g + l), with the times that an onset and its interval need; True if any g > h."""
+    """g = max(0, g + l), with the times for the onset and its interval; True if any g > h."""
     crossed, marked = False, False
     for a in range(len(lanes)):
         free = sums[G, a] + llr[a]
@@ -66,7 +66,7 @@ def _mark(t: int, sums: Floats, when: Ints) -> None:
 
 @outlined
 def restart_paths(t: int, when: Ints) -> None:
-    """A predictor that starts has no past."""
+    """A restarted predictor has no past."""
     for a in range(when.shape[1]):
         for j in range(when.shape[0]):
             when[j, a] = t if when[j, a] == NEVER else when[j, a]

@@ -1,10 +1,10 @@
-"""Innovations that no noise explains: a few are outliers and are passed over, many are a change of the axis.
+"""Innovations that noise does not explain: a few are outliers and are rejected, many are a change of the axis.
 
-A fault may put the innovations beyond every limit for seconds, and those very samples are needed to find it.  So an
-axis has some credit: each outlier costs one, and a credit comes back with many samples.  When it is used up, what
-comes is learned from, though no more of it is believed than that limit (bounded influence).  The state is corrected by
-the third outlier in a row only: that it is wrong, and not the sensor, is then likely.  Where all since the start are
-outliers it was the first sample that was wrong, with which the state began.
+A fault may put the innovations beyond every limit for seconds, and these samples are needed to detect it.  So an axis
+has a credit of outliers: each one costs one, and one is earned with many samples.  Without credit the samples are used,
+but limited to the outlier limit (bounded influence).  The state is corrected only by the third outlier in a row: then
+the state is more likely wrong than the sensor.  If all samples since the start are outliers, the first sample was
+wrong, from which the state started.
 """
 
 import math
@@ -42,9 +42,9 @@ def reject_outliers(
     tracks: Ints,
     believed: Floats,
 ) -> None:
-    """Pass over an outlier: eps beyond ``outlier`` standard deviations of what is expected; 0: there is none.
+    """Reject an outlier: eps beyond ``outlier`` standard deviations of its prediction; 0: there is no limit.
 
-    ``believed`` (W,) is what theta is to learn from.
+    ``believed`` (W,) is the innovation that theta learns from.
     """
     for a in range(len(lanes)):
         believed[a] = eps[a]
@@ -75,9 +75,10 @@ def check_start(
     counts: Ints,
     mode: Ints,
 ) -> None:
-    """Start anew with the third sample after a start, if all three are outliers; only once, and settled as before.
+    """Restart with the third sample after a start if all three are outliers.
 
-    So, too, where an axis starts amid a motion that is not rigid: it starts three samples later, that is all.
+    This happens once only, and keeps the settling time.  It also happens where an axis starts in a motion that is not
+    rigid: it then starts three samples later.
     """
     for a in range(len(lanes)):
         since = t[a] - settled[a] + settle_us[a]
@@ -92,7 +93,7 @@ def update_running_variance(
 ) -> None:
     """Running innovation variance: eps^2 has the mean lam0 (1 + psi' P psi / (1 + lambda)) in steady state.
 
-    Each counts as nine times the mean at most, so that outliers hardly raise it (Huber's proposal 2), though a
+    Each sample counts as at most nine times the mean, so that outliers hardly raise it (Huber's proposal 2), while a
     lasting change does.
     """
     for a in range(len(lanes)):

@@ -1,4 +1,4 @@
-"""The predictors of a multi-model detector, side by side: over an interval, their errors, their corrections."""
+"""Predictors of the multi-model detector, side by side: propagation, prediction errors, corrections."""
 
 import math
 from typing import Any, NamedTuple
@@ -65,7 +65,7 @@ def propagate_nominal(
 
 @kernel
 def _torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) -> None:
-    """The torque that acts by each hypothesis, of the measured one."""
+    """The torque that acts under each hypothesis, from the measured one."""
     for c in range(kind.size):
         if kind[c] == TORQUE:
             for a in range(len(lanes)):
@@ -74,7 +74,7 @@ def _torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) -> No
 
 @kernel
 def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now: Floats) -> None:
-    """The interval h in parts (H,): under the torque before, the held one, and the one of its end."""
+    """The interval h in parts (H,): under the previous torque, the held one, and the one of its end."""
     for a in range(len(lanes)):
         delay = own[DELAY, a]
         before[a] = min(max(delay, 0.0), h)
@@ -86,7 +86,7 @@ def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now:
 def _over(
     lanes: Any, T: Tables, P: Predictors, torque: float, h: Floats, u: Floats, X: Floats, work: Floats, more: Floats
 ) -> None:  # fmt: skip
-    """X over h (H,) under one torque, exactly (propagate.py)."""
+    """Propagate X over h (H,) under one torque, exactly (propagate.py)."""
     n, H, longest = T.n, len(lanes), 0.0
     for a in range(H):
         longest = max(longest, h[a])
@@ -109,7 +109,10 @@ def propagate_interval(
     lanes: Any, T: Tables, P: Predictors, h: float, torque_before: float, torque_held: float, torque_now: float,
     u: Floats, x: Floats, over: Floats, K: Floats,
 ) -> None:  # fmt: skip
-    """X over an interval h of its own, in parts; K (n, H) is the gain behind it, ``over`` (H,) what a mean is of."""
+    """Propagate X over an interval h that is not nominal, in parts.
+
+    K (n, H) is the gain after it; ``over`` (H,) is the interval of a mean speed.
+    """
     n, H, wide = T.n, len(lanes), EIGHT
     before, held, now, cut = floats(H), floats(H), floats(H), floats(H)
     intervals, lams, lam, lost = floats(H), floats(H), floats(H), ints(H)
@@ -133,7 +136,7 @@ def propagate_interval(
 
 @kernel
 def prediction_errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, eps: Floats) -> float:
-    """e_i (H,); returns their sum, which is a number only if all are."""
+    """e_i (H,); returns their sum, which is finite only if all are."""
     total = 0.0
     for a in range(len(lanes)):
         e = y - own[OFFSET, a] - own[SCALE, a] * yhat[a]
@@ -144,10 +147,10 @@ def prediction_errors(lanes: Any, own: Floats, y: float, before: float, yhat: Fl
 
 @outlined
 def restart_diverged(most: float, eps: Floats, x: Floats) -> bool:
-    """Predictors that diverge, |e_i| > most, restart from the state of the first; False if that is no number, too.
+    """Restart predictors that diverge, |e_i| > most, from the state of the first; False if that is not finite, too.
 
-    The gain of a hypothesis may not be one for what really happens, as samples that are passed over, and one predictor
-    that is lost is not to cost the others theirs.
+    The gain of a hypothesis may be wrong for the true axis, for instance after rejected samples; one diverged predictor
+    must not stop the others.
     """
     if not abs(eps[0]) < math.inf:
         return False
@@ -161,7 +164,7 @@ def restart_diverged(most: float, eps: Floats, x: Floats) -> bool:
 
 @kernel
 def has_gain(K: Floats) -> bool:
-    """Whether there is a gain."""
+    """Whether any gain is not zero."""
     some = False
     for r in range(K.shape[0]):
         for a in range(K.shape[1]):
@@ -171,7 +174,7 @@ def has_gain(K: Floats) -> bool:
 
 @kernel
 def correct(lanes: Any, K: Floats, eps: Floats, x: Floats) -> None:
-    """The innovations form: x_i = x_i + K_i e_i."""
+    """Innovations form: x_i = x_i + K_i e_i."""
     for r in range(K.shape[0]):
         for a in range(len(lanes)):
             x[r, a] += K[r, a] * eps[a]

@@ -1,4 +1,4 @@
-"""Exact zero-order hold over one interval: the action of exp(F h) on (z, x, u), never the matrix.
+"""Exact zero-order hold over one interval: the action of exp(F h) on (z, x, u) without forming the matrix.
 
 With inputs held, the extended system of the paper (eq. 18-19)
 
@@ -6,8 +6,8 @@ With inputs held, the extended system of the paper (eq. 18-19)
     z_i' = A z_i + A_i x + B_i u + B u_i          A_i = dA/dtheta_i,  u_i = du/dtheta_i
 
 is X' = F X + G, and X(h) = X + sum_k t_k with t_1 = h (F X + G), t_k = (h/k) F t_(k-1).  The series converges at the
-rate of r = h ||D^-1 A D||, D the balancing diagonal.  D itself need not be applied: its entries are powers of two, so
-the balanced series has the very same digits; it only sharpens r.  Intervals with r > 1 are split.
+rate of r = h ||D^-1 A D||, D the balancing diagonal.  D itself is not applied: its entries are powers of two, so the
+balanced series has exactly the same digits; D only gives a sharper r.  Intervals with r > 1 are split.
 """
 
 import math
@@ -31,7 +31,7 @@ MOST_STEPS = 1000
 
 @kernel
 def _norms(lanes: Any, A_row: Ints, weight: Floats, V: Floats, norm: Floats) -> None:
-    """||D^-1 A D|| (W,), the largest sum of a row's magnitudes."""
+    """||D^-1 A D|| (W,), the largest row sum of magnitudes."""
     W = len(lanes)
     if isinstance(lanes, tuple):
         most = total = 0.0
@@ -63,7 +63,7 @@ def choose_substeps(
 ) -> None:
     """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.
 
-    ``norm`` (W,) is scratch.  ``terms`` holds those of the last interval: mostly they are the same.
+    ``norm`` (W,) is scratch.  ``terms`` contains those of the last interval, which mostly stay the same.
     """
     _norms(lanes, A_row, weight, V, norm)
     for a in range(len(lanes)):
@@ -129,7 +129,7 @@ def propagate(
     work: Floats,
     more: Floats,
 ) -> None:
-    """Move X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.  V, G, X are flat here."""
+    """Propagate X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.  V, G, X are flat here."""
     # fmt: off
     if isinstance(lanes, tuple):
         advance_one(n, p, blocks, A_start, at_A, more_start, at_more, more_slot,
@@ -158,7 +158,7 @@ def evaluate_coefficients(
 ) -> None:
     """V = V0 + sum of coef * prod theta_i^e_i, for every slot that has a monitored parameter.
 
-    ``slot`` is in order.  ``V`` (slots + 1, W) must hold V0 in all other slots.
+    ``slot`` is sorted.  ``V`` (slots + 1, W) must contain V0 in all other slots.
     """
     W = len(lanes)
     for j in range(slot.size):

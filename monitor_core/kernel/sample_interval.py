@@ -15,9 +15,9 @@ _EQUAL_S = 1e-9
 
 @kernel
 def random_walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats) -> None:
-    """Where parameters drift (W,) nothing is forgotten: lambda (W,) is 1, and ``share`` of P(0) is added, 1 - lambda.
+    """Where parameters are a random walk (W,), lambda (W,) is 1, and a ``share`` 1 - lambda of P(0) is added instead.
 
-    So P_ii has the steady value that it has with lambda where a parameter is alone: psi^2 = (1 - lambda) / P in both.
+    So P_ii has the same steady value as with lambda where a parameter is alone: psi^2 = (1 - lambda) / P in both.
     """
     for a in range(len(lanes)):
         walks = drift[a] > 0.0 and seed_left[a] == 0
@@ -27,7 +27,7 @@ def random_walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: 
 
 @kernel
 def time_since_correction(lanes: Any, interval: Floats, h: Floats, in_a_row: Ints, ago: Floats) -> None:
-    """How long ago the state was corrected (W,): h, and an interval for each outlier passed over since then."""
+    """Time since the last correction of the state (W,): h, plus an interval for each outlier rejected since then."""
     for a in range(len(lanes)):
         ago[a] = h[a] + (interval[a] * in_a_row[a] if in_a_row[a] < SURELY else 0.0)
 
@@ -36,10 +36,10 @@ def time_since_correction(lanes: Any, interval: Floats, h: Floats, in_a_row: Int
 def interval_gain(
     lanes: Any, interval: Floats, lam: Floats, K: Floats, h: Floats, ago: Floats, lam_h: Floats, K_h: Floats
 ) -> None:
-    """lambda^(h / interval) (W,), and K (n, W) where the state was corrected so long ``ago`` (W,).
+    """lambda^(h / interval) (W,), and K (n, W) for the time ``ago`` (W,) since the last correction.
 
-    A memory is a time: a sample that is missing ages what is known as one that came.  The gain, which grows as the
-    prediction grows uncertain, is interpolated between those after 0, 1, 2 .. whole intervals, the rows of ``K``.
+    The memory is a time: a missing sample ages the information like a received one.  The gain grows as the prediction
+    becomes uncertain; it is interpolated between those after 0, 1, 2 .. whole intervals, the rows of ``K``.
     """
     n, usual = K_h.shape[0], True
     for a in range(len(lanes)):
@@ -75,7 +75,7 @@ def split_at_delay(
     h_first: Floats,
     u_first: Floats,
 ) -> bool:
-    """Split the interval where the torque acts late: h_first with the torque before, then h.  True if any does."""
+    """Split the interval where the torque acts late: h_first with the previous torque, then h.  True if any is."""
     late = False
     for a in range(len(lanes)):
         h_first[a] = min(max(delay[a], 0.0), h[a])
@@ -104,10 +104,10 @@ def switch_torque(
     h: Floats,
     X: Floats,
 ) -> None:
-    """The torque steps from u_first to u; where its delay is a parameter, what a later step would have changed.
+    """The torque steps from u_first to u; where its delay is a parameter, its gradient gets the effect of a later step.
 
-    dx/d(delay) = B (u_first - u), from here on propagated like the other z_i.  A torque that acts before its sample
-    (delay < 0) has moved x by that much in the time before, to first order.
+    dx/d(delay) = B (u_first - u), which is propagated like the other z_i from here on.  A torque that acts before its
+    sample (delay < 0) has moved x by that much already, to first order.
     """
     z = p * (X.shape[0] // (p + 1))
     n = X.shape[0] - z
@@ -134,11 +134,11 @@ LOST = 1.75
 def split_at_mean(
     lanes: Any, interval: Floats, h_first: Floats, h: Floats, h_before: Floats, over: Floats, lost: Ints
 ) -> bool:
-    """Cut what comes before the drive's own interval off h (W,): h_before; True if there is any.
+    """Cut the part before the averaging interval of the drive off h (W,): h_before; True if there is any.
 
-    h is what is left of the interval after h_first, during which the torque before acts.  ``over`` (W,) is what the
-    drive averages over.  A torque that comes late in an interval of which the beginning is to be cut off, which for
-    whole numbers of intervals does not happen, takes its beginning with it.
+    h is the rest of the interval after h_first, during which the previous torque acts.  ``over`` (W,) is the interval
+    that the drive averages over.  If the torque changes within the part that is cut off, which does not happen for
+    whole numbers of intervals, its earlier part is lost.
     """
     any_lost = False
     for a in range(len(lanes)):
@@ -161,7 +161,7 @@ def restart_integral(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
 
 @kernel
 def mark_sampled(lanes: Any, mode: Ints, on: Ints) -> None:
-    """Where the drive has sampled (W,): also where the predictor passed its sample over."""
+    """Lanes (W,) in which the drive has sampled, including rejected samples."""
     for a in range(len(lanes)):
         on[a] = mode[a] >= SETTLE
 

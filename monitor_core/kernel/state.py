@@ -1,7 +1,7 @@
-"""The state of a bank of axes: one array of floats and one of integers, a column per axis.
+"""The state of a batch of axes: one array of floats and one of integers, a column per axis.
 
-The whole state of a monitor is these two columns, so a checkpoint is two arrays and a lane can be moved,
-copied or compared without knowing what is in it.  ``state_views`` is the only place that knows the order.
+The whole state of a monitor is these two columns.  So a checkpoint is two arrays, and a lane can be moved, copied or
+compared without knowing its content.  ``state_views`` is the only place that knows the order.
 """
 
 from typing import NamedTuple
@@ -86,7 +86,7 @@ class State(NamedTuple):
 
 
 def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
-    """Name the rows of a bank's state: F (float_rows, W) and I (int_rows, W), both C-contiguous."""
+    """Name the rows of the state of a batch: F (float_rows, W) and I (int_rows, W), both C-contiguous."""
     W = F.shape[1]
     a = n
     b = a + p * n
@@ -130,13 +130,13 @@ def state_views(F: Floats, I: Ints, n: int, p: int, m: int) -> State:
 
 
 def state_rows(n: int, p: int, m: int) -> tuple[int, int]:
-    """Rows of the float array and of the integer array."""
+    """Number of rows of the float array and of the integer array."""
     floats = n + p * n + p + p * p + 2 * p + m + p * m + 4 + 3 * p
     return floats, 9 + 4 * p + len(COUNTERS)
 
 
 def constant_views(c: Floats, tables: Tables) -> Constants:
-    """Name the rows of a bank's constants (constant_rows, W)."""
+    """Name the rows of the constants of a batch (constant_rows, W)."""
     n, p, m = tables.n, tables.p, tables.m
     s = tables.slots
     t = s + tables.term_slot.size

@@ -1,18 +1,18 @@
-"""Supervision of P, which the paper asks for: P stays bounded, each parameter is judged observed, weak or unseen.
+"""Supervision of P, which the paper asks for: P stays bounded, and each parameter is observed, weakly or not.
 
-Forgetting without excitation lets P grow without bound.  Four things are done:
+Forgetting without excitation lets P grow without bound.  Four measures:
 
-* An axis that stands still has nothing to learn from: where psi' P psi, whose steady mean is p (1 - lambda), nearly
+* An axis at standstill has nothing to learn from: where psi' P psi, whose steady mean is p (1 - lambda), nearly
   vanishes, theta, P and g wait (``check_excitation``).
-* Excitation may lack in some directions only (a constant speed, a single sine).  So information is forgotten towards
-  a floor:  R <- lambda R + psi psi' + (1 - lambda) rho diag(1/P(0)),  R = P^-1, which bounds P_ii by P(0)_ii / rho
-  whatever happens.  The floor's share is added once for a span of updates (``apply_information_floor``), not at each.
-* Parameters that move together in a direction of which next to nothing is known are not observed, and stay: what noise
-  and a wrong model whisper there is no news.  A projection of theta's steps would leak, and drift within a day.
-* P_ii / P(0)_ii says how much is known of a parameter beside what was known at commissioning.
+* Excitation may be missing in some directions only (a constant speed, a single sine).  So information is forgotten
+  towards a floor:  R <- lambda R + psi psi' + (1 - lambda) rho diag(1/P(0)),  R = P^-1, which bounds P_ii by
+  P(0)_ii / rho in any case.  The floor is added once in a span of updates (``apply_information_floor``), not at each.
+* Parameters that take part in a direction of which almost nothing is known are unobserved, and stay: noise and model
+  errors carry no information there.  A projection of the steps of theta would leak, and drift within a day.
+* P_ii / P(0)_ii is how much is known of a parameter compared with commissioning.
 
-The recursion between is the paper's.  As P stays the true covariance, an estimate that has become uncertain returns
-with the first excited samples.
+Between these the recursion is the paper's.  As P stays the true covariance, an estimate that has become uncertain
+returns with the first samples with excitation.
 """
 
 import math
@@ -47,7 +47,7 @@ def check_excitation(
     unobserved: Ints,
     observed: Ints,
 ) -> None:
-    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane where it is below ``least`` learns nothing now."""
+    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane below ``least`` learns nothing now."""
     p = observed.shape[0]
     for a in range(len(lanes)):
         mean = p * (1.0 - lam[a])
@@ -81,10 +81,10 @@ def apply_information_floor(
     L: Floats,
     Y: Floats,
 ) -> None:
-    """Once in ``span`` updates: P gets the floor's share, and each parameter is judged.
+    """Once in ``span`` updates: add the information floor to P, and classify each parameter.
 
-    With N = P beside diag(P(0)), the sum is  (N^-1 + c I)^-1 = N - c N (I + c N)^-1 N;  I + c N = L L' can always be
-    factored unless rounding has ruined N, which then becomes I.  ``N``, ``L`` and ``Y`` (p, p) are scratch.
+    With N = P scaled by diag(P(0)), the sum is  (N^-1 + c I)^-1 = N - c N (I + c N)^-1 N;  I + c N = L L' can always be
+    factored unless rounding has destroyed N, which then becomes I.  ``N``, ``L`` and ``Y`` (p, p) are scratch.
     """
     p = P.shape[0]
     for a in range(len(lanes)):
@@ -125,7 +125,7 @@ def apply_information_floor(
 
 @outlined
 def factor(alpha: float, c: float, N: Floats, L: Floats) -> bool:
-    """Cholesky factor L of alpha I + c N, lower triangle; whether there is one."""
+    """Cholesky factor L of alpha I + c N, lower triangle; False if there is none."""
     p = N.shape[0]
     for j in range(p):
         for i in range(j, p):
@@ -175,7 +175,7 @@ def _diagonalise(N: Floats, U: Floats) -> None:
 
 @outlined
 def _mark_unobserved(a: int, k: int, U: Floats, P_nom: Floats, scale: Floats, observed: Ints) -> None:
-    """Who takes part in direction k is not observed: who moves there, beside its size, nearly as far as the first."""
+    """Parameters with a large share in direction k, relative to their sizes, are unobserved."""
     most = 0.0
     for i in range(U.shape[0]):
         most = max(most, abs(U[i, k]) * math.sqrt(P_nom[i, a]) / scale[i, a])
@@ -202,7 +202,7 @@ def _rotate(N: Floats, U: Floats, i: int, j: int) -> None:
 
 @kernel
 def _classify(ratio: float, before: int) -> int:
-    """How well a parameter is observed whose P_ii / P(0)_ii is this; with hysteresis."""
+    """Observed, weakly observed or unobserved, from P_ii / P(0)_ii, with hysteresis."""
     if ratio > LOST or (before == UNSEEN and ratio > _FOUND):
         return UNSEEN
     if ratio > _WEAKER or (before != OBSERVED and ratio > _STRONGER):
@@ -220,9 +220,9 @@ def select_tests(
     theta_seen: Floats,
     tests: Ints,
 ) -> None:
-    """The CUSUM of a parameter that is not observed waits, and its last observed value is kept.
+    """The CUSUM of an unobserved parameter waits, and its last observed value is kept.
 
-    Where an axis is not to be ``tested`` (W,) all wait.
+    Where an axis is not ``tested`` (W,) all tests wait.
     """
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):

@@ -1,9 +1,8 @@
-"""A drive as the kernel takes it: arrays of indices (shared by a batch) and of constants (one column per axis).
+"""A drive in the form of the kernel: arrays of indices (shared by a batch) and of constants (one column per axis).
 
-The drive is  x' = A(theta) x + B(theta) u,  y = C(theta) x.  All entries of A, B and C that are not zero,
-and all their derivatives that are not zero, are *slots* of one vector V.  V is a sum of Laurent terms
-c * theta_1^e1 * theta_2^e2 ...: terms without a monitored parameter are folded into ``V0`` once, the others
-are evaluated at every sample (laurent.py).
+The drive is  x' = A(theta) x + B(theta) u,  y = C(theta) x.  All nonzero entries of A, B and C, and all their nonzero
+derivatives, are *slots* of one vector V.  V is a sum of Laurent terms c * theta_1^e1 * theta_2^e2 ...: terms without a
+monitored parameter are added to ``V0`` once, the others are evaluated at every sample (propagate.py).
 """
 
 from typing import NamedTuple
@@ -21,10 +20,10 @@ GAINS = 12
 
 
 class Tables(NamedTuple):
-    """Indices that all axes of a bank share.
+    """Indices that all axes of a batch share.
 
-    The extended vector (z_1 .. z_p, x) is flat here, n elements each.  Every product of the recursion is a row of a
-    list: which slot times which element goes where.
+    The extended vector (z_1 .. z_p, x) is flat, n elements each.  Every product of the recursion is a row of a list:
+    which slot times which element is added where.
     """
 
     n: int  # states
@@ -101,5 +100,5 @@ class Constants(NamedTuple):
 
 
 def constant_rows(t: Tables) -> int:
-    """Number of rows of the array that holds the Constants of a bank."""
+    """Number of rows of the array of the Constants of a batch."""
     return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 8 * t.p + t.m + 18

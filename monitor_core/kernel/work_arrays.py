@@ -47,7 +47,7 @@ def strided(indices: Indices, W: int) -> Indices:
 
 @outlined
 def copy_rows(source: Floats, target: Floats, row: int) -> None:
-    """Into the rows of target from ``row`` on."""
+    """Copy into the rows of target from ``row`` on."""
     for r in range(source.shape[0]):
         for a in range(source.shape[1]):
             target[row + r, a] = source[r, a]
@@ -55,7 +55,7 @@ def copy_rows(source: Floats, target: Floats, row: int) -> None:
 
 @outlined
 def take_columns(bank: Any, first: int, W: int) -> Any:
-    """A contiguous copy of W columns from ``first`` on, the bank's last one repeated where it has no more."""
+    """A contiguous copy of W columns from ``first`` on; the last column is repeated where there are no more."""
     out = np.empty((bank.shape[0], W), bank.dtype)
     for r in range(bank.shape[0]):
         for a in range(W):
@@ -65,7 +65,7 @@ def take_columns(bank: Any, first: int, W: int) -> Any:
 
 @outlined
 def put_columns(lanes: Any, bank: Any, first: int) -> None:
-    """The columns back where ``take_columns`` took them from."""
+    """Put the columns back where ``take_columns`` took them from."""
     for r in range(lanes.shape[0]):
         for a in range(min(lanes.shape[1], bank.shape[1] - first)):
             bank[r, first + a] = lanes[r, a]

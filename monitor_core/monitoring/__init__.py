@@ -1,12 +1,11 @@
 """Recursive monitoring of axes: samples in; estimates, status and alarms out.
 
 * ``axis_monitor``: one axis, alone or as a lane of a batch; start here.
-* ``axis_status``: estimates, tests and counters of an axis as plain values.
-* ``alarm_tracker``: the open alarms of an axis, made of the events of its detector.
+* ``axis_status``: estimates, tests and counters of an axis as plain values; parameters that are not observed.
+* ``alarm_tracker``: the open alarms of an axis, from the events of its detector.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
-* ``fleet``: axes of any structure, their blocks taken in one call.
-* ``recommended_settings``: settings for a real axis; ``kernel_constants``: settings as the kernel has them.
-* ``observability``: parameters that the last samples do not determine.
+* ``fleet``: axes of any structure, whose blocks are taken in one call.
+* ``recommended_settings``: settings for a real axis.
 * ``trend_monitor``, ``forecast_alarms``: long-term trends of an axis, and alarms about limits.
 """
 

@@ -1,4 +1,4 @@
-"""A bank of axes of equal structure: owns their state, runs blocks of their samples through the kernel."""
+"""A batch of axes of equal structure: owns their state, runs blocks of their samples through the kernel."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -176,7 +176,7 @@ class AxisBatch:
         return sorted(self._named(events, noted), key=lambda pair: pair[0])
 
     def _noted(self, N: int) -> EvidenceColumns:
-        """Room for what N samples of each axis can have noted: once as soon as a naming takes, in each."""
+        """Room for the evidence that N samples of each axis can yield."""
         p = self._tables.p
         capacity = sum(N // s.naming_samples + 1 for s in self.settings)
         numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
@@ -184,7 +184,7 @@ class AxisBatch:
         return EvidenceColumns(*numbers, np.empty((noted_numbers(p), capacity)), *before)
 
     def _named(self, events: Events, noted: EvidenceColumns) -> Iterator[tuple[int, BatchEvent]]:
-        """All events, in their order; evidence stands between them where it was noted."""
+        """All events in their order, with the evidence that was noted between them."""
         done = 0
         for c in range(int(noted.filled[0])):
             before = int(noted.what[3, c])
@@ -210,7 +210,7 @@ class AxisBatch:
         return self._floats[:, a].copy(), self._ints[:, a].copy()
 
     def restore(self, a: int, floats: Floats, ints: NDArray[np.int64]) -> None:
-        """Put back what ``column`` gave.
+        """Restore a state from ``column``.
 
         Raises:
             ValueError: the arrays have another shape, or hold values no state can have.
@@ -229,7 +229,7 @@ def standard_deviation(s: Settings, P_ii: float) -> float:
 
 
 def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
-    """One lane for few axes, which are then run one after the other; else as many as share the axes out evenly."""
+    """A single lane for few axes, run one after the other; otherwise the number that shares the axes evenly."""
     if axes < FEWEST_LANES:
         return (0,)
     turns = -(-axes // MOST_LANES)
@@ -261,12 +261,12 @@ SLOW_MEMORIES = 10
 
 
 def uninformed_P(model: AxisModel, s: Settings) -> Floats:
-    """Diagonal of P (p,) of who knows no more of the parameters than their sizes."""
+    """Diagonal of P (p,) if no more is known of the parameters than their sizes."""
     return np.asarray((1 + s.lam) * model.scale**2 / s.lam0)
 
 
 def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:
-    """By the names of kernel/tables.Constants: numbers, or as many rows as each needs.
+    """Values of kernel/tables.Constants by name: numbers, or as many rows as each needs.
 
     Raises:
         ValueError: settings that do not fit the drive.

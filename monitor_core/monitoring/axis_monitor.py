@@ -132,7 +132,7 @@ class AxisMonitor:
         return self.cusum
 
     def adopt(self, open_alarms: Iterable[Alarm]) -> None:
-        """From now on these alarms are open, and no others, as after a restart."""
+        """Replace the open alarms, as after a restart."""
         tracker = AlarmTracker(open_alarms)
         self._source.adopt(tracker.open, self._tracker.open)
         self._tracker = tracker
@@ -149,9 +149,9 @@ class AxisMonitor:
 
     @property
     def key(self) -> str:
-        """What a saved state belongs to: schema, model, predictor.  Equal text, interchangeable states.
+        """Identity of a saved state: schema, model, predictor.  States with equal keys are interchangeable.
 
-        A user's drive may change and keep its name, so its structure is part of it.
+        A user's drive may change and keep its name, so its structure is part of the key.
         """
         s = replace(self.settings, max_gap_s=self.settings.interval_s, **_OF_NO_STATE)
         m = self.model
@@ -162,10 +162,13 @@ class AxisMonitor:
 
     @property
     def history_key(self) -> str:
-        """What a slow history belongs to: other nominal values or another predictor would move it, a memory not."""
+        """Identity of a slow history.
+
+        Other nominal values or another predictor would move it, another memory would not.
+        """
         s, m = self.settings, self.model
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
-        # "None" stood for a second output once: with it the histories of earlier versions go on.
+        # "None" is a former part of the key: it keeps the histories of earlier versions valid.
         predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale} None"
         return f"drive={drive} {sorted(m.nominal.items())} {predictor}"
 
@@ -205,7 +208,7 @@ class AxisMonitor:
     def _alarm_events(
         self, cusum: Iterable[BatchEvent], multimodel: Iterable[MultiModelEvent]
     ) -> Iterator[list[AlarmEvent]]:
-        """Of each event, what it means for the alarms that are open then."""
+        """For each event, the events of the alarms that are open then."""
         if self.alarm_source == "cusum":
             for event in cusum:
                 if not isinstance(event, Reading):
@@ -215,7 +218,7 @@ class AxisMonitor:
                 yield self.multimodel.interpret(found, self.open_alarms)
 
     def status(self) -> AxisStatus:
-        """All that is known now."""
+        """Status of the axis now."""
         st, a = self.batch.state, self.lane
         last = int(st.t[a])
         return AxisStatus(
@@ -269,7 +272,7 @@ class AxisMonitor:
         return doubts + confounded(st.P[:, :, a], st.P_nom[:, a], self.model.scale, self.model.monitored)
 
     def _is_invalid(self, i: int) -> bool:
-        """Its bounds hold it, or the model no longer explains what is measured."""
+        """Whether a bound holds the estimate, or the model no longer explains the measurements."""
         st, a, (lower, upper) = self.batch.state, self.lane, self.batch.limits
         theta0, theta = self.model.theta0[i] + st.shift[i, a], st.theta[i, a]
         bound = upper[i, a] if theta > theta0 else lower[i, a]
@@ -293,11 +296,11 @@ class AxisMonitor:
 
     @property
     def multimodel_key(self) -> str:
-        """What a saved state of the multi-model detector belongs to."""
+        """Identity of a saved state of the multi-model detector."""
         return f"multimodel schema={MULTIMODEL_SCHEMA} {self.key}"
 
     def to_arrays(self) -> Arrays:
-        """The whole state but that of the multi-model detector, to be saved: arrays by name."""
+        """The whole state except that of the multi-model detector, to be saved: arrays by name."""
         floats, ints = self.batch.column(self.lane)
         return {"floats": floats, "ints": ints, "alarms": alarms_to_array(self.open_alarms)}
 
@@ -325,7 +328,7 @@ def _kind_of_change(before: Alarm | None, alarm: Alarm) -> Literal["raised", "re
 
 
 def _fingerprint(drive: Drive) -> int:
-    """Of all that the kernel sees of a drive's structure; the same in every process."""
+    """Hash of all that the kernel sees of the structure of a drive; the same in every process."""
     seen = ([state.name for state in drive.states], drive.inputs, drive.terms, drive.speed_state)
     return int.from_bytes(repr(seen).encode(), "big") % _PRIME
 

@@ -1,4 +1,4 @@
-"""What a monitor knows about its axis now: plain values, units beside them."""
+"""Status of an axis: plain values with their units."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Status(StrEnum):
 
 
 class Observation(StrEnum):
-    """How much is known of a parameter now, beside what was known at commissioning."""
+    """How much the last samples say of a parameter, compared with commissioning."""
 
     OBSERVED = "observed"
     WEAK = "weakly observed"
@@ -87,7 +87,7 @@ class AxisStatus:
 
     @property
     def samples(self) -> int:
-        """Samples received, whatever became of them; the other counters say what."""
+        """Samples received; the other counters say what became of them."""
         return sum(v for k, v in self.counters.items() if k != "projected")
 
 
@@ -95,7 +95,7 @@ class AxisStatus:
 
 
 def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) -> tuple[str, ...]:
-    """What is not observed now: parameters, or several that only show together.
+    """Parameters that are not observed now, or only in combination.
 
     Args:
         P: of the recursion (p, p).
@@ -110,7 +110,7 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
 
 
 def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Why nothing is tested, where the nominal values are not good enough for that."""
+    """Why nothing is tested, where the nominal values do not allow it."""
     return tuple(
         f"{first} and {second} cannot be told apart by the record of their nominal values: nothing is tested"
         for first, second in pairs

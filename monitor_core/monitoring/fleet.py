@@ -25,7 +25,7 @@ _NOTHING: Mapping[int, Any] = MappingProxyType({})
 
 
 class AxisTrace(NamedTuple):
-    """What was computed for an axis at every sample of a block."""
+    """Values of an axis at every sample of a block."""
 
     estimator: Trace
     """Of the recursion; axis dropped from the fields"""
@@ -36,7 +36,7 @@ class AxisTrace(NamedTuple):
 
 
 class AxisUpdate(NamedTuple):
-    """What the samples of an axis have brought."""
+    """Results of the samples of an axis."""
 
     changes: Sequence[AlarmChange]
     readings: Sequence[Reading]
@@ -87,9 +87,10 @@ class Fleet:
     def update(self, blocks: Mapping[int, SampleBlock], traced: bool = False) -> dict[int, AxisUpdate]:
         """Let axes take their blocks, of any lengths; an axis without a block takes no sample.
 
-        Each axis does exactly what it would do alone.  A trace takes memory for every sample: use short blocks.
+        Each axis gives exactly the results that it gives alone.  A trace takes memory for every sample: use short
+        blocks.
 
-        Returns what it has brought, by axis, for every axis with a block.
+        Returns the results by axis, for every axis with a block.
 
         Raises:
             ValueError: an axis that does not exist, or arrays that do not fit; no axis has taken a sample then.
@@ -165,7 +166,7 @@ class _Group(NamedTuple):
 
 
 def _filled(given: Mapping[int, NDArray[_T] | None], empty: Callable[[], NDArray[_T]]) -> NDArray[_T] | None:
-    """The lanes' values (N, ..., W) in an array of what is without them; None, where no lane has any."""
+    """The lanes' values (N, ..., W) in an array of the default value; None, where no lane has any."""
     if all(values is None for values in given.values()):
         return None
     out = empty()
@@ -176,7 +177,7 @@ def _filled(given: Mapping[int, NDArray[_T] | None], empty: Callable[[], NDArray
 
 
 def _groups(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[list[int]]:
-    """Axes that can share a bank, each group in the order of the axes."""
+    """Axes that can share a batch, each group in the order of the axes."""
     groups: dict[object, list[int]] = {}
     for axis, (model, s) in enumerate(zip(models, settings, strict=True)):
         groups.setdefault((model.drive, model.monitored, s.run_on), []).append(axis)

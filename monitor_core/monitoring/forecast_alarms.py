@@ -48,14 +48,14 @@ def forecast_alarm(
     lead_time_us: int,
     now: Alarm | None,
 ) -> Alarm | None:
-    """The alarm about a limit by this forecast: new, updated or ended; None: there is none.
+    """The alarm about a limit from this forecast: new, updated or ended; None: there is none.
 
     Args:
         parameter: its name.
         nominal: its nominal value.
         limit: the limit.
         trend: of the parameter.
-        f: when it reaches the limit.
+        f: forecast of the time at which it reaches the limit.
         lead_time_us: an alarm is raised when the interval begins within this time.
         now: the open alarm, if there is one.
     """

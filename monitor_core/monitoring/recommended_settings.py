@@ -142,7 +142,7 @@ class ShortMemory:
 
 
 def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None) -> ShortMemory | None:
-    """Whether the memory of these settings is short beside the predictor; ``joint_state`` as in the options."""
+    """Whether the memory of these settings is short compared with the predictor; ``joint_state`` as in the options."""
     slowest = predictor_time_constant(model, settings.interval_s, settings.K)
     memory = settings.memory * settings.interval_s
     chosen = joint_state is not None
@@ -201,7 +201,7 @@ def _settling_time(model: AxisModel, interval_s: float, o: MonitoringOptions, K:
 
 
 def _joint_state(model: AxisModel, interval_s: float, o: MonitoringOptions, K: Sequence[float]) -> bool:
-    """Whether the state moves with the estimates: as chosen, else if they would scatter more than is reported."""
+    """Whether the state moves with the estimates: as chosen, otherwise if they would scatter more than reported."""
     if o.joint_state is not None:
         return o.joint_state
     memory_s = interval_s / (1 - o.forgetting(interval_s))

@@ -79,7 +79,7 @@ class TrendMonitor:
         return [i for i in range(len(self.closed)) if self._has_grown(i)]
 
     def recompute_all(self) -> None:
-        """All trends are to be computed again, as after a restart."""
+        """Mark all trends to be computed again, as after a restart."""
         self._computed = [-1] * len(self.closed)
 
     def update(self, i: int) -> list[Alarm]:

@@ -1,5 +1,5 @@
-"""From what the kernel notes to alarms that name what has changed, since when and by how much.
+"""Alarms from the CUSUM tests: what has changed, since when and by how much.
 
-``episodes`` are the things themselves; ``evidence`` is what the kernel notes of a change, ``isolation`` says which
-parameter explains it, ``onset`` and ``changes`` since when and how; the ``book`` keeps the open alarms of an axis.
+``events`` are what the kernel reports; ``evidence_builder`` makes evidence of its columns; ``cusum_detector`` turns
+both into alarm events.
 """
