@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,10 @@ class Threshold(NamedTuple):
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of one axis.  The defaults are the paper's; ``recommended_settings`` makes those for a real axis.
+    """Settings of one axis.
+
+    The defaults are recommended ones.  What depends on the axis has none of use: ``recommended_settings`` computes K,
+    lam0, settle_s and lost_s from the model and the noise.  ``Settings.paper`` has the settings of the paper.
 
     Raises:
         ValueError: a value outside its range.
@@ -38,48 +41,58 @@ class Settings:
     alpha1: float = 3.0
     alpha2: float = 20.0
     thresholds: tuple[Threshold, ...] = ()
-    """Of each parameter its own, in place of alpha1 and alpha2; empty: these for all, and no allowance."""
+    """One for each parameter; empty: alpha1 and alpha2 for all, without an allowance."""
     K: tuple[float, ...] = ()
     """Filter gain of the innovations form, one number per state; empty is K = 0, the paper's output error."""
     K_after: tuple[tuple[float, ...], ...] = ()
-    """The gain after 0, 2, 3 .. 11 intervals, where it is known how it grows (kalman.gains_after); else it is K."""
+    """The gain after 0, 2, 3 .. 11 intervals (identification/kalman.py); empty: K after each."""
     delay_s: float = 0.0
     """Time by which the torque acts later than its sample, at most one interval."""
     max_gap_s: float = 0.05
     """A longer interval between samples re-initialises the predictor."""
     settle_s: float = 1.0
-    """No update of theta for so long after the predictor started."""
+    """No update of theta for this time [s] after a start of the predictor."""
     lost_s: float = 0.0
-    """No update of theta for so long after each sample that was lost but the first of a row: the torque that acted
-    meanwhile is not known."""
+    """No update of theta for this time [s] after each lost sample but the first in a row, as the torque in between is
+    unknown."""
     speed_scale: float = 1.0
     """Speed of tanh(speed / speed_scale), rad/s, at the flange that the friction acts on."""
     P0: tuple[float, ...] = field(default=())
     """Diagonal of P(0); empty: found from the first samples by the paper's recipe."""
-    floor: float = 0.0
-    """Information never falls below this share of the commissioned one, 1/P(0)_ii: P_ii stays below P(0)_ii / floor.
+    information_floor: float = 0.05
+    """Information never falls below this share of the commissioned one, 1/P(0)_ii: P_ii stays below P(0)_ii / share.
     0: P may grow for ever, as in the paper."""
-    min_excitation: float = 0.0
-    """Where psi' P psi stays below this share of its steady mean p (1 - lambda), nothing is to be learned: theta, P
-    and g wait.  0: never, as in the paper."""
-    outlier: float = 0.0
-    """An innovation beyond so many of its standard deviations is an outlier, of which nothing is learned, if there are
-    few of them.  0: there are none, as in the paper."""
-    joint: bool = False
-    """The state moves with theta, as in the extended Kalman filter of both together; then memories far below the
-    slowest time constant of the predictor are possible.  False: the paper's."""
-    drift: bool = False
-    """Parameters are a random walk, P <- P + (1 - lambda) diag(P(0)), each for itself, as in a Kalman filter, instead
-    of being forgotten, P <- P / lambda, which holds changes likeliest along what is least known.  A parameter alone
-    follows as fast; several that correlate scatter less.  While P(0) is found, lambda it is."""
-    widen: float = 0.0
-    """After an alarm P_ii is at least so many times P(0)_ii, so that the changed parameter converges the faster (the
+    min_excitation: float = 0.05
+    """Where psi' P psi stays below this share of its steady mean p (1 - lambda), nothing can be learned: theta, P and g
+    wait.  0: never, as in the paper."""
+    outlier_limit: float = 6.0
+    """An innovation beyond this number of its standard deviations is an outlier; a few outliers are rejected.  0: no
+    limit, as in the paper."""
+    joint_state: bool = False
+    """The state moves with theta, as in the extended Kalman filter of both.  This allows memories far below the slowest
+    time constant of the predictor.  False: as in the paper."""
+    random_walk: bool = False
+    """Parameters are independent random walks, P <- P + (1 - lambda) diag(P(0)), as in a Kalman filter.  Forgetting,
+    P <- P / lambda, assumes instead that changes are most likely in the direction that is known least.  A single
+    parameter is followed as fast; correlated ones scatter less.  P(0) is found with lambda."""
+    covariance_reset: float = 0.0
+    """After an alarm P_ii is at least this many times P(0)_ii, so that the changed parameter converges faster (the
     paper's remark on P(0) in change detection).  0: P stays."""
-    untold: tuple[tuple[str, str], ...] = ()
-    """Pairs of parameters that the record of the nominal values cannot tell apart.  With such nominal values, nothing
-    is tested: they would alarm as soon as the axis moves otherwise."""
+    unidentifiable: tuple[tuple[str, str], ...] = ()
+    """Pairs of parameters that the record of the nominal values does not distinguish.  Then nothing is tested: the
+    tests would alarm as soon as the axis moves differently."""
     run_on: bool = False
-    """g runs on after an alarm, as in the paper's Figure 6, instead of starting again from zero."""
+    """g runs on after an alarm, as in the paper's Figure 6, instead of restarting from zero."""
+
+    @classmethod
+    def paper(cls, interval_s: float, **changes: Any) -> "Settings":
+        """Settings of the paper's simulated example: output error, no supervision of P, no outlier rejection.
+
+        Raises:
+            ValueError: a value outside its range.
+        """
+        own = {"information_floor": 0.0, "min_excitation": 0.0, "outlier_limit": 0.0}
+        return cls(interval_s, **(own | changes))
 
     def __post_init__(self) -> None:
         ranges = {
@@ -96,10 +109,13 @@ class Settings:
             "speed_scale": (self.speed_scale, 0 < self.speed_scale < math.inf),
             "K": (self.K, all(math.isfinite(k) for k in self.K)),
             "K_after": (self.K_after, np.isfinite(np.array(self.K_after or 0.0)).all()),
-            "floor": (self.floor, 0 <= self.floor <= 0.5),
+            "information_floor": (self.information_floor, 0 <= self.information_floor <= 0.5),
             "min_excitation": (self.min_excitation, 0 <= self.min_excitation <= 0.5),
-            "outlier": (self.outlier, self.outlier == 0 or 3 <= self.outlier < math.inf),
-            "widen": (self.widen, 0 <= self.widen <= 1e6),
+            "outlier_limit": (
+                self.outlier_limit,
+                self.outlier_limit == 0 or 3 <= self.outlier_limit < math.inf,
+            ),
+            "covariance_reset": (self.covariance_reset, 0 <= self.covariance_reset <= 1e6),
             "P0": (self.P0, all(0 < v < math.inf for v in self.P0)),
         }
         for name, (value, good) in ranges.items():
@@ -114,7 +130,7 @@ class Settings:
     @property
     def divisor(self) -> float:
         """Divisor of lambda_0 P that gives the covariance of the estimates: 1 + lambda; 2 for a random walk."""
-        return 2.0 if self.drift else 1 + self.lam
+        return 2.0 if self.random_walk else 1 + self.lam
 
     @property
     def seed_updates(self) -> int:

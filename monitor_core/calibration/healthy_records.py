@@ -40,7 +40,7 @@ class Deviations:
 
 def without_tests(settings: Settings) -> Settings:
     """The settings with tests that never alarm and so never change the state."""
-    return replace(settings, thresholds=(), alpha2=OUT_OF_REACH, widen=0.0, run_on=False)
+    return replace(settings, thresholds=(), alpha2=OUT_OF_REACH, covariance_reset=0.0, run_on=False)
 
 
 def deviations(

@@ -41,7 +41,7 @@ def check_settings(settings: Settings) -> None:
     Raises:
         CalibrationError: the nominal values do not allow it.
     """
-    for words in unidentifiable_words(settings.untold):
+    for words in unidentifiable_words(settings.unidentifiable):
         raise CalibrationError(words)
 
 

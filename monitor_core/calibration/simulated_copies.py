@@ -36,7 +36,16 @@ def innovations(
     model: AxisModel, settings: Settings, record: SampleBlock, at: Sequence[int] = ()
 ) -> Innovations:
     """Innovations of the predictor with nominal values, and its states just before the samples ``at``, rising."""
-    frozen = replace(without_tests(settings), lam=_ENDLESS, P0=(), min_excitation=0.0, floor=0.0, outlier=0.0)
+    frozen = replace(
+        without_tests(settings), lam=_ENDLESS, P0=(), min_excitation=0.0, information_floor=0.0, outlier_limit=0.0
+    )
+        without_tests(settings),
+        lam=_ENDLESS,
+        P0=(),
+        min_excitation=0.0,
+        information_floor=0.0,
+        outlier_limit=0.0,
+    )
     monitor = AxisMonitor(model, frozen)
     eps, states, done = [], [], 0
     for end in (*at, len(record.t_us)):

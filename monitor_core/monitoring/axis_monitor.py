@@ -266,7 +266,7 @@ class AxisMonitor:
 
     def _confounded(self) -> tuple[str, ...]:
         st, a = self.batch.state, self.lane
-        doubts = unidentifiable_words(self.settings.untold)
+        doubts = unidentifiable_words(self.settings.unidentifiable)
         if not st.unobserved[a] or st.seed_left[a]:  # without P(0) there is nothing to compare P with
             return doubts
         return doubts + confounded(st.P[:, :, a], st.P_nom[:, a], self.model.scale, self.model.monitored)

@@ -1,7 +1,7 @@
 """Recommended settings for a real axis: from its model and the noise of its signals to ``Settings``.
 
-``Settings`` itself has the defaults of the paper, which suit the paper's simulated axis only.  The recommended ones
-have a Kalman gain from the noises, a settling time from the predictor, supervision of P, and outlier rejection.
+They have a Kalman gain from the noise of the signals, a settling time from the predictor, supervision of P, and outlier
+rejection.
 """
 
 from collections.abc import Sequence
@@ -117,13 +117,13 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         lost_s=settle_s * LOST_SAMPLE_SHARE,
         speed_scale=options.friction_speed_scale,
         P0=options.P0,
-        floor=options.information_floor,
+        information_floor=options.information_floor,
         min_excitation=options.min_excitation,
-        outlier=options.outlier_limit,
-        joint=_joint_state(model, interval_s, options, K),
-        drift=options.random_walk,
-        widen=options.covariance_reset,
-        untold=options.unidentifiable,
+        outlier_limit=options.outlier_limit,
+        joint_state=_joint_state(model, interval_s, options, K),
+        random_walk=options.random_walk,
+        covariance_reset=options.covariance_reset,
+        unidentifiable=options.unidentifiable,
     )
 
 
@@ -146,10 +146,10 @@ def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None)
     slowest = predictor_time_constant(model, settings.interval_s, settings.K)
     memory = settings.memory * settings.interval_s
     chosen = joint_state is not None
-    needed = AMPLE_MEMORY * slowest * (JOINT_STATE_SHARE if settings.joint and chosen else 1)
+    needed = AMPLE_MEMORY * slowest * (JOINT_STATE_SHARE if settings.joint_state and chosen else 1)
     if memory >= needed:
         return None
-    return ShortMemory(memory, slowest, needed, settings.joint and not chosen)
+    return ShortMemory(memory, slowest, needed, settings.joint_state and not chosen)
 
 
 def predictor_time_constant(model: AxisModel, interval_s: float, K: Sequence[float]) -> float:

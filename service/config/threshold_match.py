@@ -28,11 +28,11 @@ def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
         "gain": [float(k) for k in settings.K],
         "torque_delay_s": settings.delay_s,
         "friction_speed_scale": settings.speed_scale,
-        "information_floor": settings.floor,
+        "information_floor": settings.information_floor,
         "min_excitation": settings.min_excitation,
-        "outlier_limit": settings.outlier,
-        "joint_state": settings.joint,
-        "random_walk": settings.drift,
+        "outlier_limit": settings.outlier_limit,
+        "joint_state": settings.joint_state,
+        "random_walk": settings.random_walk,
     }
 
 

@@ -64,7 +64,7 @@ def reference() -> Reference:
 
 def _settings(model: AxisModel) -> Settings:
     """The paper's; P(0) from records of its own, and the predictor settles before theta moves, as in the daemon."""
-    settings = Settings(INTERVAL_S, run_on=True)
+    settings = Settings.paper(INTERVAL_S, run_on=True)
     settling = 5 * slowest_time_constant(model, settings.gain(len(model.drive.states)), INTERVAL_S)
     settings = replace(settings, settle_s=settling)
     t_us, u, y = experiments(_SEEDS_OF_P0, samples=_P0_SAMPLES)

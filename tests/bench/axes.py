@@ -36,7 +36,7 @@ BLOCKS = 10
 @cache
 def settings(output: Output, seed: int) -> Settings:
     """Of the reference experiment, with P(0), so that theta moves from the start, and P supervised as in the daemon."""
-    return replace(settings_of(output, seed), floor=SUPERVISED, min_excitation=SUPERVISED)
+    return replace(settings_of(output, seed), information_floor=SUPERVISED, min_excitation=SUPERVISED)
 
 
 def run_of(output: Output, axes: int, samples: int, seed: int) -> Callable[[], object]:
@@ -56,7 +56,7 @@ def five_masses_settings(output: Output) -> Settings:
     model = five_masses(output)
     gain, lam0 = filter_gain(model, INTERVAL_S, ANGLE_TORQUE_NOISE, NOISE[output])
     start = tuple((0.01 * model.scale) ** 2 / lam0)
-    return Settings(INTERVAL_S, lam0=lam0, K=tuple(gain) if output == "angle" else (), P0=start)
+    return Settings.paper(INTERVAL_S, lam0=lam0, K=tuple(gain) if output == "angle" else (), P0=start)
 
 
 def five_masses_record(output: Output, axes: int, samples: int, seed: int) -> Experiment:

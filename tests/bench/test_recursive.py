@@ -121,8 +121,8 @@ class Ours:
         self.model = AxisModel(three_mass("speed"), task.values, task.watched)
         K, lam0 = filter_gain(self.model, H, task.torque_noise, task.output_noise)
         start = tuple((1e-4 if P is None else P) * self.model.scale**2 / lam0)
-        own = Settings(H, lam0=lam0, K=tuple(K), P0=start, settle_s=0.2, alpha2=1e9)
-        self.settings = replace(own, joint=joint, drift=drift)
+        own = Settings.paper(H, lam0=lam0, K=tuple(K), P0=start, settle_s=0.2, alpha2=1e9)
+        self.settings = replace(own, joint_state=joint, random_walk=drift)
         self.of = of
 
     def run(self, axes: int) -> tuple[Floats, Floats]:
@@ -195,7 +195,10 @@ def theirs(
 def test_joint_filters_of_others(name: str, seed: int, say: Say, tmp_path: Path) -> None:
     task = TASKS[name]
     of = records(task, seed)
-    ours = {"axiswatch": Ours(task, of, joint=False), "axiswatch, joint_state": Ours(task, of, joint=True)}
+    ours = {
+        "axiswatch": Ours(task, of, joint=False),
+        "axiswatch, joint_state": Ours(task, of, joint=True),
+    }
     P = ours["axiswatch"].run(len(of.u))[1]
     ours["axiswatch, joint_state, random_walk"] = Ours(task, of, joint=True, drift=True, P=P)
     times = in_turns({who: it.alone() for who, it in ours.items()}, 9)

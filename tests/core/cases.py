@@ -64,7 +64,7 @@ class Case(NamedTuple):
             "speed_scale": self.speed_scale,
             "P0": tuple(start),
         }
-        return Settings(H, **(own | changes))  # type: ignore[arg-type]
+        return Settings.paper(H, **(own | changes))
 
 
 def delayed(output: Output) -> Drive:

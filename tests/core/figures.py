@@ -25,7 +25,7 @@ ANGLE_TORQUE_NOISE = 0.01
 def settings_of(output: Output, seed: int, run_on: bool = False) -> Settings:
     """The paper's settings, P(0) from records of its own; for the angle with a Kalman gain."""
     model = reference_model(output)
-    settings = Settings(INTERVAL_S, run_on=run_on)
+    settings = Settings.paper(INTERVAL_S, run_on=run_on)
     if output == "angle":
         gain, lam0 = filter_gain(model, INTERVAL_S, ANGLE_TORQUE_NOISE, NOISE["angle"])
         settings = replace(settings, K=tuple(gain), lam0=lam0)

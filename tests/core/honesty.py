@@ -41,7 +41,9 @@ def settings_for(output: Output, torque_noise: float, time_constants: float, *, 
         K = tuple(float(k) for k in gain)
     tau = slowest_time_constant(model, np.array(K or np.zeros(len(model.drive.states))), INTERVAL_S)
     lam = 1 - INTERVAL_S / (time_constants * tau)
-    return Settings(INTERVAL_S, lam=lam, lam0=lam0, K=K, settle_s=5 * tau, alpha2=1e9, joint=joint)
+    return Settings.paper(
+        INTERVAL_S, lam=lam, lam0=lam0, K=K, settle_s=5 * tau, alpha2=1e9, joint_state=joint
+    )
 
 
 def honesty(

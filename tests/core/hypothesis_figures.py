@@ -71,7 +71,7 @@ def records(
         return found
     healthy = experiments(seeds, output=output, samples=samples, noise=0.0).y
     eps = experiments(seeds, output=output, samples=samples, noise=noise).y - healthy
-    plants = Plants(model, Settings(INTERVAL_S), [nominal, faulty(nominal, fault or {})])
+    plants = Plants(model, Settings.paper(INTERVAL_S), [nominal, faulty(nominal, fault or {})])
     W = len(seeds)
     which, x, rest = np.zeros(W, np.int64), np.zeros((W, len(model.drive.states))), np.zeros(W)
     before, x = plants.run(which, x, rest, found.u[:FAULT_AT], eps[:FAULT_AT])

@@ -22,7 +22,7 @@ def histories(
 ) -> tuple[list[list[Alarm]], list[AxisMonitor]]:
     """Everything each axis, a column, said; and its monitor."""
     W = u.shape[1]
-    settings = replace(settings_of("speed", seed), joint=joint)
+    settings = replace(settings_of("speed", seed), joint_state=joint)
     bank = AxisBatch([MODEL] * W, [settings] * W)
     monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
     said: list[list[Alarm]] = [[] for _ in monitors]

@@ -11,12 +11,12 @@ FLOOR, STARVED = 0.05, 0.05
 TORQUE_NOISE = 0.3
 """N m"""
 K, LAM0 = filter_gain(MODEL, H, TORQUE_NOISE, NOISE["speed"])
-SUPERVISED = Settings(
+SUPERVISED = Settings.paper(
     H,
     K=tuple(K),
     K_after=gains_after(MODEL, H, TORQUE_NOISE, NOISE["speed"]),
     lam0=LAM0,
     settle_s=1.0,
-    floor=FLOOR,
+    information_floor=FLOOR,
     min_excitation=STARVED,
 )

@@ -91,7 +91,7 @@ def test_alarms_and_their_onsets(
     widen: float, own: tuple[Threshold, ...], seed: int, results: dict[object, tuple[Experiment, Paper]]
 ) -> None:
     case = BY_NAME["paper"]
-    settings = replace(case.settings(alpha1=0.5, alpha2=2.0, widen=widen), thresholds=own)
+    settings = replace(case.settings(alpha1=0.5, alpha2=2.0, covariance_reset=widen), thresholds=own)
     rec, paper = once(
         results,
         ("alarms", widen, own),

@@ -19,7 +19,7 @@ from monitor_core.settings import Settings, Threshold
 
 DRIVE = three_mass("speed")
 MODEL = reference_model()
-SETTINGS = Settings(0.005)
+SETTINGS = Settings.paper(0.005)
 
 
 def nominal(**changes: float) -> dict[str, float]:
@@ -109,7 +109,7 @@ def test_settings_out_of_range(name: str, value: float | tuple[float | Threshold
 
 
 def test_settings_at_the_ends_of_their_ranges() -> None:
-    Settings(0.005, lam=0.5, alpha1=0.0, delay_s=0.005, max_gap_s=0.005, settle_s=0.0)
+    Settings.paper(0.005, lam=0.5, alpha1=0.0, delay_s=0.005, max_gap_s=0.005, settle_s=0.0)
 
 
 @pytest.mark.parametrize("number", [1, 4, 6])

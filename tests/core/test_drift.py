@@ -85,12 +85,20 @@ def test_with_the_state_that_moves_it_is_the_joint_filter(
     Without the joint state it is 1.3 to 6 times as much, without the drift of the state 8 times and more.
     Friedland's separation but for a term of second order, and for K, which moves with theta there.
     """
-    s = Settings(
-        INTERVAL_S, lam=LAM, lam0=LAM0, K=K, P0=tuple(P0), settle_s=0.0, alpha2=1e9, joint=True, drift=True
+    s = Settings.paper(
+        INTERVAL_S,
+        lam=LAM,
+        lam0=LAM0,
+        K=K,
+        P0=tuple(P0),
+        settle_s=0.0,
+        alpha2=1e9,
+        joint_state=True,
+        random_walk=True,
     )
     late, (theta, variance) = slice(500, None), expected
     apart = []
-    for one in (s, replace(s, joint=joint, drift=drift)):
+    for one in (s, replace(s, joint_state=joint, random_walk=drift)):
         _, trace = AxisMonitor(MODEL, one).update_traced(SampleBlock(*rec))
         off = ((trace.theta - theta)[late] ** 2).mean(axis=0) / variance[late].mean(axis=0)
         apart.append(float(np.sqrt(off.mean())))

@@ -68,14 +68,14 @@ def test_figure_6_delays_and_g(table: dict[str | None, Outcome]) -> None:
 
 def test_P0_settles_where_it_should(seed: int) -> None:
     model = reference_model()
-    P0 = steady_p(model, Settings(INTERVAL_S), range(seed, seed + 400))
+    P0 = steady_p(model, Settings.paper(INTERVAL_S), range(seed, seed + 400))
     relative = np.sqrt(P0) / model.scale
     print(f"sqrt(P0) over nominal: {relative}")
     assert relative == pytest.approx([0.0253, 0.0094, 0.0604], rel=0.08)
 
 
 def test_P0_from_one_record(seed: int) -> None:
-    model, settings = reference_model(), Settings(INTERVAL_S)
+    model, settings = reference_model(), Settings.paper(INTERVAL_S)
     P0 = steady_state_p(model, settings, *experiment(seed, samples=4000))
     assert steady_p(model, settings, [seed]) == P0
 
@@ -83,4 +83,4 @@ def test_P0_from_one_record(seed: int) -> None:
 def test_P0_needs_a_record_that_is_long_enough(seed: int) -> None:
     record = experiment(seed, samples=2000)
     with pytest.raises(ValueError, match=r"the record gives 1800 updates after settling, P\(0\) needs 2000"):
-        steady_state_p(reference_model(), Settings(INTERVAL_S), *record)
+        steady_state_p(reference_model(), Settings.paper(INTERVAL_S), *record)

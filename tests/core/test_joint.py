@@ -27,7 +27,7 @@ def healthy(settings: Settings, seed: int) -> tuple[Floats, Floats]:
 
 
 def of_memory(lam: float, seed: int, joint: bool) -> Settings:
-    settings = replace(settings_of("speed", seed), lam=lam, joint=joint)
+    settings = replace(settings_of("speed", seed), lam=lam, joint_state=joint)
     return replace(settings, P0=steady_p(MODEL, settings, range(seed, seed + 30)))
 
 

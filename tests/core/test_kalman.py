@@ -55,7 +55,7 @@ def test_innovations_are_white_and_of_variance_lambda_0(output: Output, seed: in
     u = rng.standard_normal((N, 1))
     moved, _ = simulate_linear(model.drive, model.nominal, u + torque_noise * rng.standard_normal((N, 1)), H)
     y = moved + NOISE[output] * rng.standard_normal((N, 1))
-    pinned = Settings(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2))
+    pinned = Settings.paper(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2))
     monitor = AxisMonitor(model, pinned)
     _, trace = monitor.update_traced(SampleBlock(np.arange(N) * 5000, u[:, 0], y[:, 0]))
     eps = trace.eps[1000:] / np.sqrt(lam0)
@@ -110,7 +110,7 @@ def test_the_time_constant_is_how_an_error_of_the_state_dies_out(torque_noise: f
     """Two predictors on one record from different first outputs: their difference swings and decays."""
     model = reference_model("angle")
     K, lam0 = filter_gain(model, H, torque_noise, NOISE["angle"])
-    pinned = Settings(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2), settle_s=0.0)
+    pinned = Settings.paper(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2), settle_s=0.0)
     rec = experiment(1, output="angle")
     eps = []
     for first in (0.0, 1e3):

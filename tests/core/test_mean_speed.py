@@ -35,7 +35,7 @@ def record(seed: int) -> tuple[np.ndarray, np.ndarray]:
 def deviations(drive: Drive, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Mean of the estimates over nominal, minus 1, in percent (p,)."""
     model = AxisModel(drive, REFERENCE_VALUES, MONITORED)
-    settings = Settings(H, settle_s=2.7, P0=tuple((0.05 * model.scale) ** 2))
+    settings = Settings.paper(H, settle_s=2.7, P0=tuple((0.05 * model.scale) ** 2))
     bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
     t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
     _, trace = bank.run_traced(t_us, u, y)
@@ -100,7 +100,7 @@ def test_innovations_are_white_and_as_large_as_said(seed: int) -> None:
     y, _ = simulate_linear(AVERAGED, REFERENCE_VALUES, u + 0.3 * white[0], H)
     model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
     K, lam0 = filter_gain(model, H, 0.3, 0.2)
-    settings = Settings(H, K=tuple(K), lam0=lam0, settle_s=2.5, P0=(1e-20,))
+    settings = Settings.paper(H, K=tuple(K), lam0=lam0, settle_s=2.5, P0=(1e-20,))
     bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
     t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
     eps = bank.run_traced(t_us, u, y + 0.2 * white[1])[1].eps[501:]
@@ -120,7 +120,7 @@ def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, s
     angle, _ = simulate_linear(three_mass("angle"), REFERENCE_VALUES, acting[:, np.newaxis], H / fine)
     y = np.append(0.0, np.diff(angle[::fine, 0]) / H)
     model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
-    settings = Settings(H, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0)
+    settings = Settings.paper(H, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0)
     _, trace = AxisMonitor(model, settings).update_traced(
         SampleBlock(np.arange(2000)[kept] * 5000, u[kept], y[kept])
     )

@@ -43,7 +43,7 @@ MINUTES, BLOCK_S = 30, 300.0
 def watch(*follows: Follow) -> Watch:
     model = AxisModel(three_mass("angle"), FOUND, tuple(FAULTS))
     noises = model, INTERVAL_S, TORQUE_NOISE, OUTPUT_NOISE
-    settings = Settings(
+    settings = Settings.paper(
         INTERVAL_S,
         lam=1 - INTERVAL_S / MEMORY_S,
         lam0=INNOVATION_VARIANCE,
@@ -51,9 +51,9 @@ def watch(*follows: Follow) -> Watch:
         K=tuple(filter_gain(*noises)[0].tolist()),
         K_after=gains_after(*noises),
         settle_s=SETTLE_S,
-        floor=0.05,
+        information_floor=0.05,
         min_excitation=0.05,
-        outlier=6.0,
+        outlier_limit=6.0,
     )
     return Watch(model, settings, Conditions(("temperature",), follows))
 

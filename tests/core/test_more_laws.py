@@ -22,15 +22,21 @@ from tests.core.cases import CASES, Case, H, as_columns, record
 from tests.core.laws import SAMPLES, lively, part, state
 
 WAYS: tuple[Mapping[str, float | bool], ...] = (
-    {"floor": 0.05, "min_excitation": 0.05},
-    {"floor": 0.3},
+    {"information_floor": 0.05, "min_excitation": 0.05},
+    {"information_floor": 0.3},
     {"min_excitation": 0.3},
-    {"joint": True},
-    {"outlier": 3.0},
-    {"widen": 20.0},
-    {"drift": True},
-    {"floor": 0.05, "min_excitation": 0.05, "joint": True, "outlier": 4.0, "widen": 5.0},
-    {"floor": 0.1, "min_excitation": 0.05, "joint": True, "drift": True},
+    {"joint_state": True},
+    {"outlier_limit": 3.0},
+    {"covariance_reset": 20.0},
+    {"random_walk": True},
+    {
+        "information_floor": 0.05,
+        "min_excitation": 0.05,
+        "joint_state": True,
+        "outlier_limit": 4.0,
+        "covariance_reset": 5.0,
+    },
+    {"information_floor": 0.1, "min_excitation": 0.05, "joint_state": True, "random_walk": True},
 )
 seeds, cases, ways = st.integers(0, 2**32 - 1), st.sampled_from(CASES), st.sampled_from(WAYS)
 law = settings(deadline=None, max_examples=80)

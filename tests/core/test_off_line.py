@@ -26,7 +26,9 @@ def linear(lam: float, torque_noise: float) -> tuple[AxisModel, Settings]:
     model = AxisModel(three_mass("speed"), VALUES, LINEAR)
     K = filter_gain(model, INTERVAL_S, torque_noise, NOISE["speed"])[0] if torque_noise else ()
     start = tuple((0.3 * model.scale) ** 2)
-    return model, Settings(INTERVAL_S, lam=lam, K=tuple(K), P0=start, settle_s=0.0, alpha2=1e9, joint=True)
+    return model, Settings.paper(
+        INTERVAL_S, lam=lam, K=tuple(K), P0=start, settle_s=0.0, alpha2=1e9, joint_state=True
+    )
 
 
 def least_squares(psi: Floats, eps: Floats, settings: Settings) -> Floats:
@@ -69,8 +71,13 @@ def test_without_forgetting_the_end_is_the_off_line_estimate(joint: bool, within
         [Measured(np.asarray(rec.t_us * 1e-6, float), rec.u, rec.y, "speed")],
     )
     model = AxisModel(three_mass("speed"), {**REFERENCE_VALUES}, names)
-    settings = Settings(
-        INTERVAL_S, lam=FOREVER, P0=tuple((0.05 * model.scale) ** 2), settle_s=3.0, alpha2=1e9, joint=joint
+    settings = Settings.paper(
+        INTERVAL_S,
+        lam=FOREVER,
+        P0=tuple((0.05 * model.scale) ** 2),
+        settle_s=3.0,
+        alpha2=1e9,
+        joint_state=joint,
     )
     monitor = AxisMonitor(model, settings)
     monitor.batch.state.theta[:, monitor.lane] = model.theta0 * [1.03, 0.97, 1.03]

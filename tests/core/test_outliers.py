@@ -36,7 +36,7 @@ TORQUE_NOISE, ANGLE_NOISE = 0.05, 1e-5
 
 @pytest.fixture(scope="module")
 def settings() -> Settings:
-    return replace(settings_of("speed", 0, run_on=True), outlier=WIDTH)
+    return replace(settings_of("speed", 0, run_on=True), outlier_limit=WIDTH)
 
 
 class Samples(NamedTuple):
@@ -77,7 +77,7 @@ def test_outliers_of_the_output_do_no_harm(settings: Settings, seed: int) -> Non
     struck = clean._replace(y=y)
     _, expected = spread(settings, clean)
     bank, found = spread(settings, struck)
-    _, unsifted = spread(replace(settings, outlier=0.0), struck)
+    _, unsifted = spread(replace(settings, outlier_limit=0.0), struck)
     assert counted(bank) == pytest.approx(hit[550:].sum(), rel=0.1)  # after settling
     ratio, without = (np.median(rms / expected, axis=1) for rms in (found, unsifted))
     assert (abs(ratio - 1) < 0.05).all(), ratio
@@ -130,7 +130,7 @@ def test_lambda_0_is_true_without_outliers(settings: Settings, seed: int) -> Non
 def test_as_transcribed(name: str, grows: bool, seed: int) -> None:
     case = next(case for case in CASES if case.name == name)
     after = gains_after(case.model, H, case.torque_noise, NOISE[case.output]) if grows else ()
-    s = replace(case.settings(outlier=WIDTH, settle_s=0.1), K_after=after)
+    s = replace(case.settings(outlier_limit=WIDTH, settle_s=0.1), K_after=after)
     rec, rng = record(seed, case, 600), np.random.default_rng(seed)
     y, _ = strike(rec.y, (20 * NOISE[case.output], 1e3), rng)
     y[300:310] += 50 * NOISE[case.output]  # more in a row than are passed over
@@ -158,7 +158,7 @@ def errors_after_a_push(
     acting = u + push + TORQUE_NOISE * rng.standard_normal(N)
     y, _ = simulate_linear(model.drive, REFERENCE_VALUES, acting[:, np.newaxis], H)
     y = y[:, 0] + ANGLE_NOISE * rng.standard_normal(N)
-    s = Settings(H, lam0=lam0, K=gain, K_after=after, outlier=WIDTH)
+    s = Settings.paper(H, lam0=lam0, K=gain, K_after=after, outlier_limit=WIDTH)
     _, trace = AxisMonitor(model, s).update_traced(SampleBlock(np.arange(N) * round(H * 1e6), u, y))
     assert np.isnan(trace.eps[2801:2804]).all()
     return float(np.nansum(np.abs(trace.eps[2806:2830])) / np.sqrt(lam0))
@@ -181,7 +181,7 @@ def test_a_fault_is_found_as_fast(settings: Settings, seed: int) -> None:
     """The samples that show a torque constant twice as large look like outliers."""
     t, u, y = experiments(range(seed, seed + AXES), {"kT": 2.0})
     first = []
-    for s in (settings, replace(settings, outlier=0.0)):
+    for s in (settings, replace(settings, outlier_limit=0.0)):
         bank = AxisBatch([MODEL] * AXES, [s] * AXES)
         _, trace = bank.run_traced(np.repeat(t[:, None], AXES, axis=1), u, y)
         crossed = trace.g[FAULT_AT:, 0, 0] > bank.thresholds[0]

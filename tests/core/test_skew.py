@@ -44,7 +44,9 @@ def watched(
     else:
         model = AxisModel(three_mass("speed"), REFERENCE_VALUES, monitored)
     K, lam0 = filter_gain(model, H, TORQUE_NOISE, NOISE)
-    settings = Settings(H, K=tuple(K), lam0=lam0, settle_s=2.0, floor=0.05, min_excitation=0.05)
+    settings = Settings.paper(
+        H, K=tuple(K), lam0=lam0, settle_s=2.0, information_floor=0.05, min_excitation=0.05
+    )
     settings = replace(settings, P0=steady_p(model, settings, range(20)))
     bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
     t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, None] * 5000, SEEDS, axis=1)

@@ -63,7 +63,7 @@ def test_a_gap_starts_the_predictor_anew_and_keeps_the_rest(case: Case, jump_us:
 
 def test_the_longest_interval_is_not_a_gap() -> None:
     rec = experiment(1)
-    monitor = AxisMonitor(SPEED, Settings(0.005, max_gap_s=0.05))
+    monitor = AxisMonitor(SPEED, Settings.paper(0.005, max_gap_s=0.05))
     monitor.update(SampleBlock(np.array([0, 50_000, 100_001]), rec.u[:3], rec.y[:3]))
     assert monitor.status().counters["gap"] == 1
 
@@ -72,7 +72,7 @@ def test_first_state_is_the_drive_moving_rigidly() -> None:
     """From such a state, with the torque that friction takes, the prediction stays where it is."""
     values = SPEED.nominal
     speed = 3.0
-    monitor = AxisMonitor(SPEED, Settings(0.005))
+    monitor = AxisMonitor(SPEED, Settings.paper(0.005))
     torque = np.full(200, values["fm"] * speed / values["kT"])
     _, trace = monitor.update_traced(SampleBlock(np.arange(200) * 5000, torque, np.full(200, speed)))
     assert np.nanmax(abs(trace.eps), initial=0) < 1e-9
@@ -91,7 +91,7 @@ def test_an_angle_far_from_zero_is_no_trouble(seed: int) -> None:
 
 
 def test_status_of_an_axis_through_its_life() -> None:
-    monitor = AxisMonitor(SPEED, Settings(0.005, lam=0.95, settle_s=0.5))
+    monitor = AxisMonitor(SPEED, Settings.paper(0.005, lam=0.95, settle_s=0.5))
     seen = [monitor.status().parameters[0].status]
     rec = experiment(3, samples=400)
     for k in range(400):
@@ -113,7 +113,7 @@ def test_every_sample_is_counted_once(seed: int) -> None:
 
 def test_theta_is_held_by_its_bounds_and_it_is_counted(seed: int) -> None:
     model = replace(SPEED, bounds={"kT": (0.9, 1.05)})
-    settings = Settings(0.005, P0=tuple((0.1 * model.scale) ** 2), alpha2=1e9)
+    settings = Settings.paper(0.005, P0=tuple((0.1 * model.scale) ** 2), alpha2=1e9)
     monitor = AxisMonitor(model, settings)
     _, trace = monitor.update_traced(SampleBlock(*experiment(seed, {"kT": 1.3})))
     assert trace.theta[:, 0].max() == 1.05
@@ -123,7 +123,7 @@ def test_theta_is_held_by_its_bounds_and_it_is_counted(seed: int) -> None:
 
 def unstable(settle_s: float) -> AxisMonitor:
     """Friction far below zero: the state overflows within seconds.  theta is as good as pinned."""
-    monitor = AxisMonitor(SPEED, Settings(0.005, P0=tuple(1e-40 * SPEED.scale**2), settle_s=settle_s))
+    monitor = AxisMonitor(SPEED, Settings.paper(0.005, P0=tuple(1e-40 * SPEED.scale**2), settle_s=settle_s))
     monitor.batch.state.theta[:, monitor.lane] = SPEED.theta0 * [1, 1, -100]
     return monitor
 
@@ -162,7 +162,7 @@ def test_facts_of_a_predictor_that_is_running_away(seed: int) -> None:
 
 @pytest.mark.parametrize("huge", [1e30, 1e160, 1e300])
 def test_one_absurd_value_leaves_everything_finite(huge: float, seed: int) -> None:
-    monitor = AxisMonitor(SPEED, Settings(0.005, P0=tuple((0.01 * SPEED.scale) ** 2), settle_s=0.1))
+    monitor = AxisMonitor(SPEED, Settings.paper(0.005, P0=tuple((0.01 * SPEED.scale) ** 2), settle_s=0.1))
     rec = experiment(seed)
     rec.y[1000] = huge
     run(monitor, rec, 0)
@@ -180,7 +180,7 @@ def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Alarm]
     acting = (u + 0.05 * rng.standard_normal(N))[:, np.newaxis]
     y = simulate_linear(model.drive, model.nominal, acting, 0.005)[0][:, 0] + 1e-4 * rng.standard_normal(N)
     K, lam0 = filter_gain(model, 0.005, 0.05, 1e-4)
-    settings = Settings(0.005, K=tuple(K), lam0=lam0, settle_s=4.5, lost_s=lost_s)
+    settings = Settings.paper(0.005, K=tuple(K), lam0=lam0, settle_s=4.5, lost_s=lost_s)
     monitor = AxisMonitor(model, settings)
     keep = np.arange(N) % 1500 >= lost
     t = 5000 * np.arange(N, dtype=np.int64)
@@ -203,7 +203,9 @@ def test_without_waiting_lost_samples_would_be_a_fault(seed: int) -> None:
 def test_what_its_bounds_hold_is_invalid(seed: int) -> None:
     """A torque constant half as large again, and bounds that allow a tenth: no number, and the others have theirs."""
     model = replace(reference_model("speed"), bounds={"kT": (0.9, 1.1)})
-    settings = Settings(0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, floor=0.05, min_excitation=0.05)
+    settings = Settings.paper(
+        0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, information_floor=0.05, min_excitation=0.05
+    )
     monitor = AxisMonitor(model, settings)
     rec, held = experiment(seed, {"kT": 1.5}, samples=2000), list[bool]()
     run(monitor, rec, 0, 1400)
@@ -219,7 +221,9 @@ def test_what_its_bounds_hold_is_invalid(seed: int) -> None:
 
 def test_errors_far_beyond_the_model_are_invalid(seed: int) -> None:
     """Noise of twenty times what is expected, for ten memories of lambda_0."""
-    settings = Settings(0.005, lam=0.98, lam0=1.0, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0, joint=True)
+    settings = Settings.paper(
+        0.005, lam=0.98, lam0=1.0, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0, joint_state=True
+    )
     monitor = AxisMonitor(reference_model("speed"), settings)
     t, u, y = experiment(seed, samples=4000)
     monitor.update(SampleBlock(t[:2000], u[:2000], y[:2000]))
@@ -231,9 +235,9 @@ def test_errors_far_beyond_the_model_are_invalid(seed: int) -> None:
 
 
 def test_nominal_values_that_a_record_could_not_tell_apart_are_not_tested(seed: int) -> None:
-    settings = Settings(0.005, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0)
+    settings = Settings.paper(0.005, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0)
     told = AxisMonitor(reference_model("speed"), settings)
-    untold = AxisMonitor(reference_model("speed"), replace(settings, untold=(("fm", "fc"),)))
+    untold = AxisMonitor(reference_model("speed"), replace(settings, unidentifiable=(("fm", "fc"),)))
     rec = experiment(seed, {"kT": 1.3}, samples=3000)
     assert told.update(SampleBlock(*rec))
     assert untold.update(SampleBlock(*rec)) == []

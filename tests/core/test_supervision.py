@@ -43,7 +43,9 @@ def test_the_kernel_is_the_transcription(name: str, seed: int, monkeypatch: pyte
     """Two inversions and an eigendecomposition there; here, in both shapes, neither."""
     case, rng = BY_NAME[name]._replace(within=0.3), np.random.default_rng(seed)
     rec = moved(case, lively_then_still(rng, 300, 1000, 300), rng)
-    settings = case.settings(lam=0.98, alpha1=0.5, alpha2=0.5, floor=FLOOR, min_excitation=STARVED)
+    settings = case.settings(
+        lam=0.98, alpha1=0.5, alpha2=0.5, information_floor=FLOOR, min_excitation=STARVED
+    )
     paper = Paper(case.model, settings)
     paper.run(*rec)
     for shape, fewest in (("scalar", 1000), ("lanes", 1)):
@@ -145,7 +147,7 @@ def test_pauses_with_a_memory_of_a_quarter_of_a_second(seed: int) -> None:
 
 def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) -> None:
     """What the tests above hold of would not hold by itself."""
-    bare = replace(settings, floor=0.0, min_excitation=0.0, run_on=True)
+    bare = replace(settings, information_floor=0.0, min_excitation=0.0, run_on=True)
     _, trace, at = through_a_pause("constant speed", seed, 8, bare, {"kT": 1.2})
     assert (trace.P[:at].max(axis=(0, 2)) > 1000 * np.array(settings.P0)).any()
     assert (trace.g[:at].max(axis=(0, 1, 3)) > settings.alpha2 * MODEL.scale).any()
@@ -173,7 +175,7 @@ def test_an_axis_at_rest_keeps_every_bit(settings: Settings, seed: int) -> None:
 def test_after_a_rest_all_is_watched_again(floor: float, settings: Settings, seed: int) -> None:
     """With the floor or without."""
     rng = np.random.default_rng(seed)
-    monitor = AxisMonitor(MODEL, replace(settings, K=(), K_after=(), floor=floor))
+    monitor = AxisMonitor(MODEL, replace(settings, K=(), K_after=(), information_floor=floor))
     rec = moved(BY_NAME["paper"], lively_then_still(rng, 1000, 4000, 600), rng)
     monitor.update(SampleBlock(*part(rec, 0, 5000)))
     assert {p.observation for p in monitor.status().parameters} == {Observation.UNSEEN}

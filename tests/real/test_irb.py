@@ -51,7 +51,7 @@ def run(record: Record) -> tuple[list[Alarm], Floats, AxisMonitor]:
 
 def test_the_daemon_supervises_by_default() -> None:
     _, settings = model_and_settings()
-    assert settings.floor > 0
+    assert settings.information_floor > 0
     assert settings.min_excitation > 0
     assert any(settings.K)
 

@@ -107,7 +107,7 @@ def run(
 
 def test_the_daemon_supervises_by_default(watched: tuple[AxisModel, Settings]) -> None:
     _, settings = watched
-    assert settings.floor > 0
+    assert settings.information_floor > 0
     assert settings.min_excitation > 0
     assert any(settings.K)
 

@@ -92,7 +92,7 @@ def test_where_it_is_short_the_state_moves_with_the_estimates_unless_told_otherw
         text = file.read_text(encoding="utf-8")
         file.write_text(text.replace("[robot.axis.estimator]", f"[robot.axis.estimator]\n{said}", 1))
         axis = load(file).axes[0]
-        return axis_settings(axis, axis_model(axis.config)).joint
+        return axis_settings(axis, axis_model(axis.config)).joint_state
 
     assert (joint(1.0), joint(3.0)) == (True, False)
     assert (joint(1.0, "joint_state = false"), joint(3.0, "joint_state = true")) == (False, True)

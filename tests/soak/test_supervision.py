@@ -114,7 +114,7 @@ def test_a_day_with_an_hour_of_motion(
     That memory is as short as the predictor's slowest time constant, for which the state has to move with theta:
     without, a day of a sine raised six alarms of fm.
     """
-    settings = replace(SUPERVISED, lam=lam, joint=joint)
+    settings = replace(SUPERVISED, lam=lam, joint_state=joint)
     settings = replace(settings, P0=steady_p(MODEL, settings, range(50)))
     day = Axis(settings, seed)
     day.run("moving", HOUR)

@@ -83,8 +83,8 @@ class EvidenceBuilder:
 
     def _past(self, noted: EvidenceColumns, c: int) -> Past:
         s, p = self._s, len(self._names)
-        lam = 1.0 if s.drift else s.lam**s.span
-        walk = s.span * (1 - s.lam) * self._P_nom if s.drift else np.zeros(p)
+        lam = 1.0 if s.random_walk else s.lam**s.span
+        walk = s.span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(p)
         return past_of(noted.t[c], noted.before[c], p, lam, walk, s.lam0, self._lag_us)
 
     def _held(self, theta: Floats, nominal: Floats) -> Floats:

@@ -52,7 +52,7 @@ def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]
     """(N, len(hypotheses)), of a white torque and a white output: which, does not matter where all is linear."""
     many, N = len(hypotheses), 2 * round(_MEMORIES * s.memory / 2)
     tables, predictors = lanes_of(
-        model, replace(s, outlier=0.0), hypotheses, np.full(many, np.inf), np.zeros(many)
+        model, replace(s, outlier_limit=0.0), hypotheses, np.full(many, np.inf), np.zeros(many)
     )
     H = predictors.own.shape[1]
     rng = np.random.default_rng(0)

@@ -42,7 +42,8 @@ def lanes_of(
     table["own"][predictors.LIMIT] = h
     s = settings
     axis = [
-        s.interval_s, s.lam, s.lam0, round(s.max_gap_s * 1e6), round(s.settle_s * 1e6), round(s.lost_s * 1e6), s.outlier
+        s.interval_s, s.lam, s.lam0, round(s.max_gap_s * 1e6), round(s.settle_s * 1e6), round(s.lost_s * 1e6),
+        s.outlier_limit,
     ]  # fmt: skip
     return assembly.tables, Predictors(
         **{name: np.ascontiguousarray(values) for name, values in table.items()},

@@ -73,7 +73,7 @@ def guaranteed(hypotheses: int, samples: float) -> float:
 
 def reason_unavailable(model: AxisModel, settings: Settings) -> str:
     """Why there can be no bank for an axis, in words; empty: there can."""
-    if settings.untold:
+    if settings.unidentifiable:
         return "its nominal values cannot tell some of the parameters apart"
     gain = settings.gain(len(model.drive.states))
     if not math.isfinite(slowest_time_constant(model, gain, settings.interval_s)):

@@ -41,7 +41,7 @@ def plant(colour: float, memory: int = MEMORY) -> Plant:
     model = reference_model("speed")
     gain, lam0 = filter_gain(model, INTERVAL_S, TORQUE_NOISE, OUTPUT_NOISE)
     lam = 1 - 1 / memory
-    settings = Settings(INTERVAL_S, lam=lam, lam0=lam0, K=tuple(float(k) for k in gain), settle_s=1.0)
+    settings = Settings.paper(INTERVAL_S, lam=lam, lam0=lam0, K=tuple(float(k) for k in gain), settle_s=1.0)
     return Plant(model, settings, colour)
 
 

@@ -23,7 +23,7 @@ from monitor_core.wording import duration
 from tests.core.calibration.test_budget import MEMORY, forgotten
 
 MODEL = reference_model("speed", ("kT", "fm"))
-SETTINGS = Settings(0.005, lam=1 - 1 / MEMORY)
+SETTINGS = Settings.paper(0.005, lam=1 - 1 / MEMORY)
 SD = 0.02
 """Of the deviations, in sizes."""
 
@@ -106,7 +106,7 @@ def test_without_excitation() -> None:
 
 def test_nominal_values_that_cannot_be_told() -> None:
     with pytest.raises(CalibrationError, match="fm and fc cannot be told apart"):
-        check_settings(replace(SETTINGS, untold=(("fm", "fc"),)))
+        check_settings(replace(SETTINGS, unidentifiable=(("fm", "fc"),)))
     check_settings(SETTINGS)
 
 

@@ -72,7 +72,7 @@ def test_the_faulty_plant_moves_as_the_record_says(
     load = equivalent_load(of, faulty)
     assert load is not None
     record = SampleBlock(np.arange(SAMPLES) * 5000, u, angle if output == "angle" else speed, name="r")
-    needed = faulty_torque(of, Settings(H), record, load, np.zeros(len(of.drive.inputs)))
+    needed = faulty_torque(of, Settings.paper(H), record, load, np.zeros(len(of.drive.inputs)))
     _, with_it = moved(faulty, needed)
     _, without = moved(faulty, u)
     away = np.std(with_it[:-2] - speed[:-2]) / np.std(without - speed)
@@ -88,7 +88,7 @@ def test_a_torque_that_acts_late(seed: int) -> None:
     y = np.random.default_rng(seed).standard_normal(50).cumsum()
     record = SampleBlock(np.arange(50) * 5000, np.zeros(50), y, name="r")
     at_once, late = (
-        faulty_torque(of, replace(Settings(H), delay_s=delay), record, load, np.zeros(3))
+        faulty_torque(of, replace(Settings.paper(H), delay_s=delay), record, load, np.zeros(3))
         for delay in (0.0, H / 2)
     )
     assert late[:-1] == pytest.approx((at_once[:-1] + at_once[1:]) / 2)

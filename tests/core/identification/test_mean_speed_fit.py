@@ -66,7 +66,9 @@ def test_it_is_the_predictor_of_the_monitor(delay_s: float, seed: int) -> None:
     gain = predictor.gain(predictor.start())
     np.testing.assert_allclose(gain.K * predictor.d, K, rtol=1e-9, atol=1e-12 * np.abs(K).max())
     np.testing.assert_allclose(gain.S * 0.05**2, lam0, rtol=1e-9)
-    settings = Settings(H, K=tuple(K), lam0=lam0, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0)
+    settings = Settings.paper(
+        H, K=tuple(K), lam0=lam0, delay_s=delay_s, settle_s=0.0, P0=(1e-30,), max_gap_s=1.0
+    )
     t_us = np.rint(record.t * 1e6).astype(np.int64)
     _, trace = AxisMonitor(model, settings).update_traced(SampleBlock(t_us, record.u, record.y))
     np.testing.assert_allclose(eps[1:], trace.eps[1:], atol=1e-8 * np.abs(record.y).max())

@@ -99,7 +99,7 @@ def test_innovations_with_a_disturbance_are_white(output: Output, seed: int) -> 
     moved, _ = simulate_linear(three_mass(output), REFERENCE_VALUES, torque[:, None], H / parts)
     y = moved[::parts, 0] + NOISE[output] * rng.standard_normal(N)
     K, lam0 = filter_gain(model, H, white, NOISE[output], slow)
-    pinned = Settings(H, K=tuple(K), lam0=lam0, P0=(1e-60,))
+    pinned = Settings.paper(H, K=tuple(K), lam0=lam0, P0=(1e-60,))
     _, trace = AxisMonitor(model, pinned).update_traced(SampleBlock(np.arange(N) * 5000, u, y))
     eps = trace.eps[2000:] / np.sqrt(lam0)
     assert np.std(d) == pytest.approx(slow, rel=0.3)

@@ -141,7 +141,7 @@ class Paper:
         if corrects:
             self.x = self.x + K * eps
             self.z = self.z - np.outer(psi, K)
-        if used and self.s.joint:
+        if used and self.s.joint_state:
             self.x = self.x + moved @ self.z
         if mean >= 0:
             self.x[mean], self.z[:, mean] = 0.0, 0.0
@@ -186,7 +186,7 @@ class Paper:
         self.z[late] += B @ step
 
     def _update(self, eps: float, psi: Array) -> None:
-        walks = self.s.drift and len(self.diagonals) >= self.s.seed_updates
+        walks = self.s.random_walk and len(self.diagonals) >= self.s.seed_updates
         lam = 1.0 if walks else self.lam
         S = lam + psi @ self.P @ psi
         L = self.P @ psi / S  # (12)
@@ -205,9 +205,9 @@ class Paper:
         if self.seeding:
             self._seed()
             return
-        if self.s.drift:
+        if self.s.random_walk:
             self.P = self.P + (1 - self.lam) * np.diag(self.P_nom)
-        if self.s.floor or self.s.min_excitation:
+        if self.s.information_floor or self.s.min_excitation:
             self._look()
         self._cusum()
 
@@ -221,14 +221,14 @@ class Paper:
 
     def _expected(self, psi: Array) -> float:
         """Var eps over lambda_0: 1 + psi' P psi / (1 + lambda)."""
-        walks = self.s.drift and len(self.diagonals) >= self.s.seed_updates
+        walks = self.s.random_walk and len(self.diagonals) >= self.s.seed_updates
         return float(1 + psi @ self.P @ psi / (2 if walks else 1 + self.lam))
 
     def _sift(self, eps: float, known: float) -> tuple[bool, bool, float]:
         """Whether it is an outlier, whether it is passed over (three in a row, and one in fifty), what is believed."""
-        if self.s.outlier == 0:
+        if self.s.outlier_limit == 0:
             return False, False, eps
-        limit = self.s.outlier * math.sqrt(self.running * known)
+        limit = self.s.outlier_limit * math.sqrt(self.running * known)
         out = abs(eps) > limit
         self.in_a_row = self.in_a_row + 1 if out else 0
         self.credit = min(self.credit + 0.02, 3.0)
@@ -253,9 +253,9 @@ class Paper:
         """Once in a span, floor / P(0)_ii more information, by two inversions; then what is observed."""
         self.since += 1
         if self.since >= (self.s.span // 4 if self.starved else self.s.span):
-            more = (self.s.lam**-self.since - 1) * self.s.floor
-            if self.s.drift:
-                more = self.since * (1 - self.s.lam) * self.s.floor**2
+            more = (self.s.lam**-self.since - 1) * self.s.information_floor
+            if self.s.random_walk:
+                more = self.since * (1 - self.s.lam) * self.s.information_floor**2
             self.since, self.looks = 0, self.looks + 1
             self.P = np.linalg.inv(np.linalg.inv(self.P) + np.diag(more / self.P_nom))
             size = np.sqrt(self.P_nom)
@@ -290,6 +290,6 @@ class Paper:
                     self.onset[way, i] = self.t
                 if self.g[way, i] > alpha2[i] * self.model.scale[i]:
                     self.log.alarms.append((way, i, self.t, int(self.onset[way, i])))
-                    self.P[i, i] = max(self.P[i, i], self.s.widen * self.P_nom[i])
+                    self.P[i, i] = max(self.P[i, i], self.s.covariance_reset * self.P_nom[i])
                     if not self.s.run_on:
                         self.g[way, i], self.onset[way, i] = 0.0, self.t

@@ -336,7 +336,7 @@ def test_nominal_values_that_cannot_be_told_apart(robot: Path, sd: float, r: flo
     file_with(robot, _doubtful(sd, r))
     axis = load(robot, {}).axes[0]
     settings = axis_settings(axis, axis_model(axis.config))
-    assert settings.untold == (() if tested else (("fm", "fc"),))
+    assert settings.unidentifiable == (() if tested else (("fm", "fc"),))
     notes = list(doubtful_nominals(load(robot, {})))
     assert notes == (
         []

@@ -10,7 +10,7 @@ from monitor_core.settings import Settings
 from service.pipeline.publishing import RecentHistory
 from service.pipeline.worker import BOUNDS_S, ProcessingTime
 
-FACTS = AxisMonitor(reference_model(), Settings(interval_s=0.005)).status()
+FACTS = AxisMonitor(reference_model(), Settings.paper(interval_s=0.005)).status()
 
 
 def at(t_us: int | None) -> AxisStatus:

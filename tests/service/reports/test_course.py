@@ -41,7 +41,9 @@ class Ran:
         case = BY_NAME["paper"]
         self.block = self.make_block(seed)
         own = tuple(Threshold(a, 0.4, w) for a, w in ((0.3, 0.0), (0.2, 0.001), (0.3, 0.0)))
-        settings = case.settings(relative_sd=0.05, outlier=6.0, min_excitation=0.05, floor=0.05)
+        settings = case.settings(
+            relative_sd=0.05, outlier_limit=6.0, min_excitation=0.05, information_floor=0.05
+        )
         settings = replace(settings, thresholds=own)
         fleet = Fleet([case.model], [settings])
         self.monitor: AxisMonitor = fleet.monitors[0]
@@ -163,8 +165,8 @@ def test_gaps_are_marked_where_no_samples_were(ran: Ran) -> None:
 def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
     case = BY_NAME["paper"]
     block = Ran.make_block(seed)
-    beside = MultiModelDetector(case.model, case.settings(outlier=6.0), Limits(1e6))
-    fleet = Fleet([case.model], [case.settings(outlier=6.0)], {0: beside}, {0: "multimodel"})
+    beside = MultiModelDetector(case.model, case.settings(outlier_limit=6.0), Limits(1e6))
+    fleet = Fleet([case.model], [case.settings(outlier_limit=6.0)], {0: beside}, {0: "multimodel"})
     course = Course(fleet.monitors[0], 64)
     g: list[NDArray[np.float64]] = []
     took: list[NDArray[np.bool_]] = []

@@ -53,7 +53,7 @@ def test_arrays_come_back_bit_by_bit(checkpoints: Checkpoints, seed: int) -> Non
 def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: int) -> None:
     def monitor() -> AxisMonitor:
         model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-        return AxisMonitor(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
+        return AxisMonitor(model, Settings.paper(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
 
     rng = np.random.default_rng(seed)
     t, u, y = np.arange(400) * 5000, rng.normal(size=400), rng.normal(size=400)

@@ -105,7 +105,7 @@ def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) 
 
 def test_a_real_monitor_is_told_as_it_is(stage: Stage, client: TestClient, seed: int) -> None:
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-    monitor = AxisMonitor(model, Settings(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
+    monitor = AxisMonitor(model, Settings.paper(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
     rng = np.random.default_rng(seed)
     monitor.update(
         SampleBlock(np.arange(500) * 5000 + stage.now_us, rng.normal(size=500), rng.normal(size=500))

@@ -22,7 +22,7 @@ from tests.core.figures import settings_of
 
 MODEL = reference_model()
 H_US = 5000
-CERTAIN = Settings(0.005, settle_s=0.0, P0=(1e-30, 1e-30, 1e-30), alpha2=2.0, lam=0.9)
+CERTAIN = Settings.paper(0.005, settle_s=0.0, P0=(1e-30, 1e-30, 1e-30), alpha2=2.0, lam=0.9)
 """So sure of theta that nu is nothing."""
 
 
@@ -44,7 +44,7 @@ def displaced(settings: Settings, *relative: float) -> AxisMonitor:
 
 def test_g_by_hand() -> None:
     """lambda = 1/2, P(0) = 1e-4, lambda_0 = 4, alpha_1 = 1: nu = 0.02 sqrt(2)^k, and d = 0.1."""
-    settings = Settings(0.005, lam=0.5, lam0=4.0, alpha1=1.0, settle_s=0.0, P0=(1e-4, 1e-4, 1e-4))
+    settings = Settings.paper(0.005, lam=0.5, lam0=4.0, alpha1=1.0, settle_s=0.0, P0=(1e-4, 1e-4, 1e-4))
     _, trace = silent(displaced(settings, 0.1, 0.0, 0.0), 7)
     q = sqrt(2)
     steps = [0.1 - nu for nu in (0.02 * q, 0.04, 0.04 * q, 0.08, 0.08 * q, 0.16, 0.16 * q)]
@@ -55,7 +55,7 @@ def test_g_by_hand() -> None:
 
 
 def test_g_stays_at_zero_below_nu_and_never_goes_under_it() -> None:
-    settings = Settings(0.005, lam=0.5, alpha1=1.0, settle_s=0.0, P0=(1e-2, 1e-2, 1e-6))
+    settings = Settings.paper(0.005, lam=0.5, alpha1=1.0, settle_s=0.0, P0=(1e-2, 1e-2, 1e-6))
     _, trace = silent(displaced(settings, 0.1, -0.01, 0.5), 8)
     assert (trace.g[:, 0, 0] == 0).all()
     assert trace.g[1:5, 0, 2].min() > 0
@@ -173,7 +173,7 @@ def test_after_an_alarm_a_wider_P_converges_faster(seed: int) -> None:
     base = replace(base, P0=tuple(0.2 * v for v in base.P0))
     away = []
     for widen in (0.0, 10.0):
-        bank = AxisBatch([MODEL] * 32, [replace(base, widen=widen)] * 32)
+        bank = AxisBatch([MODEL] * 32, [replace(base, covariance_reset=widen)] * 32)
         _, trace = bank.run_traced(np.repeat(t[:, None], 32, axis=1), u, y)
         away.append(np.median(np.abs(trace.theta[FAULT_AT + 600, 0] - 1.2)))
     assert away[1] < 0.6 * away[0]

@@ -35,7 +35,7 @@ ONSET = Onset(4, 3, 5)
 
 
 def quantity(cause: str):  # type: ignore[no-untyped-def]
-    return quantity_of(MODEL, Settings(INTERVAL_S), cause)
+    return quantity_of(MODEL, Settings.paper(INTERVAL_S), cause)
 
 
 def share(cause: str, size: float = 0.2, probability: float = 1.0) -> Share:
@@ -301,4 +301,4 @@ def test_where_there_can_be_no_bank(seed: int) -> None:
     with pytest.raises(ValueError, match="not stable"):
         MultiModelDetector(case.model, replace(case.settings(), K=()), DAY)
     with pytest.raises(ValueError, match="apart"):
-        MultiModelDetector(MODEL, replace(settings_of("speed", seed), untold=(("kT", "fm"),)), DAY)
+        MultiModelDetector(MODEL, replace(settings_of("speed", seed), unidentifiable=(("kT", "fm"),)), DAY)

@@ -119,7 +119,7 @@ def test_nearly_equal_intervals_are_taken_as_they_are(seed: int) -> None:
 
 def lively(case: Case, h: float = 3.0) -> HypothesisBank:
     """Low thresholds, a short memory: much happens in few samples."""
-    s = case.settings(lam=0.9, settle_s=0.05, outlier=6.0)
+    s = case.settings(lam=0.9, settle_s=0.05, outlier_limit=6.0)
     return HypothesisBank(case.model, s, few(case.name), h=h, sure=0.6)
 
 

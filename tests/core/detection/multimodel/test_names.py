@@ -167,7 +167,7 @@ def test_faults_of_sensors_are_named(fault: str, bank: HypothesisBank, seed: int
 
 
 def test_causes_that_make_the_same_data_are_said_to() -> None:
-    found = default_hypotheses(reference_model(), Settings(INTERVAL_S))
+    found = default_hypotheses(reference_model(), Settings.paper(INTERVAL_S))
     alike = {of.cause: of.alike for of in found}
     assert set(alike["kT"]) == {TORQUE_SCALE, OUTPUT_SCALE}
     assert alike[TORQUE_SIGN] == (OUTPUT_SIGN,)
