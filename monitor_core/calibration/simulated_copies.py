@@ -37,8 +37,6 @@ def innovations(
 ) -> Innovations:
     """Innovations of the predictor with nominal values, and its states just before the samples ``at``, rising."""
     frozen = replace(
-        without_tests(settings), lam=_ENDLESS, P0=(), min_excitation=0.0, information_floor=0.0, outlier_limit=0.0
-    )
         without_tests(settings),
         lam=_ENDLESS,
         P0=(),
