@@ -1,4 +1,4 @@
-"""From models to the kernel's arrays: Tables for a structure, one column of Constants for each axis."""
+"""From models to the arrays of the kernel: Tables for a structure, one column of Constants for each axis."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ class _Slot(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """A Laurent term split into what is monitored (factors of theta) and what is not (folded into a number)."""
+    """A Laurent term split into its monitored factors (powers of theta) and a number for the rest."""
 
     slot: _Slot
     multiple: float
@@ -33,9 +33,9 @@ class _Piece(NamedTuple):
 
 
 class Assembly:
-    """The kernel's view of a structure: a drive and the names of its monitored parameters.
+    """Kernel arrays of a structure: a drive and the names of its monitored parameters.
 
-    ``tables`` is shared by all axes of the structure; ``constants_of`` fills the numbers of one axis.
+    ``tables`` is shared by all axes of the structure; ``model_constants`` computes the numbers of one axis.
     """
 
     def __init__(self, drive: Drive, monitored: Sequence[str]) -> None:
@@ -95,7 +95,7 @@ class Assembly:
         )
 
     def _derivatives_of_A(self, n: int, p: int) -> dict[str, Any]:
-        """Where A has entries, and where the A_i have: by places (all A_i), and by rows of one A_i."""
+        """Places of the entries of A and of the A_i: by places (all A_i), and by rows of a single A_i."""
         blocks = -(-(p + 1) // FOUR) * FOUR
         A = [s for s in self._index if s.group == 0]
         slopes = {s: k for s, k in self._index.items() if s.group == 3}
@@ -174,10 +174,11 @@ def fill(target: Constants, axis: int, values: dict[str, Floats]) -> None:
 
 
 def _input_scales(model: AxisModel, speed_scale: float) -> Floats:
-    """What the speed or angle that the kernel has is multiplied by to give the argument of an input (m,).
+    """Factor of the measured speed or angle in the argument of an input (m,).
 
-    At nominal a flange has ``ratio`` times the angle and speed of the sensor.  The angle is measured.  The speed is
-    measured, too, or it is that of the predictor: the sensor's is (C A x), of which x[speed_state] is all.
+    At nominal values a flange has ``ratio`` times the angle and speed of the sensor.  The angle is measured.  The speed
+    is measured, or it is that of the predictor: the speed at the sensor is (C A x), which depends on x[speed_state]
+    only.
     """
     drive = model.drive
     scale, friction = drive.matrix("ratio", model.nominal)[:, 0], np.array(drive.inputs) == COULOMB

@@ -1,7 +1,6 @@
 """One axis: a drive with nominal values, and the parameters to be monitored.
 
-``Drive`` (drive.py) is the structure of a family of axes (library.py has the three-mass drive of the paper),
-``AxisModel`` is one axis of it.
+``Drive`` (structure.py) is the structure of a family of axes, ``AxisModel`` is one axis of it.
 """
 
 import math
@@ -24,21 +23,21 @@ from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 @dataclass(frozen=True)
 class AxisModel:
-    """One axis: a drive, its nominal values (SI), and the parameters theta that are to be tracked.
+    """One axis: a drive, its nominal values (SI), and the monitored parameters theta.
 
-    ``nominal`` may be given by the names of the drive's parameters or, where these are merged, of what was drawn; here
-    it holds all parameters of the drive, and no others.
-    A monitored name ``1/Ja`` means that theta holds the reciprocal of ``Ja``.  ``scales`` gives the size of a
-    parameter whose nominal value is zero (offset); it sets the threshold of its test.  ``bounds`` confine
-    theta; default for a positive parameter: a tenth to ten times its nominal value.
-    ``relative``: theta is in units of these sizes, so that a healthy parameter is 1 (-1, or 0); ``scales`` and
+    ``nominal`` may be given by the names of the parameters of the drive or, where these are merged, of the drawn ones;
+    here it holds all parameters of the drive, and no others. A monitored name ``1/Ja`` means that theta holds the
+    reciprocal of ``Ja``.  ``scales`` gives the size of a parameter whose nominal value is zero (an offset); it sets the
+    threshold of its test.  ``bounds`` confine theta; default for a positive parameter: a tenth to ten times its nominal
+    value. ``relative``: theta is in units of these sizes, so that a healthy parameter is 1 (-1, or 0); ``scales`` and
     ``bounds`` stay in SI.
 
     Raises:
         KeyError: a name that the drive does not have, or a nominal value that is missing.
-        ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice;
-            the reciprocal of zero; a parameter without size; bounds that do not hold the nominal value; a drive
-            whose inputs cannot be had from its output.
+        ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice; the
+            reciprocal of zero; a parameter without size; bounds that do not hold the nominal value; a drive whose
+                inputs
+            do not follow from its output.
     """
 
     drive: Drive
@@ -103,7 +102,7 @@ class AxisModel:
 
     @cached_property
     def unit(self) -> Floats:
-        """What one of theta_i is in SI (p,): 1, or the size of the parameter."""
+        """Value of theta_i = 1 in SI (p,): 1, or the size of the parameter."""
         own = (
             self.relative and name != DELAY for name in self.monitored
         )  # the kernel uses the delay as it is

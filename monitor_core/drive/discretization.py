@@ -1,4 +1,4 @@
-"""Exact zero-order hold as matrices, for whatever is not the recursion: simulation, Kalman gain, fits."""
+"""Exact zero-order hold as matrices, for simulation, Kalman gain and fits; the recursion does not use it."""
 
 import numpy as np
 import scipy.linalg as sla

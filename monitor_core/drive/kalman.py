@@ -110,7 +110,7 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
 
 
 def held_disturbance(interval_s: float, time_constant_s: float) -> float:
-    """Standard deviation of w, held over each interval, that gives  d' = -d / Td + w  the standard deviation 1."""
+    """Standard deviation of w, held over each interval, for which  d' = -d / Td + w  has the standard deviation 1."""
     a = math.exp(-interval_s / time_constant_s)
     return math.sqrt((1 + a) / (1 - a)) / time_constant_s
 
@@ -128,7 +128,7 @@ def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> flo
 def _balanced(
     model: AxisModel, interval_s: float, disturbance: float = 0.0
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Ad (n, n), what noise enters by (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
+    """Ad (n, n), the input matrix of the noise (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
     A, B, C = model.matrices()
     d = model.balance()
     enters = B[:, _torque(model)]
@@ -144,7 +144,7 @@ def _balanced(
 
 
 def _kept(model: AxisModel, K: Floats) -> Floats:
-    """The gain without that of a state which is zero after the correction, whatever it was."""
+    """The gain without that of a state that is reset after the correction."""
     if (s := model.drive.mean_state) >= 0:
         K[s] = 0.0
     return K

@@ -2,9 +2,9 @@
 
     theta_0i(s) = v_i + slope_1 (f_1(s_1) - reference_1) + ...
 
-f is a signal itself or a named function of it.  Where the slopes are those of Ja and 1/Ja is monitored, or the other
-way round, theta_0i(s) is the reciprocal of that sum: exact, though not linear.  A gate is open while its signal has the
-right value; while one is shut, nothing is to be learned and no test runs.
+f is a signal itself or a named function of it.  Where the slopes are those of Ja and 1/Ja is monitored, or the reverse,
+theta_0i(s) is the reciprocal of that sum, exactly.  A gate is open while its signal has the right value; while a gate
+is closed, nothing is learned and no test runs.
 
 Every value of a sample depends on that sample alone (and, for the speed of an axis that measures its angle, on the
 sample before): blocks may be split anywhere.
@@ -55,7 +55,7 @@ class Term(NamedTuple):
         """The term in a text such as ``temperature`` or ``cos(angle2)``; its function may be unknown.
 
         Raises:
-            ValueError: it is no such text.
+            ValueError: the text is no term.
         """
         match = _TERM.fullmatch(text.strip())
         if match is None:
@@ -82,7 +82,7 @@ class Follow(NamedTuple):
     high: float = math.inf
 
     def change(self, values: Floats) -> Floats:
-        """By how much the parameter changes (N,), at values of the signal (N,); NaN where it is not known."""
+        """Change of the parameter (N,), at values of the signal (N,); NaN where it is unknown."""
         at = self.term.value(values)
         reach = MARGIN * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
         known = (at >= self.low - reach) & (at <= self.high + reach)
@@ -98,7 +98,7 @@ class Gate(NamedTuple):
     below: float = math.inf
 
     def open(self, values: Floats) -> Bools:
-        """Whether it is (N,), at values of the signal (N,); NaN: it is not."""
+        """Whether the gate is open (N,), at values of the signal (N,); it is closed at NaN."""
         between = (values > self.above) & (values < self.below)
         if not self.equals:
             return np.asarray(between, np.bool_)
@@ -108,9 +108,9 @@ class Gate(NamedTuple):
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the operation of an axis depends on.  ``signals`` names the columns of what is measured.
+    """Operating conditions of an axis.  ``signals`` names the columns of the measured signals.
 
-    ``min_speed``: nothing is to be learned while the axis turns more slowly (rad/s, at the sensor); 0: always.
+    ``min_speed``: nothing is learned while the axis turns more slowly (rad/s, at the sensor); 0: no limit.
     """
 
     signals: tuple[str, ...] = ()
@@ -144,12 +144,12 @@ class Operating:
         self._last: tuple[Floats, float] | None = None
 
     def take(self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None) -> tuple[Floats, Bools]:
-        """Shift theta_0(s) - theta_0 (N, p), NaN where it is not known, and whether to learn (N,).
+        """Shift theta_0(s) - theta_0 (N, p), NaN where it is unknown, and whether to learn (N,).
 
         Args:
             t_us: times of the samples (N,) [us].
-            y: what is measured (N,), rad or rad/s.
-            signals: the signals at the samples (N, S); NaN, or None for all of them: not known.
+            y: measured output (N,), rad or rad/s.
+            signals: the signals at the samples (N, S); NaN, or None for all of them: unknown.
         """
         N, c = len(t_us), self._conditions
         s = np.full((N, len(c.signals)), math.nan) if signals is None else signals
@@ -167,7 +167,7 @@ class Operating:
 
     @property
     def reason(self) -> str:
-        """Why nothing was learned from the last sample, as far as the conditions forbid it; else empty."""
+        """Why the conditions prevented learning from the last sample; empty: they did not."""
         return next(self._reasons(), "")
 
     def _reasons(self) -> Iterator[str]:
@@ -184,7 +184,7 @@ class Operating:
             yield from follower.reasons(s[np.newaxis], self._column)
 
     def _speeds(self, t_us: NDArray[np.int64], y: Floats) -> Floats:
-        """Speed (N,) at the sensor, without its sign; of an angle the mean since the sample before."""
+        """Magnitude of the speed (N,) at the sensor; from an angle the mean since the sample before."""
         if self._model.drive.output != "angle":
             return np.abs(y)
         speeds = np.full(len(y), math.nan)
@@ -198,7 +198,7 @@ class Operating:
 
 
 class _Follower(NamedTuple):
-    """theta_i with all that it follows."""
+    """theta_i with all terms that it follows."""
 
     i: int
     name: str
@@ -222,7 +222,7 @@ class _Follower(NamedTuple):
         return np.where(possible, change / self.unit, math.nan)
 
     def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
-        """Why the shift at signals (1, S) is not known."""
+        """Why the shift at signals (1, S) is unknown."""
         for follow in self.follows:
             value = s[:, column[follow.term.signal]]
             if math.isnan(follow.change(value)[0]):
@@ -239,10 +239,10 @@ def _at(name: str, value: float) -> str:
 
 
 def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
-    """Which of theta follow something.
+    """Which of theta follow a term.
 
     Raises:
-        ValueError: what is to follow is not monitored.
+        ValueError: a parameter that should follow is not monitored.
     """
     bases = [split_name(name)[0] for name in model.monitored]
     for entry in follows:

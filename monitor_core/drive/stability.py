@@ -1,8 +1,8 @@
-"""Where theta may go: within its bounds, and where the predictor is stable (Ljung and Soderstrom's D_M).
+"""Range of theta: within its bounds, and where the predictor is stable (D_M of Ljung and Soderstrom).
 
-A predictor with negative friction, say, runs away, and with it the estimates.  Instead of judging each step of theta,
-the bounds of each parameter are drawn in beforehand to where the predictor is stable with the others at their nominal
-values: one thing changes at a time.  A box of all combinations that are stable would leave hardly any room to some.
+A predictor with negative friction, for instance, diverges, and the estimates with it.  Instead of a check at each step
+of theta, the bounds of each parameter are reduced beforehand to where the predictor is stable with the others at their
+nominal values: one parameter changes at a time.  A box of all stable combinations would leave hardly any room to some.
 """
 
 from functools import lru_cache
@@ -23,9 +23,9 @@ _BISECTIONS = 30
 
 
 def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
-    """The model's bounds of theta (2, p), drawn in as far as the predictor with filter gain K (n,) needs it.
+    """Bounds of theta (2, p), reduced as far as the predictor with filter gain K (n,) needs it.
 
-    Where it is unstable at the nominal values themselves the bounds are left as they are.
+    Where it is unstable at the nominal values themselves the bounds are not changed.
     """
     nominal, scales, bounds = (
         tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds)
@@ -67,7 +67,7 @@ def _drawn_in(model: AxisModel, K: Floats, interval_s: float) -> Floats:
 
 
 def _last_stable(model: AxisModel, i: int, unstable: float, K: Floats, interval_s: float) -> float:
-    """By bisection between the nominal value and one at which the predictor is unstable."""
+    """By bisection between the nominal value and an unstable one."""
     stable, theta = float(model.theta0[i]), model.theta0[np.newaxis].copy()
     for _ in range(_BISECTIONS):
         theta[0, i] = (stable + unstable) / 2

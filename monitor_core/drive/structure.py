@@ -71,11 +71,11 @@ class Definition:
 
     @property
     def names(self) -> frozenset[str]:
-        """What it is made of."""
+        """Names of the values in it."""
         return frozenset(name for _, powers in self.terms for name, _ in powers)
 
     def value(self, values: Mapping[str, float]) -> float:
-        """Its value.
+        """Value of the definition.
 
         Raises:
             ValueError: a division by zero, or a number that is too large.
@@ -133,7 +133,7 @@ class Drive:
         raise KeyError(self._why_not(base))
 
     def given_as(self, name: str) -> Parameter:
-        """The parameter whose value may be given under that name: one of the drive's, or one that was drawn.
+        """The parameter whose value may be given under this name: one of the drive, or a drawn one.
 
         Raises:
             KeyError: there is none.
@@ -144,7 +144,7 @@ class Drive:
         raise KeyError(self._why_not(name))
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The values of all parameters; merged ones that are not given, from the drawn ones.
+        """The values of all parameters; merged ones that are not given are computed from the drawn ones.
 
         Raises:
             KeyError: a value is missing.
@@ -195,7 +195,7 @@ class Drive:
     def with_mean_speed(self) -> Drive:
         """The drive with a sensor that gives the mean speed over each interval h:  s' = C x,  y = s / h.
 
-        C is that of the speed.  s, its last state, is zero again after every sample; the 1/h is not in C.
+        C is that of the speed.  s, the last state, is reset to zero after every sample; the factor 1/h is not in C.
 
         Raises:
             ValueError: the output of this drive is not the speed.
@@ -216,7 +216,7 @@ class Drive:
 
     @property
     def mean_state(self) -> int:
-        """Index of the state that is zero again after every sample; -1: there is none."""
+        """Index of the state that is reset to zero after every sample; -1: there is none."""
         return self._state(SINCE_SAMPLE) if self.output == "mean speed" else -1
 
     @property
@@ -228,7 +228,7 @@ class Drive:
         return next((k for k, state in enumerate(self.states) if state.name == name), -1)
 
     def with_disturbance(self) -> Drive:
-        """The drive with d, which acts like its torque, as last state:  d' = -d / Td + w,  N m; w is no input.
+        """The drive with a torque disturbance d as last state:  d' = -d / Td + w,  N m; w is no input.
 
         Raises:
             ValueError: the drive has a parameter Td already.

@@ -32,7 +32,7 @@ Pair = tuple[str, str, float]
 
 
 class Finding(NamedTuple):
-    """What a record does not tell: the parameters concerned, whether it shows nothing of them at all, a sentence."""
+    """What a record does not determine: the parameters, whether it contains nothing of them at all, and a sentence."""
 
     names: tuple[str, ...]
     hidden: bool
@@ -40,9 +40,9 @@ class Finding(NamedTuple):
 
 
 class Direction(NamedTuple):
-    """A joint change: how far the output moves, over what the parts would move it one by one; its larger parts.
+    """A joint change: the movement of the output over what its parts would cause one by one; its larger parts.
 
-    The parts are in units of what each moves the output by, their signs those of the parameters' changes.
+    The parts are in units of their effect on the output; their signs are those of the parameters' changes.
     """
 
     size: float
@@ -56,13 +56,13 @@ class Direction(NamedTuple):
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Of estimates of ``names`` from a record, all others being known.
+    """Accuracy of estimates of ``names`` from a record, if all other parameters are known.
 
     ``S`` (N, p) are the sensitivities of the output to relative changes, ``noise`` the standard deviation of white
-    noise on it.  The bound holds for any unbiased estimate, and least squares reach it.
+    noise on it.  The Cramer-Rao bound holds for any unbiased estimate, and least squares reach it.
 
     Raises:
-        ValueError: S has not one column for each name; the noise is not positive.
+        ValueError: S does not have one column for each name; the noise is not positive.
     """
 
     names: tuple[str, ...]
@@ -91,7 +91,7 @@ class Accuracy:
 
     @property
     def condition(self) -> float:
-        """Of the matrix of the scaled columns; infinite where a direction is hidden, NaN without parameters."""
+        """Condition number of the scaled columns; infinite where a direction is hidden, NaN without parameters."""
         sizes = self._svd[0]
         if not self.names:
             return np.nan
@@ -99,13 +99,13 @@ class Accuracy:
 
     @cached_property
     def hidden(self) -> Floats:
-        """Directions (k, p) in which the output does not change at all, each of few parameters."""
+        """Directions (k, p) in which the output does not change at all, each with few parameters."""
         sizes, directions = self._svd
         return _sparse(directions[sizes <= _HIDDEN * sizes.max(initial=0.0)])
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of the estimates, relative (p, p); infinite variance where a hidden direction takes part, NaN beside it."""
+        """Covariance of the estimates, relative (p, p); infinite variance in hidden directions, NaN beside it."""
         sizes, directions = self._svd
         seen = len(sizes) - len(self.hidden)
         weighted = directions[:seen] / sizes[:seen, None]
@@ -118,12 +118,12 @@ class Accuracy:
 
     @property
     def standard_deviations(self) -> Floats:
-        """Relative (p,): 0.01 is one per cent of the parameter."""
+        """Relative standard deviations (p,): 0.01 is one per cent of the parameter."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def correlations(self) -> Floats:
-        """Of the estimates (p, p); NaN where a parameter is not told at all."""
+        """Correlations of the estimates (p, p); NaN where a parameter is not determined."""
         sd = self.standard_deviations
         with np.errstate(invalid="ignore"):
             return np.asarray(self.covariance / np.outer(sd, sd))
@@ -138,9 +138,9 @@ class Accuracy:
         )
 
     def directions(self, limit: float = LIMIT) -> tuple[Direction, ...]:
-        """Joint changes that the output does not show, then those that it hardly shows, the worst first.
+        """Joint changes without effect on the output, then those with little effect, the worst first.
 
-        Two parameters whose estimates correlate by the limit, and with no others, make one.
+        Two parameters whose estimates correlate by the limit, and with no others, form one.
         """
         sizes, rows = self._svd
         seen = range(len(sizes) - len(self.hidden))
@@ -156,11 +156,11 @@ class Accuracy:
         return tuple((self.names[i], float(sign * row[i])) for i in large)
 
     def words(self, limit: float = LIMIT) -> tuple[str, ...]:
-        """What cannot be told from this record, in plain sentences."""
+        """What this record does not determine, in sentences."""
         return tuple(finding.sentence for finding in self.findings(limit))
 
     def findings(self, limit: float = LIMIT) -> tuple[Finding, ...]:
-        """What cannot be told from this record."""
+        """What this record does not determine."""
         deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
         groups = _groups(deviations, self.directions(limit))
         pairs = self.pairs(limit)
@@ -235,7 +235,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
 
 
 def _sparse(rows: Floats) -> Floats:
-    """The same space by its reduced echelon form, the largest elements as pivots; what is rounding is zero."""
+    """The same space in reduced echelon form, the largest elements as pivots; rounding errors become zero."""
     out = rows.copy()
     for k in range(len(out)):
         i, j = divmod(int(np.argmax(np.abs(out[k:]))), out.shape[1])

@@ -1,4 +1,4 @@
-"""A motion for the controller of an axis, by which the drive gets the torque that was designed."""
+"""A motion for the position controller of an axis, under which the drive gets the designed torque."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _BANDWIDTH = 2.0
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The motions of a plant that follows a reference, in which the torque signal is that much.
+    """Motions of a plant that follows a reference, with the torque signal at a given amplitude.
 
-    Without a ``controller`` the real one is taken to follow well: the reference is the linear motion by the signal, and
-    the torque along it is known beforehand.  With one, the reference is what makes it command the signal.
+    Without a ``controller`` the real one is assumed to follow well: the reference is the linear motion under the
+    signal, and the torque along it is known beforehand.  With a controller, the reference makes it command the signal.
 
     Raises:
         ExcitationError: the controller does not hold the drive.
@@ -51,7 +51,7 @@ class ClosedLoop:
 
     @cached_property
     def planned_angle(self) -> Floats:
-        """The reference's angle (samples,), from rest at zero and back, with as much room on both sides."""
+        """Angle of the reference (samples,), from rest at zero and back, with the same room on both sides."""
         G = self.plant.response(self.signal.frequency_hz)[0]
         if self.controller is not None:
             omega = 2 * np.pi * self.signal.frequency_hz
@@ -61,7 +61,7 @@ class ClosedLoop:
 
     @cached_property
     def _references(self) -> Floats:
-        """Angle and its slope (2, samples)."""
+        """Angle and its derivative (2, samples)."""
         return np.array([self.planned_angle, self._filtered(lambda f: 2j * np.pi * f)])
 
     @cached_property
@@ -81,11 +81,11 @@ class ClosedLoop:
         return np.fft.irfft(spectrum, N)
 
     def reference(self, size: float) -> Floats:
-        """Angle [rad] and speed [rad/s] (2, samples) that the controller is to follow."""
+        """Angle [rad] and speed [rad/s] (2, samples) that the controller must follow."""
         return size * self._references
 
     def move(self, size: float) -> Motion:
-        """The motion (samples, 1) with the signal so many times as large."""
+        """The motion (samples, 1) with the signal scaled by a factor."""
         angle, speed = self.reference(size)
         forward = np.zeros(len(angle))
         if self.controller is None:

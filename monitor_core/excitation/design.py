@@ -1,4 +1,4 @@
-"""An experiment from what is asked: signal, motion within the limits, and what it will tell."""
+"""Design of an experiment: signal, motion within the limits, and predicted accuracy."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _EVERYWHERE = 0.2
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked for.
+    """Requirements of an experiment.
 
     Args:
         plant: the drive that is moved.
@@ -43,10 +43,10 @@ class Task:
         periods: to be evaluated, after one to warm up.
         band_hz: of the lines.
         lines: all of them, or the odd ones.
-        command: what is given to the axis: torque, or a reference for its controller.
+        command: what is commanded: torque, or a reference for the controller.
         controller: of the axis, where it is known.
-        free: what is estimated; default all that can be told apart.
-        find: for what of it the spectrum is to be the best; default a flat one.
+        free: estimated parameters; default all that can be distinguished.
+        find: parameters for which the spectrum is optimised; default a flat spectrum.
     """
 
     plant: Plant
@@ -75,7 +75,7 @@ class Task:
 
     @cached_property
     def schedule(self) -> Schedule:
-        """The course of the record."""
+        """Phases of the record."""
         fade = max(self.period // 4, round(_FADE_S / self.plant.interval_s), 4)
         return Schedule(self.period, self.periods, min(self.period, fade))
 
@@ -85,19 +85,19 @@ class Task:
         return np.asarray(self.grid / (self.period * self.plant.interval_s))
 
     def over_limits(self, frequency_hz: Floats) -> dict[str, Complex]:
-        """Frequency responses (L,) from the torque to all that has a limit, over it."""
+        """Frequency responses (L,) from the torque to all limited quantities, over their limits."""
         angle, speed = self.plant.response(frequency_hz)
         each = {"torque": np.ones(len(angle), dtype=complex), "speed": speed, "angle": angle}
         limits = self.limits.by_name()
         return {name: each[name] / limits[name] for name in each if np.isfinite(limits[name])}
 
     def costs(self, frequency_hz: Floats) -> Floats:
-        """Share of each limit that a power of 1 (N m)^2 in each line takes (J, L)."""
+        """Share of each limit that a power of 1 (N m)^2 in each line uses (J, L)."""
         return np.array([np.abs(G * _PEAK[name]) ** 2 for name, G in self.over_limits(frequency_hz).items()])
 
 
 class Trial(NamedTuple):
-    """A signal in N m, before and after its peaks were lowered, its largest motion, the reference (2, samples)."""
+    """A signal in N m, before and after its peaks were reduced, its largest motion, and the reference (2, samples)."""
 
     random: Multisine
     signal: Multisine
@@ -110,11 +110,11 @@ class Experiment:
     """The planned experiment.
 
     Args:
-        task: what was asked for.
+        task: the requirements.
         trial: signal and motion.
         accuracy: of the estimates.
-        flat: the same with a flat spectrum of equal limits; equal to ``accuracy`` where none was to be found.
-        held: parameters that are not estimated because nothing tells them apart from the others.
+        flat: accuracy with a flat spectrum under the same limits; equal to ``accuracy`` without optimisation.
+        held: parameters that are not estimated because the record does not distinguish them from others.
     """
 
     task: Task
@@ -135,7 +135,7 @@ class Experiment:
 
     @property
     def crests(self) -> dict[str, float]:
-        """Crest factor of the signal's period with random phases, with Schroeder's, and as it is."""
+        """Crest factor of the period with random phases, with Schroeder's phases, and as it is."""
         random = self.trial.random
         forms = {
             "random": random,
@@ -146,14 +146,14 @@ class Experiment:
 
     @property
     def gains(self) -> dict[str, float]:
-        """Standard deviation with the flat spectrum over that with this one, of what was to be found."""
+        """Standard deviation with the flat spectrum over that with this one, of the parameters to find."""
         at = [self.accuracy.names.index(name) for name in self.task.find]
         ratio = self.flat.standard_deviations[at] / self.accuracy.standard_deviations[at]
         return dict(zip(self.task.find, ratio.tolist(), strict=True))
 
 
 def plan(task: Task, rng: np.random.Generator) -> Experiment:
-    """The experiment for a task.
+    """Plan the experiment for a task.
 
     Raises:
         ExcitationError: there is none; the text says what would be right.
@@ -198,7 +198,7 @@ def _trial(task: Task, random: Multisine) -> Trial:
 
 
 def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
-    """Of the lines (L,), for what is to be found."""
+    """Optimal amplitudes of the lines (L,) for the parameters to find."""
     responses = task.estimation.responses(names, task.frequency_hz)
     seen = linear_part(responses)
     wanted = np.array([float(names[i] in task.find) for i in seen])

@@ -1,4 +1,4 @@
-"""What a planned experiment will not tell, and what would help, in plain sentences."""
+"""Sentences on what a planned experiment does not determine, and what would help."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _OFF = 0.2
 
 
 def warnings(experiment: Experiment) -> tuple[str, ...]:
-    """Sentences on where it ends, on each parameter that is not told well, and on pairs that are not told apart."""
+    """Sentences on the end position, on each badly determined parameter, and on pairs that are not distinguished."""
     return (*_ends(experiment), *_poor(experiment), *experiment.accuracy.words())
 
 
 def _ends(experiment: Experiment) -> Iterator[str]:
-    """A torque is the same whatever the drive does; a controller would bring it back."""
+    """A torque command does not correct the end position; a controller would."""
     task, plant = experiment.task, experiment.task.plant
     if task.command != "torque" or plant.is_linear:
         return
@@ -68,7 +68,7 @@ def _remedy(task: Task, names: tuple[str, ...], name: str, sd: float) -> str:
 
 
 def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
-    """How far up a spectrum made for that parameter would go, if that makes much of a difference."""
+    """Upper frequency of a spectrum optimised for this parameter, if that helps much."""
     low, high = task.band_hz
     nyquist = 0.5 / task.plant.interval_s
     inside = np.linspace(max(low, task.frequency_hz[0]), high, _MOST_LINES)
@@ -84,7 +84,7 @@ def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
 
 
 def _best(task: Task, names: tuple[str, ...], name: str, lines: Floats) -> tuple[float, Floats] | None:
-    """Smallest variance of that parameter, and the powers (L,) for it."""
+    """Smallest variance of this parameter, and the powers (L,) for it."""
     responses = task.estimation.responses(names, lines)
     seen = linear_part(responses)
     wanted = np.array([float(names[i] == name) for i in seen])

@@ -47,7 +47,7 @@ class Limits:
 
 
 class Fitted(NamedTuple):
-    """An amplitude within the limits, its motion, and the quantity that allows no more."""
+    """An amplitude within the limits, its motion, and the limiting quantity."""
 
     size: float
     motion: Motion
@@ -55,9 +55,9 @@ class Fitted(NamedTuple):
 
 
 def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> Fitted:
-    """The largest amplitude, from a first guess; the motion (samples, 1) that is returned is within the limits.
+    """The largest amplitude within the limits, from a first guess, with its motion (samples, 1).
 
-    Peaks grow with the amplitude, not quite in proportion: friction takes its part of a small one.
+    Peaks grow with the amplitude, but not quite in proportion: friction takes its part of a small one.
 
     Raises:
         ExcitationError: no amplitude is small enough.
@@ -82,7 +82,7 @@ def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> Fitt
 
 
 def _next(below: tuple[float, float], above: tuple[float, float] | None) -> float:
-    """Where a straight line between the two meets a little less than the limit, and never close to either."""
+    """Amplitude where a line through the two points reaches slightly less than the limit, and never close to either."""
     aim = (1 + _FULL) / 2
     if above is None:
         return below[0] * min(4.0, aim / max(below[1], 1e-9))

@@ -41,8 +41,8 @@ def multisine(
 ) -> Floats:
     """Random-phase multisine (N,): a sine of equal size at every line of the DFT grid inside the band.
 
-    The lines are k / (N interval_s), so the signal is periodic with N samples and leaks into no other line;
-    the constant and the Nyquist frequency are left out.  The phases are uniform; the rms value is exact.
+    The lines are k / (N interval_s), so the signal is periodic with N samples and leaks into no other line; the
+    constant and the Nyquist frequency are left out.  The phases are uniform; the rms value is exact.
 
     Raises:
         ValueError: no line of the grid lies inside the band.
@@ -115,11 +115,11 @@ class Multisine:
         return np.asarray(np.fft.irfft(spectrum, self.N) * (self.N / 2))
 
     def times(self, factor: float) -> Multisine:
-        """The same, so many times as large."""
+        """The signal scaled by a factor."""
         return replace(self, amplitudes=self.amplitudes * factor)
 
     def through(self, response: Complex) -> Multisine:
-        """What it becomes, in the steady state, behind a linear system with that frequency response (L,)."""
+        """Steady-state response of a linear system with this frequency response (L,)."""
         return replace(
             self, amplitudes=self.amplitudes * np.abs(response), phases=self.phases + np.angle(response)
         )
@@ -155,12 +155,12 @@ def crest_factor(x: Floats) -> float:
 
 
 def flattened(signal: Multisine, weights: Sequence[Complex] = ()) -> Multisine:
-    """The same lines and amplitudes, with the phases that make the largest peak small.
+    """The same lines and amplitudes, with phases that minimise the largest peak.
 
     Args:
         signal: its phases are the start.
-        weights: frequency responses (L,) from the signal to everything that has a limit, each over its limit; default
-            the signal itself.
+        weights: frequency responses (L,) from the signal to every limited quantity, each over its limit; default the
+            signal itself.
     """
     from scipy.optimize import minimize  # 16 MB, which the daemon does not need
 

@@ -1,7 +1,7 @@
-"""A torque that moves a drive without a position control, and brings it back.
+"""A torque that moves a drive without a position controller, and brings it back.
 
-Such a drive drifts: with friction it integrates the torque once, without twice.  So an offset bears whatever has a
-mean, and pulses in the fades put the drive where its motion has room to both sides, and back to rest at the start.
+Such a drive drifts: with friction it integrates the torque once, without it twice.  So an offset balances the mean, and
+pulses in the fades move the drive to where its motion has room on both sides, and back to rest at the start.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class ExcitationError(ValueError):
 
 @dataclass(frozen=True)
 class OpenLoop:
-    """The motions of a plant by a torque signal of any size.
+    """Motions of a plant under a torque signal of any amplitude.
 
     Raises:
-        ExcitationError: when asked to move, the drive does not stay where it is put.
+        ExcitationError: in use, if the drive does not stay where it is put.
     """
 
     plant: Plant
@@ -45,7 +45,7 @@ class OpenLoop:
 
     @cached_property
     def planned_angle(self) -> Floats:
-        """In the steady state of the linear drive (samples,), with as much room on both sides."""
+        """Angle in the steady state of the linear drive (samples,), with the same room on both sides."""
         angle = self.schedule.repeated(self.signal.through(self.plant.response(self.signal.frequency_hz)[0]))
         return np.asarray(angle - (angle.max() + angle.min()) / 2)
 
@@ -55,7 +55,7 @@ class OpenLoop:
         return np.vstack([np.ones(self.schedule.samples), self.schedule.pulses()]).T
 
     def move(self, size: float) -> Motion:
-        """The motion (samples, 1) with the signal so many times as large."""
+        """The motion (samples, 1) with the signal scaled by a factor."""
         from scipy.optimize import lsq_linear  # 16 MB, which the daemon does not need
 
         wanted = size * self.schedule.window() * self.schedule.repeated(self.signal)
@@ -86,27 +86,27 @@ class OpenLoop:
         return self._checked(best)
 
     def _start(self) -> Floats:
-        """No pulses, and the offset that the drive needs at rest (5,)."""
+        """Initial corrections: no pulses, and the offset that the drive needs at rest (5,)."""
         at_rest = np.zeros(1)
         return np.array([self.plant.countered(at_rest, at_rest)[0], 0.0, 0.0, 0.0, 0.0])
 
     @property
     def _reach(self) -> float:
-        """So far the linearised drive is believed, in rms values of the signal."""
+        """Range in which the linearised drive is used, in rms values of the signal."""
         return np.inf if self.plant.is_linear else 0.2
 
     @property
     def _highest(self) -> float:
-        """Pulse, in rms values of the signal."""
+        """Largest pulse, in rms values of the signal."""
         return np.inf if self.plant.is_linear else 0.5
 
     @property
     def _reluctance(self) -> float:
-        """To use pulses: friction forgets them, and lets no drive run away."""
+        """Weight against pulses: friction damps them, and keeps the drive from running away."""
         return 0.0 if self.plant.is_linear else 0.03
 
     def _misses(self, motion: Motion, size: float) -> Floats:
-        """How far the mean angle is from the planned one, how far it drifts, how far the end is from rest at zero.
+        """Errors of the mean angle, of its drift, and of the end from rest at zero.
 
         (periods + 3, W), over the largest planned angle and speed.
         """
@@ -119,7 +119,7 @@ class OpenLoop:
         return np.vstack([off / top, motion.angle[-1] / top, motion.speed[-1] / fast])
 
     def _checked(self, best: tuple[float, Motion] | None) -> Motion:
-        """Friction may keep the drive from returning all the way; but it must have stopped."""
+        """Friction may keep the drive from returning completely; but it must be at rest."""
         if best is None or (speed := np.abs(best[1].speed[:, 0]))[-1] > _RESTS * speed.max():
             raise ExcitationError(_NOT_HELD if self.plant.bears_weight else _NO_REST)
         torque, angle, speed, inputs = best[1]

@@ -1,11 +1,11 @@
 """A-optimal spectrum for chosen parameters: the powers of the lines.
 
-The information on the parameters is a sum over lines, power times |sensitivity|^2, and the designs are convex:
+The information on the parameters is a sum over lines, power times |sensitivity|^2, and the design problem is convex:
 
     minimise  tr(W M^-1),   M = sum_k p_k M_k,   subject to  sum_k c_jk p_k <= 1  for each limit j
 
-The multiplicative algorithm (S. Silvey, D. Titterington, B. Torsney, Comm. Statistics A 7 (1978)) multiplies each
-power by the root of what it gains over what it costs, the limits weighed by how much of each is used.
+The multiplicative algorithm (S. Silvey, D. Titterington, B. Torsney, Comm. Statistics A 7 (1978)) multiplies each power
+by the root of its gain over its cost, with the limits weighted by their use.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The drive that an experiment is planned for, at its nominal values: frequency responses, and motions from rest."""
+"""The drive for which an experiment is planned, at its nominal values: frequency responses, and motions from rest."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Controller:
 class Plant:
     """A drive whose output is the angle, sampled with an interval.
 
-    ``speed_scale`` is that of Coulomb friction, rad/s; of that friction there is ``coulomb`` times as much as given.
+    ``speed_scale`` is that of Coulomb friction, rad/s; ``coulomb`` multiplies that friction.
 
     Raises:
         ValueError: the output of the drive is the speed.
@@ -82,7 +82,7 @@ class Plant:
 
     @cached_property
     def is_linear(self) -> bool:
-        """Nothing acts that depends on the motion."""
+        """Whether no input depends on the motion."""
         B = self._balanced[1]
         return not (np.isin(self.drive.inputs, OF_MOTION) & B.any(axis=0)).any()
 
@@ -92,7 +92,7 @@ class Plant:
         return COSINE in self.drive.inputs or SINE in self.drive.inputs
 
     def response(self, frequency_hz: Floats) -> Complex:
-        """From the held torque to the samples of angle and speed (2, L)."""
+        """Frequency response from the held torque to the samples of angle and speed (2, L)."""
         A, B, C = self._balanced
         Ad, Bd = zero_order_hold(A, B[:, self.of_torque].sum(axis=1, keepdims=True), self.interval_s)
         z = np.exp(2j * np.pi * np.asarray(frequency_hz) * self.interval_s)
@@ -108,12 +108,12 @@ class Plant:
 
     @cached_property
     def inertia(self) -> float:
-        """Of everything, as the motor feels it while nothing bends, kg m^2."""
+        """Total inertia at the motor while nothing bends, kg m^2."""
         low, high = (1 / self._slowly[:, self.of_torque].sum(axis=1)).real
         return float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
 
     def countered(self, angle: Floats, speed: Floats) -> Floats:
-        """The torque (N,) that bears friction, weights and offsets along a slow motion (N,)."""
+        """Torque (N,) that balances friction, weights and offsets along a slow motion (N,)."""
         forces = self.inputs(np.zeros_like(angle), angle, speed)
         like_torque = self._slowly[0] / self._slowly[0, self.of_torque].sum()
         return np.asarray(-(like_torque.real * ~self.of_torque) @ forces)
@@ -135,7 +135,7 @@ class Plant:
         return self.drive.matrix("ratio", self.values)[:, 0]
 
     def held_together_by(self, controller: Controller) -> bool:
-        """Whether the linear part of the drive is stable with that controller."""
+        """Whether the linear part of the drive is stable with this controller."""
         A, B, C = self._balanced
         Ad, Bd = zero_order_hold(A, B[:, self.of_torque].sum(axis=1, keepdims=True), self.interval_s)
         back = Bd @ (controller.kp * C[:1] + controller.kd * C[1:])
@@ -144,11 +144,11 @@ class Plant:
     def moved(
         self, forward: Floats, reference: Floats | None = None, controller: Controller | None = None
     ) -> Motion:
-        """From rest at angle zero, W drives side by side.
+        """Motions from rest at angle zero, W drives side by side.
 
         Args:
-            forward: torque (N, W) beside that of the controller.
-            reference: angle and its slope (2, N), with a controller.
+            forward: torque (N, W) in addition to that of the controller.
+            reference: angle and its derivative (2, N), with a controller.
             controller: of each drive.
         """
         A, B, C = self._balanced

@@ -1,6 +1,6 @@
 """Predicted accuracy of an experiment: standard deviations of its estimates by the Cramer-Rao bound.
 
-They are those of the predictor that the axis has: of its output error, or of the innovations that the gain K leaves.
+They hold for the predictor of the axis: for its output error, or for the innovations with its gain K.
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ class Estimation:
         )
 
     def accuracy(self, names: Sequence[str], inputs: Floats) -> Accuracy:
-        """Of estimates of these parameters from a record with these inputs (N, m) from rest."""
+        """Accuracy of estimates of these parameters from a record with these inputs (N, m) from rest."""
         S = sensitivities_to(inputs, self.drive, self.values, names, self.interval_s, self.scales)
         return Accuracy(tuple(names), self._innovations(S), float(np.sqrt(self.lam0)))
 
     def responses(self, names: Sequence[str], frequency_hz: Floats) -> Complex:
-        """From the torque to sqrt(information) at each frequency (L, p), relative, for one sample."""
+        """Frequency responses from the torque to sqrt(information) (L, p), relative, for one sample."""
         s = sensitivity_responses(self.drive, self.values, names, frequency_hz, self.interval_s, self.scales)
         s = s / np.sqrt(self.lam0)
         if self.K is None:
@@ -83,7 +83,7 @@ class Estimation:
         return zero_order_hold(A, B, self.interval_s)[0], C
 
     def _innovations(self, S: Floats) -> Floats:
-        """What a predictor with gain K leaves of each column: eps = s - C x,  x+ = Ad (x + K eps)."""
+        """The innovations that a predictor with gain K makes of each column: eps = s - C x,  x+ = Ad (x + K eps)."""
         if self.K is None:
             return S
         (Ad, C), K = self._held, np.asarray(self.K)[:, None]
@@ -95,10 +95,10 @@ class Estimation:
 
 
 def told_apart(estimation: Estimation, inputs: Floats, wanted: Sequence[str] = ()) -> tuple[str, ...]:
-    """All parameters that one record can tell, without those that must be held for it: pure numbers first.
+    """All parameters that one record can determine, without those that must be held for it: pure numbers first.
 
     Raises:
-        ExcitationError: one that is ``wanted`` cannot be told beside the others.
+        ExcitationError: a ``wanted`` parameter cannot be determined beside the others.
     """
     bases = {split_name(name)[0] for name in wanted}
     names = [*wanted, *(name for name in estimation.all_names if name not in bases)]
@@ -118,6 +118,6 @@ def _not_beside(wanted: Sequence[str], others: Sequence[str]) -> str:
 
 
 def linear_part(responses: Complex) -> list[int]:
-    """Which parameters (p,) show in the linear response: not friction's, which only the simulation knows."""
+    """Which parameters (p,) affect the linear response: not those of friction, which only the simulation shows."""
     sizes = np.abs(responses).max(axis=0)
     return [int(i) for i in np.flatnonzero(sizes > _UNSEEN * sizes.max(initial=0.0))]

@@ -1,4 +1,4 @@
-"""The course of a record: fade in, warm up, whole periods to be evaluated, fade out."""
+"""Phases of a record: fade in, warm up, whole periods to be evaluated, fade out."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Schedule:
         return slice(self.N, self.N * (1 + self.periods))
 
     def window(self) -> Floats:
-        """Rises from 0 to 1 and falls again (samples,), speed and acceleration without a step."""
+        """Rises from 0 to 1 and falls again (samples,), with continuous speed and acceleration."""
         t = np.arange(self.fade) / self.fade
         ramp = t**3 * (10 - 15 * t + 6 * t**2)
         middle = np.ones(self.samples - 2 * self.fade)
@@ -50,7 +50,7 @@ class Schedule:
         return np.resize(signal.samples(), self.samples)
 
     def pulses(self) -> Floats:
-        """Two pulses in each fade (4, samples), one of one sign and one of both: they move the drive somewhere."""
+        """Two pulses in each fade (4, samples), one of one sign and one of both, which move the drive to a position."""
         phase = np.pi * np.arange(self.fade) / self.fade
         shapes = np.array([np.sin(phase) ** 2, np.sin(phase) * np.sin(2 * phase)])
         out = np.zeros((4, self.samples))

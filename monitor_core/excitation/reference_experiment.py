@@ -1,4 +1,4 @@
-"""The reference experiment: with these numbers the paper's Figures 5 and 6 come out."""
+"""The paper's reference experiment: these numbers reproduce its Figures 5 and 6."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

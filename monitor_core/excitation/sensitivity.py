@@ -1,6 +1,6 @@
 """Sensitivities of the output of a drive to its parameters, for a given torque.
 
-Coulomb friction and gravity are inputs that depend on the motion.  As in the monitor they count as known signals:
+Coulomb friction and gravity are inputs that depend on the motion.  As in the monitor they are treated as known signals:
 those of the motion at the given values.
 """
 
@@ -114,7 +114,7 @@ def sensitivity_responses(
 def _linearised(
     drive: Drive, values: Mapping[str, float], names: Sequence[str], scales: Mapping[str, float]
 ) -> tuple[Linear, list[Linear]]:
-    """The drive and its slopes by name, in units of state in which no digits are lost."""
+    """The drive and its derivatives by name, in balanced units of the states."""
     slopes = [_slopes(drive, _stepped(drive, values, name, scales)) for name in names]
     at = drive.complete(values)
     nominal = Linear(drive.matrix("A", at), drive.matrix("B", at), drive.matrix("C", at)[0])
@@ -137,7 +137,7 @@ def known_inputs(
 def _stepped(
     drive: Drive, values: Mapping[str, float], name: str, scales: Mapping[str, float]
 ) -> dict[str, Any]:
-    """All parameters, with that one a complex step of its size away; what is merged from it moves with it."""
+    """All parameters, with this one changed by a complex step; parameters merged from it change with it."""
     base, inverse = split_name(name)
     drive.given_as(base)
     known = {**drive.complete(values), **values}
@@ -158,7 +158,7 @@ def _slopes(drive: Drive, stepped: Mapping[str, Any]) -> Linear:
 
 
 def _in_units(system: Linear, d: Floats) -> Linear:
-    """In states x_i / d_i: springs on the arm's side and inertias on the motor's would cost digits."""
+    """In states x_i / d_i: springs on the arm side and inertias on the motor side would cost digits."""
     return Linear(system.A / d[:, None] * d, system.B / d[:, None], system.C * d)
 
 
@@ -224,7 +224,7 @@ class LocalIdentifiability:
 def local_identifiability(
     ss: StateSpace, values: Mapping[str, float] | None, experiment: TorqueExperiment, speed_scale: float = 1.0
 ) -> LocalIdentifiability:
-    """What the experiment tells of the parameters, those held known without which nothing could be told.
+    """What the experiment determines of the parameters, with those held that prevent everything else.
 
     Raises:
         ModelError: the drive has more than one torque or sensor.

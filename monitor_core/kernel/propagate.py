@@ -33,7 +33,7 @@ MOST_STEPS = 1000
 def _norms(lanes: Any, A_row: Ints, weight: Floats, V: Floats, norm: Floats) -> None:
     """||D^-1 A D|| (W,), the largest row sum of magnitudes."""
     W = len(lanes)
-    if isinstance(lanes, tuple):
+    if len(lanes) == 1:
         most = total = 0.0
         for e in range(A_row.size):
             if e > 0 and A_row[e] != A_row[e - 1]:
@@ -97,7 +97,7 @@ def evaluate_inputs(
             G[r, a] = 0.0
     for q in range(row.size):
         r, s, c, i = row[q], slot[q], col[q], par[q]
-        if isinstance(lanes, tuple):
+        if len(lanes) == 1:
             G[r, 0] += V[s, 0] * (u[c, 0] if i < 0 else du[i, c, 0])
         else:
             for a in range(0, len(lanes), EIGHT):
@@ -131,7 +131,7 @@ def propagate(
 ) -> None:
     """Propagate X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.  V, G, X are flat here."""
     # fmt: off
-    if isinstance(lanes, tuple):
+    if len(lanes) == 1:
         advance_one(n, p, blocks, A_start, at_A, more_start, at_more, more_slot,
                     V, G, h[0], steps[0], terms[0], X, work, more)
     else:
@@ -164,7 +164,7 @@ def evaluate_coefficients(
     for j in range(slot.size):
         s = slot[j]
         begins = j == 0 or slot[j - 1] != s
-        if isinstance(lanes, tuple):
+        if len(lanes) == 1:
             term = coef[j, 0]
             for f in range(factor_start[j], factor_start[j + 1]):
                 i = factor_par[f]

@@ -45,17 +45,17 @@ _TRACKING = {
     Observation.WEAK: Status.WEAK,
     Observation.UNSEEN: Status.UNSEEN,
 }
-_OF_NO_STATE: dict[str, Any] = {
+_NOT_PART_OF_STATE: dict[str, Any] = {
     "alpha1": 0.0,
     "alpha2": 1.0,
     "thresholds": (),
     "P0": (),
     "run_on": False,
-    "outlier": 0.0,
-    "widen": 0.0,
-    "untold": (),
+    "outlier_limit": 0.0,
+    "covariance_reset": 0.0,
+    "unidentifiable": (),
 }
-"""Settings that may change from one run to the next, and a saved state goes on."""
+"""Settings that may change between two runs without making a saved state invalid."""
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -153,7 +153,7 @@ class AxisMonitor:
 
         A user's drive may change and keep its name, so its structure is part of the key.
         """
-        s = replace(self.settings, max_gap_s=self.settings.interval_s, **_OF_NO_STATE)
+        s = replace(self.settings, max_gap_s=self.settings.interval_s, **_NOT_PART_OF_STATE)
         m = self.model
         nominal = sorted(m.nominal.items())
         drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"

@@ -2,9 +2,9 @@
 
 * ``entries``: readings of a monitor, and means of them over hours of operation.
 * ``slow_history``: a year of entries in bounded memory.
-* ``scatter_models``: how the entries scatter about a trend; ``trend_models``: the trends that are compared.
+* ``trend_models``: the trends that are compared, and how the entries scatter around them.
 * ``trend``: the probabilities of the trends, level and slope.
-* ``forecast``: when a limit is reached, with its interval; ``forecast_band``: quantiles at any time.
+* ``forecast``: when a limit is reached, with its interval, and quantiles at any time.
 """
 
 from monitor_core.trend.entries import Entry, Reading, thinned

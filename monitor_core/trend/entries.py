@@ -1,13 +1,14 @@
-"""Means of an estimate over stretches of operation, with the standard deviations that its autocorrelation leaves them.
+"""Means of an estimate over stretches of operation, with standard deviations that account for autocorrelation.
 
-Estimates of a recursion that forgets are correlated like lambda^l (Ornstein-Uhlenbeck in small), with the variance
-sigma^2 = lambda_0 P_ii / (1 + lambda).  Of n of them, c samples apart, rho = lambda^c, the mean has the variance
+Estimates of a recursion that forgets are correlated like lambda^l (a discrete Ornstein-Uhlenbeck process), with the
+variance sigma^2 = lambda_0 P_ii / (1 + lambda).  The mean of n of them, c samples apart, rho = lambda^c, has the
+variance
 
     sigma^2 / n (1 + 2 sum_k (1 - k / n) rho^k)
         = sigma^2 / n ((1 + rho) / (1 - rho) - 2 rho (1 - rho^n) / n / (1 - rho)^2),    k from 1 to n - 1
 
-(of any stationary series; the sum is geometric).  It is the least that can be: temperature, load and whatever else the
-model leaves out come on top, and only the history itself shows how much.
+(for any stationary series; the sum is geometric).  This is a lower bound: temperature, load and other effects that the
+model lacks add to it, and only the history shows how much.
 """
 
 import itertools
@@ -20,7 +21,7 @@ from monitor_core.arrays import Floats
 
 
 class Reading(NamedTuple):
-    """What is known of the parameters of an axis after some samples more that were learned from."""
+    """Estimates of an axis with their variances, after a number of learned samples."""
 
     time_us: int
     value: tuple[float, ...]
@@ -36,7 +37,7 @@ class Reading(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """The mean of a parameter over a stretch of time, as far as it was observed in it."""
+    """Mean of a parameter over a stretch of time in which it was observed."""
 
     start_us: int
     end_us: int
@@ -55,7 +56,7 @@ def inflation(n: int, rho: float) -> float:
 
 
 def merged(entries: Sequence[Entry]) -> Entry:
-    """One entry in place of several in a row, each counting by its information."""
+    """One entry for several in a row, weighted by their information."""
     w = np.array([1 / e.variance for e in entries])
     first, total = entries[0].middle_us, float(w.sum())  # times as differences keep their digits
     later = float(w @ [e.middle_us - first for e in entries]) / total
@@ -65,7 +66,7 @@ def merged(entries: Sequence[Entry]) -> Entry:
 
 
 def thinned(entries: Sequence[Entry], most: int) -> list[Entry]:
-    """At most so many entries, neighbours merged."""
+    """At most ``most`` entries; neighbours are merged."""
     group = -(-len(entries) // most)
     if group <= 1:
         return list(entries)
@@ -81,7 +82,7 @@ def as_rows(entries: Iterable[Entry]) -> Floats:
 
 
 def from_rows(rows: Floats) -> list[Entry]:
-    """What ``as_rows`` made.
+    """Entries from the array of ``as_rows``.
 
     Raises:
         ValueError: these are no entries.

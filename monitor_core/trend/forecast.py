@@ -1,8 +1,8 @@
-"""When a parameter reaches a limit, in an interval; and since when it is beyond.
+"""Forecast: when a parameter reaches a limit, with an interval; or since when it has been beyond.
 
-The courses that the history leaves are followed into the future: that the limit has been passed by a time t has the
-probability F(t), the sum over all courses of that of a Gaussian (for each of them that is Fieller's interval).  It ends
-where F is 5 and 95 %; where F does not get so far, the interval is open, or nothing is in sight.
+The trends that fit the history are extrapolated: the limit has been passed by a time t with the probability F(t), the
+sum over all trends of that of a Gaussian (for each single trend this is Fieller's interval).  The interval ends where F
+is 5 and 95 %; where F does not reach these values the interval is open, or no time is in sight.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ before that end; beyond: it has been reached, in the interval."""
 
 
 class Forecast(NamedTuple):
-    """When a limit is reached, with a probability of COVERED; microseconds since 1970."""
+    """When a limit is reached, with probability COVERED; microseconds since 1970."""
 
     limit: float
     upper: bool
@@ -41,7 +41,7 @@ class Forecast(NamedTuple):
 
 
 def forecast(trend: Trend, limit: float, upper: bool) -> Forecast:
-    """When the course of a parameter reaches a limit, in the parameter's unit."""
+    """When the trend of a parameter reaches a limit, in the unit of the parameter."""
     m, sign = trend.mixture, 1.0 if upper else -1.0
     beyond = float(_passed(m, np.array([m.end]), limit, sign)[0])
     if beyond >= (1 + COVERED) / 2:
@@ -63,13 +63,13 @@ def forecast(trend: Trend, limit: float, upper: bool) -> Forecast:
 
 
 def _passed(m: Mixture, t: Floats, limit: float, sign: float) -> Floats:
-    """Probability to be beyond at each time (T,)."""
+    """Probability of being beyond the limit at each time (T,)."""
     mean, sd = m.at_times(t)
     return np.asarray(ndtr(sign * (mean - limit) / sd) @ m.p)
 
 
 def _reached(t: Floats, F: Floats, p: float) -> float | None:
-    """The first time at which F is p, between the grid's linearly."""
+    """First time at which F is p, interpolated linearly on the grid."""
     if p > F[-1]:
         return None
     k = int(np.searchsorted(F, p))
@@ -79,7 +79,7 @@ def _reached(t: Floats, F: Floats, p: float) -> float | None:
 
 
 def _since(m: Mixture, limit: float, sign: float) -> tuple[float, float]:
-    """Looking back: the last times at which it was not beyond, with 95 and with 5 %."""
+    """The last times at which it was not beyond, with 95 and with 5 %, looking back."""
     t = np.linspace(m.end, m.begin, _STEPS)
     F = np.minimum.accumulate(_passed(m, t, limit, sign))
     ends = []
@@ -104,9 +104,9 @@ _LEFT_OUT = 1e-4
 
 
 def quantiles(m: Mixture, t: Floats, probabilities: Sequence[float]) -> Floats:
-    """Levels (len(probabilities), T) below which the parameter's course is with each probability.
+    """Quantiles (len(probabilities), T) of the trend of a parameter at times t.
 
-    The line of 95 % reaches an upper limit where the interval of its forecast begins.
+    The 95 % quantile reaches an upper limit where the interval of its forecast begins.
 
     Args:
         m: of a trend.

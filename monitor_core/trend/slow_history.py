@@ -1,7 +1,8 @@
-"""A year of a parameter: hours of operation, later days, in a bounded place.
+"""History of a parameter over a year in bounded memory: hours of operation, later days.
 
-An hour is one of operation in which the parameter was observed, however long that takes, up to a day: what is known by
-then is closed, so that no entry is a mean over more than a day.  After a month of hours those of a day become one.
+An hour is one of operation in which the parameter was observed, however long that takes, up to a day: then the entry is
+closed with what is known, so that no entry is a mean over more than a day.  After a month the hours of a day are
+merged.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ YEAR = 400 * DAY
 
 
 class _Open(NamedTuple):
-    """What is being gathered: sums of 1/variance, and with it of value and time beside the first ones."""
+    """The open entry: sums of 1/variance, and of value and time, relative to the first ones, weighted with it."""
 
     start_us: int
     end_us: int
@@ -57,14 +58,15 @@ class SlowHistory:
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """All entries that are closed, the oldest first."""
+        """All closed entries, the oldest first."""
         day = [merged(self._gathering)] if self._gathering else []
         return (*self._days, *day, *self._hours)
 
     def take(self, t_us: int, value: float, variance: float, span_s: float, correlation: float) -> bool:
-        """Take an estimate, that of ``span_s`` of operation; whether an entry was closed.
+        """Add an estimate over ``span_s`` of operation; returns whether an entry was closed.
 
-        A clock that is set back by less than a day is waited for; by more, what lies ahead of it is forgotten.
+        If the clock is set back by less than a day, nothing is added until it has caught up; by more, the entries ahead
+        of it are deleted.
         """
         closed = self._is_late(t_us) and self._close(correlation)
         newest_us = self._open.end_us if self._open else self._hours[-1].end_us if self._hours else t_us
@@ -117,16 +119,16 @@ class SlowHistory:
             kept[:] = [e for e in kept if e.end_us <= t_us]
 
     def closed_to_array(self) -> Floats:
-        """All closed entries, to be saved (N + 1, 6); the first row says how many are days, hours of a day, hours."""
+        """All closed entries, to be saved (N + 1, 6); the first row counts days, hours of a day, and hours."""
         counts = [len(self._days), len(self._gathering), len(self._hours), self._hour_s, 0.0, 0.0]
         return np.vstack([counts, as_rows([*self._days, *self._gathering, *self._hours])])
 
     def open_to_array(self) -> Floats:
-        """What is being gathered, to be saved (8,), or (0,)."""
+        """The open entry, to be saved (8,), or (0,)."""
         return np.array(self._open or (), float)
 
     def restore(self, closed: Floats, opened: Floats) -> None:
-        """Go on from what was saved; what is being gathered is left out where it is older than what is closed.
+        """Continue from saved arrays; an open entry that is older than the closed ones is left out.
 
         Raises:
             ValueError: it is no history, or one of other hours.

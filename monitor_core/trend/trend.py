@@ -1,7 +1,7 @@
-"""Whether a parameter is steady, drifts or has changed at once, from its slow history, and as sure as it is.
+"""Trend of a parameter from its slow history: steady, drift or step, with probabilities.
 
-All courses (courses.py) in all noises (noise.py) are weighed.  What is left after that is a mixture of Gaussians of
-level and slope, from which everything is told: the probabilities of the kinds, the slope, and when a limit is reached.
+All trend models with all noise models (trend_models.py) are weighted by their evidence.  The result is a mixture of
+Gaussians of level and slope, which gives the probabilities of the kinds, the slope, and when a limit is reached.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ KEPT = 1e-6
 
 
 class Mixture(NamedTuple):
-    """Courses that are left (K,), with their probabilities; times in seconds after ``zero_us``."""
+    """The K most likely trends with their probabilities; times in seconds after ``zero_us``."""
 
     zero_us: int
     p: Floats
@@ -61,7 +61,7 @@ class Mixture(NamedTuple):
     covariance: Floats
 
     def at_times(self, t: Floats) -> tuple[Floats, Floats]:
-        """Mean and standard deviation (T, K) of each course at times t (T,), also beyond the end."""
+        """Mean and standard deviation (T, K) of each trend at times t (T,), also in the future."""
         after = t[:, None] >= self.at
         ramp = np.maximum(t[:, None] - self.at, 0.0) / np.maximum(self.end - self.at, 1e-300)
         f = np.stack([after.astype(float), ramp], axis=-1)  # (T, K, 2)
@@ -72,7 +72,7 @@ class Mixture(NamedTuple):
 
 
 class Trend(NamedTuple):
-    """What a slow history says; per second, in the parameter's unit."""
+    """Trend of a slow history; per second, in the unit of the parameter."""
 
     time_us: int
     """Of the last entry: it ends here"""
@@ -95,7 +95,7 @@ class Trend(NamedTuple):
 
 
 def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | None:
-    """What the entries of a parameter say; None: they are too few, or span too little time.
+    """Trend of the entries of a parameter; None: they are too few, or cover too little time.
 
     Args:
         entries: in order.
@@ -121,7 +121,7 @@ def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | No
 def _weighed(
     t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: float
 ) -> tuple[Weighed, Noises, Floats]:
-    """First every noise with a few times of change, then the likely ones with all."""
+    """Evidence first of every noise with a few change times, then of the likely noises with all."""
     N = len(t)
     every = np.concatenate([[0], np.arange(BEFORE, N - AFTER + 1)])
     few = every[np.unique(np.linspace(0, len(every) - 1, COARSE).round().astype(int))]
@@ -147,7 +147,7 @@ def _with(
 
 
 def _spread(t: Floats, y: Floats, variance: Floats) -> float:
-    """About how far the values are off: from what a line, or two levels, leave; at least as P says."""
+    """Approximate scatter of the values: the residuals of a line or of two levels; at least that of P."""
     line = y - np.polyval(np.polyfit(t, y, 1), t)
     left = [float(line @ line)]
     n = np.arange(1, len(y))
@@ -157,7 +157,7 @@ def _spread(t: Floats, y: Floats, variance: Floats) -> float:
 
 
 def _by_noise(w: Weighed, G: int, M: int) -> Floats:
-    """Logarithm of the probability of each noise (G,): of all courses in it."""
+    """Log evidence of each noise (G,), summed over all trends."""
     parts = [w.log_weight[:G, None], *(x.reshape(G, M) for x in np.split(w.log_weight[G:], 3))]
     return np.asarray(np.logaddexp.reduce(np.concatenate(parts, axis=1), axis=1))
 

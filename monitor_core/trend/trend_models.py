@@ -1,8 +1,8 @@
-"""Courses that a slow history may have taken, and what each says of it: least squares with priors, exactly.
+"""Trend models of a slow history and their evidence: least squares with priors, in closed form.
 
-Level, and a change of it at a time c: a step, a ramp from c until now, or both.  The level may be anything; changes
-are a priori Gaussian about zero, of ``size``.  Both are integrated out, which gives each course, time and noise its
-probability, and level and slope at the end their joint Gaussian.
+The models are a level and a change at a time c: a step, a ramp from c until now, or both.  The level has a flat prior;
+changes are Gaussian around zero with the standard deviation ``size``.  Both are integrated out, which gives the
+probability of each model, time and noise, and the joint Gaussian of level and slope at the end.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,7 @@ KINDS = tuple(PRIOR)
 
 
 class Shapes(NamedTuple):
-    """Changes that are considered (M,), as columns (N, M)."""
+    """The M changes that are considered, as columns (N, M)."""
 
     at: Floats  # (M,) times
     first: Floats  # (M,) index of the first entry after the change
@@ -28,7 +28,7 @@ class Shapes(NamedTuple):
 
 
 class Weighed(NamedTuple):
-    """All courses with their weights and what they say; arrays (K,), or (K, 2) for step and ramp."""
+    """All models with their weights and estimates; arrays (K,), or (K, 2) for step and ramp."""
 
     kind: Floats  # index in KINDS
     at: Floats  # time of the change
@@ -49,12 +49,12 @@ def shapes(t: Floats, first: Floats) -> Shapes:
 
 
 def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> Weighed:
-    """Every course in every noise.
+    """Evidence and estimates of every model in every noise.
 
     Args:
         W: (N, G, 2 + 2 M) values, ones, steps and ramps, whitened.
         log_det: (G,)
-        s: the changes, M of them; the first begins with the history, and has no step.
+        s: the M changes; the first begins with the history, and has no step.
         size: standard deviation of a change.
         prior: (M - 1,) of the times of all changes but the first.
     """
@@ -91,7 +91,7 @@ def _changed(
     size: float,
     prior: Floats,
 ) -> Weighed:
-    """One kind of change at all times, in all noises: (G M,)."""
+    """One kind of change at all times, in all noises (G M,)."""
     a, b, af = level
     R, r = (np.moveaxis(x, -1, 1) for x in rest)  # (G, M, 2, 2), (G, M, 2)
     G, M = r.shape[:2]
@@ -146,7 +146,7 @@ seen in a short history."""
 
 
 class Noises(NamedTuple):
-    """Possible noises (G,), beside the errors of estimation."""
+    """The G noise models, besides the errors of estimation."""
 
     white: Floats  # variance
     lasting: Floats  # variance
@@ -155,7 +155,7 @@ class Noises(NamedTuple):
 
 
 def possible(t: Floats, level: float, hour: float) -> Noises:
-    """The grid for entries at times t (N,), which scatter by about ``level``."""
+    """Grid of noise models for entries at times t (N,) with a scatter of about ``level``."""
     times = np.geomspace(np.median(np.diff(t)), max((t[-1] - t[0]) / 2, LONG * hour), LASTING)
     variance = (level * np.array(LEVELS)) ** 2
     v, share, time = (x.ravel() for x in np.meshgrid(variance, SHARES, times, indexing="ij"))
@@ -169,14 +169,14 @@ def possible(t: Floats, level: float, hour: float) -> Noises:
 def whitened(
     t: Floats, columns: Floats, variance: Floats, share: Floats, noises: Noises
 ) -> tuple[Floats, Floats]:
-    """Columns (N, C) with the noise made white, of variance one (N, G, C), and log det of its covariance (G,).
+    """Columns (N, G, C) with the noise whitened to variance one, and log det of its covariance (G,).
 
     Args:
         t: (N,) increasing.
-        columns: (N, C) what is measured, and what may explain it.
+        columns: (N, C) measured values, and their explanatory columns.
         variance: (N,) of the errors of estimation.
         share: (N,) of the white noise that the mean of an entry has.
-        noises: (G,) possible ones.
+        noises: (G,) noise models.
     """
     G, (N, C) = len(noises.white), columns.shape
     m, P = np.zeros((G, C)), noises.lasting.copy()

@@ -32,18 +32,18 @@ class ActiveFaults:
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """What may stand."""
+        """Causes that may be active."""
         return tuple(dict.fromkeys(hypothesis.cause for hypothesis in self.hypotheses))
 
     def clear(self) -> None:
-        """Nothing stands."""
+        """No fault is active."""
         self._stands = {}
 
     def adopt(self, sizes: Mapping[str, float]) -> None:
-        """These causes stand with these sizes (NaN: it has none), no others.
+        """Make exactly these causes active, with these sizes (NaN: it has none).
 
         Raises:
-            KeyError: no hypothesis is of such a cause.
+            KeyError: no hypothesis has such a cause.
         """
         known = {hypothesis.cause: hypothesis for hypothesis in reversed(self.hypotheses)}
         self._stands = {
@@ -52,7 +52,7 @@ class ActiveFaults:
         }
 
     def lanes(self) -> tuple[Hypothesis, ...]:
-        """All as it is now; what may change from here; the way back."""
+        """Hypotheses of the lanes: the present state, the changes from here, and the return to the healthy state."""
         base = REFERENCE
         for hypothesis in self._stands.values():
             base = hypothesis.after(base)
@@ -60,12 +60,12 @@ class ActiveFaults:
         return replace(base, cause=HEALTHY), *changes, self._way_back()
 
     def _now_likely(self, hypothesis: Hypothesis) -> Hypothesis:
-        """That more of what stands, or less of it, is to be seen, is likelier than something else beside it."""
+        """The weight of a hypothesis now: more or less of an active fault is likelier than a second fault."""
         other = self._stands and hypothesis.cause not in self._stands
         return replace(hypothesis, weight=hypothesis.weight * SECOND) if other else hypothesis
 
     def _way_back(self) -> Hypothesis:
-        """All is as it was."""
+        """The return to the healthy state."""
         if not self._stands:
             return replace(REFERENCE, weight=1e-300)
         (cause, hypothesis), *others = self._stands.items()
@@ -73,7 +73,7 @@ class ActiveFaults:
         return Hypothesis(cause, -hypothesis.size) if alone else REFERENCE
 
     def ended(self, best: Share) -> list[str]:
-        """Which causes are over if this is the likeliest change."""
+        """Causes that end if this is the most likely change."""
         if best.cause == HEALTHY:
             return list(self._stands)
         before = self._stands.get(best.cause)
@@ -83,18 +83,18 @@ class ActiveFaults:
         return [best.cause] if abs(before.size + best.size) < tolerance else []
 
     def end(self, cause: str) -> None:
-        """It is over, if it stood."""
+        """End a cause, if it is active."""
         self._stands.pop(cause, None)
 
     def join(self, best: Share, likeliest: Hypothesis) -> None:
-        """A change joins what stands of its cause; ``likeliest`` of the hypotheses of it."""
+        """Add a change to the active fault of its cause; ``likeliest`` of the hypotheses of that cause."""
         before = self._stands.get(best.cause)
         own_gain = likeliest.K is not None
         size = likeliest.size if own_gain else best.size + (before.size if before else 0.0)
         self._stands[best.cause] = self._of_size(best.cause, size)
 
     def whole_of(self, found: tuple[Share, ...]) -> tuple[Share, ...]:
-        """The shares, with what stood before of a cause in its size."""
+        """The shares with total sizes: those of the active faults are added."""
         before = {
             cause: hypothesis.size
             for cause, hypothesis in self._stands.items()
@@ -103,7 +103,7 @@ class ActiveFaults:
         return tuple(replace(share, size=share.size + before.get(share.cause, 0.0)) for share in found)
 
     def _of_size(self, cause: str, size: float) -> Hypothesis:
-        """One of the hypotheses, or one of their kind of another size."""
+        """A hypothesis of this size: one of the bank's, or a new one of the same kind."""
         own = [hypothesis for hypothesis in self.hypotheses if hypothesis.cause == cause]
         same = (hypothesis for hypothesis in own if hypothesis.size == size or math.isnan(hypothesis.size))
         return next(same, None) or replace(
@@ -118,7 +118,7 @@ class ActiveFaults:
         ).reshape(-1, 2)
 
     def from_array(self, rows: Floats) -> None:
-        """Go on from what was saved.
+        """Restore what ``to_array`` saved.
 
         Raises:
             ValueError: it does not belong to these hypotheses.

@@ -1,4 +1,4 @@
-"""Which changes a bank looks for: the monitored parameters up and down in several sizes, and faults of the sensors."""
+"""Candidate changes: the monitored parameters up and down in several sizes, and faults of the sensors."""
 
 import math
 from collections.abc import Callable
@@ -38,7 +38,7 @@ SENSOR_FAULTS = (
 
 
 def candidates(model: AxisModel, settings: Settings, sensors: bool = True) -> tuple[Hypothesis, ...]:
-    """The changes that are looked for."""
+    """All candidate changes of an axis."""
     plan = {name: _both(SIZES) for name in model.monitored if name != DELAY}
     plan |= _sensor_plan(model) if sensors else {}
     return tuple(
@@ -64,7 +64,7 @@ def _sensor_plan(model: AxisModel) -> dict[str, tuple[float, ...]]:
 
 
 def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float) -> Hypothesis:
-    """The change of that cause and size.
+    """The hypothesis of a cause and a size.
 
     Raises:
         KeyError: there is no such cause.
@@ -94,7 +94,7 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
 
 
 def unit_of(model: AxisModel, settings: Settings, cause: str) -> tuple[float, str]:
-    """What a size of 1 of a cause is, in SI, and its unit; a unit of "log": sizes are logarithms of factors."""
+    """Value in SI and unit of a size of 1 of a cause; the unit "log" means that sizes are logarithms of factors."""
     if cause == DELAY:
         return settings.interval_s, "s"
     if cause == TORQUE_OFFSET:
@@ -136,9 +136,9 @@ def torque_unit(model: AxisModel, s: Settings) -> float:
 
 
 def _lost_torque(model: AxisModel, s: Settings, cause: str, size: float) -> Hypothesis:
-    """The measured torque is not what acts: a predictor that knows of the torque only that it is random.
+    """The measured torque is not the one that acts: a predictor for which the torque is only random.
 
-    How large it is is not known either; ``size`` says what it makes of the variance of the innovations.
+    The size of that torque is unknown, too; ``size`` is its effect on the variance of the innovations.
     """
     noise = math.sqrt(s.lam0 * (1 - _corrected(model, s)))
     K, lam = _random_torque(model, s.interval_s, noise, math.exp(size) * s.lam0)
@@ -149,7 +149,7 @@ def _lost_torque(model: AxisModel, s: Settings, cause: str, size: float) -> Hypo
 
 
 def _corrected(model: AxisModel, s: Settings) -> float:
-    """C K: what is left of the innovations' variance without it is the noise of the output."""
+    """C K: the part of the innovations' variance without it is the noise of the output."""
     C = model.matrices()[2][0] / (s.interval_s if model.drive.mean_state >= 0 else 1.0)
     return float(min(C @ s.gain(len(C)), 0.99))
 
@@ -157,7 +157,7 @@ def _corrected(model: AxisModel, s: Settings) -> float:
 def _random_torque(
     model: AxisModel, interval_s: float, noise: float, lam: float
 ) -> tuple[tuple[float, ...], float]:
-    """Gain and innovation variance for the torque noise that makes the variance ``lam``; by bisection."""
+    """Gain and innovation variance for the torque noise that gives the variance ``lam``; by bisection."""
     low, high = -12.0, 12.0
     K, found = filter_gain(model, interval_s, noise, noise)
     for _ in range(_BISECTIONS):

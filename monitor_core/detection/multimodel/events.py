@@ -1,4 +1,4 @@
-"""What a multi-model detector has to say: something has changed; it is this; it is over.  Times in us since 1970.
+"""Events of the multi-model detector: change detected, cause identified, cause ended.  Times in us since 1970.
 
 ``since_us`` is the time of the ``ChangeDetected`` that an event belongs to.
 """
@@ -10,7 +10,7 @@ from monitor_core.detection.multimodel.naming import Share
 
 @dataclass(frozen=True, slots=True)
 class Onset:
-    """When a change began: its likeliest time, and an interval that holds it in 90 of 100, us."""
+    """Onset of a change: its most likely time, and an interval of 90 % probability, us."""
 
     time_us: int
     earliest_us: int
@@ -19,7 +19,7 @@ class Onset:
 
 @dataclass(frozen=True, slots=True)
 class ChangeDetected:
-    """Something has changed; what, is not said yet."""
+    """A change was detected; its cause is not known yet."""
 
     time_us: int
     onset: Onset
@@ -28,9 +28,9 @@ class ChangeDetected:
 
 @dataclass(frozen=True, slots=True)
 class CauseIdentified:
-    """It is this: the first of ``shares``, with the whole size of what stands of that cause now.
+    """The cause is the first of ``shares``, with the total size of the active fault of that cause.
 
-    ``certain``: its share is large enough; else the others are to be told, too.
+    ``certain``: its share is large enough; otherwise the others must be reported, too.
     """
 
     time_us: int
@@ -42,7 +42,7 @@ class CauseIdentified:
 
 @dataclass(frozen=True, slots=True)
 class CauseEnded:
-    """A cause that was named is over; HEALTHY: what changed was nothing that lasted."""
+    """A named cause has ended; HEALTHY: the change did not last."""
 
     time_us: int
     since_us: int

@@ -1,4 +1,4 @@
-"""What a hypothesis is: a cause, a size, and what that makes of the model, of the torque and of the output."""
+"""A hypothesis: a cause, a size, and their effect on the model, the torque and the output."""
 
 import itertools
 import math
@@ -20,13 +20,13 @@ HEALTHY = ""
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """What became of a signal before it was measured:  scale * true value + offset."""
+    """Error of a measured signal:  scale * true value + offset."""
 
     scale: float = 1.0
     offset: float = 0.0
 
     def after(self, before: "Distortion") -> "Distortion":
-        """Both, ``before`` first."""
+        """Both distortions, ``before`` first."""
         return Distortion(self.scale * before.scale, self.scale * before.offset + self.offset)
 
 
@@ -38,11 +38,11 @@ class Hypothesis:
     """One change.
 
     ``size`` orders the hypotheses of a cause: the logarithm of a factor, or a difference in units of a scale; NaN where
-    a cause has no size.  ``factors`` and ``shifts`` are of parameters of the drive, by their names.  ``torque`` makes
-    the torque that acts of the measured one, ``delay_s`` is how much later it acts than now; ``output`` makes the
-    measured output of the true one.  ``frozen``: the output repeats itself, in every digit.  ``still``: holds only
-    while the measured torque does so.  ``K`` is a filter gain of its own, ``variance`` that of its innovations over
-    lambda_0.  ``weight`` is how likely it is beforehand beside others, ``alike`` names causes that make the same data.
+    a cause has no size.  ``factors`` and ``shifts`` are of parameters of the drive, by name.  ``torque`` turns the
+    measured torque into the acting one, ``delay_s`` is its additional delay; ``output`` turns the true output into the
+    measured one. ``frozen``: the output repeats itself in every digit.  ``still``: the hypothesis holds only while the
+    measured torque repeats itself.  ``K`` is the filter gain of the hypothesis, ``variance`` its innovation variance
+    over lambda_0. ``weight`` is its prior weight, ``alike`` names causes that produce the same data.
 
     Raises:
         ValueError: a number that makes no sense.
@@ -72,7 +72,7 @@ class Hypothesis:
             )
 
     def after(self, base: "Hypothesis") -> "Hypothesis":
-        """This change when ``base`` holds already."""
+        """This change in addition to ``base``."""
         factors = {
             n: self.factors.get(n, 1.0) * base.factors.get(n, 1.0) for n in {**base.factors, **self.factors}
         }
@@ -110,11 +110,11 @@ FOLLOWED = 0.01
 def steps(
     model: AxisModel, shift: Floats | None, before: tuple[int, ...], N: int
 ) -> Iterator[tuple[slice, tuple[int, ...]]]:
-    """Samples one after the other between which no nominal value moves, and by how many steps each has moved.
+    """Runs of samples in which no nominal value moves, each with the steps moved so far.
 
     Args:
         model: of the axis.
-        shift: theta_0(s) - theta_0 (N, p), NaN where it is not known; None: as before.
+        shift: theta_0(s) - theta_0 (N, p), NaN where it is unknown; None: unchanged.
         before: steps at the sample before.
         N: number of samples.
     """
@@ -129,7 +129,7 @@ def steps(
 
 
 def moved_model(model: AxisModel, moved: tuple[int, ...]) -> AxisModel:
-    """The model whose nominal values have moved by so many steps, within the bounds of theta; it monitors nothing."""
+    """The model with nominal values moved by these steps, within the bounds of theta; it monitors nothing."""
     if not any(moved):
         return model
     theta = model.theta0 + FOLLOWED * model.scale * np.array(moved)

@@ -1,4 +1,4 @@
-"""A multi-model detector of one axis: samples in; something changed, it is this, it is over: out."""
+"""The predictors of the multi-model detector of one axis: samples in; detected, identified and ended changes out."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -53,20 +53,20 @@ _REMEMBERED = 256
 class HypothesisBank:
     """Predictors of one axis, one for each hypothesis.
 
-    When a cause has been named, the bank restarts around the changed axis, so that a second change is seen, and the
-    end of the first.
+    When a cause has been identified, the bank restarts around the changed axis.  So it detects a second change, and the
+    end of the first one.
 
     Args:
-        model: nominal values; the monitored parameters are the causes, beside faults of the sensors.
+        model: nominal values; the causes are the monitored parameters and faults of the sensors.
         settings: predictor, gaps, lambda_0, memory.
-        hypotheses: what is looked for; default ``candidates``.
+        hypotheses: changes to detect; default ``candidates``.
         h: thresholds, one or (len(hypotheses),).
-        allowance: taken from each log-likelihood ratio, for what healthy records differ by; one or as many.
-        sure: the share from which on a cause is named.
+        allowance: subtracted from each log-likelihood ratio, for differences of healthy records; one or as many.
+        sure: the probability from which on a cause is named.
 
     Raises:
-        ValueError: thresholds that do not fit, a hypothesis that the drive cannot be in, or a predictor
-            that is not stable.
+        ValueError: thresholds that do not fit, a hypothesis that the drive cannot have, or a predictor that is not
+            stable.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class HypothesisBank:
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """What is looked for."""
+        """Hypotheses of the bank."""
         return self.standing.hypotheses
 
     @property
@@ -107,7 +107,7 @@ class HypothesisBank:
 
     @property
     def allowance(self) -> Floats:
-        """Of each hypothesis."""
+        """Allowance of each hypothesis."""
         return self._allowance
 
     @property
@@ -120,7 +120,7 @@ class HypothesisBank:
         self._memory = _copy(memory)
 
     def reset(self) -> None:
-        """As if it had seen nothing."""
+        """Return to the state before the first sample."""
         if self.standing:
             self.standing.clear()
             self._build()
@@ -128,7 +128,7 @@ class HypothesisBank:
         self._memory = memory_of(self._tables, len(self._lanes))
 
     def _build(self) -> None:
-        """What the lanes hold, around what stands."""
+        """Build the lanes around the active faults."""
         self._hypotheses = self.standing.lanes()
         self._causes = CausePosterior(self._hypotheses[1:])
         back_h = float(np.median(self._h)) if self.standing else math.inf
@@ -137,7 +137,7 @@ class HypothesisBank:
         self.follow(self.moved)
 
     def follow(self, moved: tuple[int, ...]) -> None:
-        """The hypotheses around nominal values that have moved by so many steps."""
+        """Move the hypotheses to nominal values that have moved by these steps."""
         self.moved = moved
         if moved not in self._known:
             while len(self._known) >= _REMEMBERED:
@@ -149,9 +149,10 @@ class HypothesisBank:
         self._tables, self._predictors = self._known[moved]
 
     def adopt(self, standing: Mapping[str, float], since_us: int | None) -> None:
-        """Let these causes stand, with these sizes (NaN: it has none); no others.
+        """Make exactly these causes active, with these sizes (NaN: it has none).
 
-        ``since_us``: at that time something beside them changed; it is to be looked at, though its evidence is lost.
+        ``since_us``: time at which a further change was detected; it is to be identified again, as its evidence is
+        lost.
         """
         self.standing.adopt(standing)
         self._start(0)
@@ -162,11 +163,11 @@ class HypothesisBank:
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """What may be named."""
+        """Causes that may be named."""
         return self.standing.causes
 
     def leading(self) -> tuple[str, float]:
-        """The cause whose g is nearest its h, and g over h."""
+        """The cause with the largest g / h, and that ratio."""
         many = len(self.hypotheses)
         share = self._memory.sums[G, 1 : many + 1] / self._h
         k = int(share.argmax())
@@ -178,7 +179,7 @@ class HypothesisBank:
         return named | {"standing": self.standing.to_array(), "moved": np.array(self.moved, np.int64)}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Go on from a saved state.
+        """Continue from a saved state.
 
         Raises:
             KeyError: an array is missing.
@@ -204,10 +205,10 @@ class HypothesisBank:
         gate: NDArray[np.bool_] | None = None,
         shift: Floats | None = None,
     ) -> list[Event]:
-        """Samples (N,) in the order of their receipt: times in us, torque in N m, output.
+        """Run samples (N,) in the order of their receipt: times in us, torque in N m, output.
 
-        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; NaN, and
-        without it, what it was last; while it is NaN nothing is tested.
+        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; the last
+        value is kept without it and where it is NaN; nothing is tested while it is NaN.
 
         Raises:
             ValueError: shapes that do not fit.
@@ -226,7 +227,7 @@ class HypothesisBank:
     ) -> tuple[list[Event], BankTrace]:
         """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
 
-        With ``what_holds`` there is a column before them, of what holds now.
+        With ``what_holds`` the first column is that of the present reference.
         """
         N, first, last = len(t_us), 0 if what_holds else 1, len(self.hypotheses) + 1
         trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
@@ -249,7 +250,7 @@ class HypothesisBank:
         return events
 
     def _run_on(self, block: Block, trace: BankTrace) -> list[Event]:
-        """Samples with the same nominal values."""
+        """Run samples with the same nominal values."""
         at, events = 0, list[Event]()
         while at < len(block.t):
             at = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, at, trace)
@@ -258,7 +259,7 @@ class HypothesisBank:
         return events
 
     def _decide(self, now_us: int) -> Iterator[Event]:
-        """Something has changed, or it is time to look at what, or what was named is known well by now."""
+        """Decide after a detection, when an identification is due, or when a named cause can be refined."""
         integers = self._memory.integers
         if integers[PHASE, 0] == REFINING:
             yield from self._settle(now_us)
@@ -270,7 +271,7 @@ class HypothesisBank:
         yield from self._look(now_us)
 
     def _look(self, now_us: int) -> Iterator[Event]:
-        """What has changed is named if that is sure, or has been looked for long enough."""
+        """Name the cause if it is certain, or if it has been looked for long enough."""
         integers, memory = self._memory.integers, self.settings.memory
         integers[CHECKS, 0] += 1
         integers[WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[SINCE, 0])
@@ -287,18 +288,18 @@ class HypothesisBank:
             yield CauseIdentified(now_us, since, self.onset(), self.standing.whole_of(found), sure)
 
     def _turn_round(self) -> None:
-        """Predictors with a sign swapped have moved the other way until now: they begin where the axis was."""
+        """Predictors with a changed sign have moved the other way so far: they restart from the reference."""
         for k, hypothesis in enumerate(self._hypotheses):
             if hypothesis.torque.scale < 0 or hypothesis.output.scale < 0:
                 self._memory.x[:, k] = self._memory.x[:, 0]
 
     def _lasts(self) -> bool:
-        """There is still evidence of a change."""
+        """Whether there is still evidence of a change."""
         many = len(self._hypotheses)
         return bool((self._memory.sums[G, :many] > 0.5 * self._predictors.own[LIMIT, :many]).any())
 
     def _settle(self, now_us: int) -> Iterator[Event]:
-        """The likeliest cause joins what stands, with its size; from now on what differs from that is a change."""
+        """Add the most likely cause to the active faults, with its size; from now on changes are relative to that."""
         found, onset, since = self._shares(), self.onset(), int(self._memory.integers[SINCE, 0])
         best, lane = found[0], self._lane_of(found[0])
         over = self.standing.ended(best) if self._lasts() else [HEALTHY]
@@ -316,10 +317,10 @@ class HypothesisBank:
         return self._causes.shares(self._memory.sums[G, 1 : len(self._hypotheses)])
 
     def onset(self) -> Onset:
-        """Of the likeliest hypothesis: when its g was last zero, and from when on and until when that may have been.
+        """Onset of the most likely hypothesis: when its g was last zero, with an interval.
 
-        It predicts as if the change had always been there, and gains nothing while the state of the axis still is that
-        of before: so the change may be earlier by half the slowest time constant.
+        A hypothesis assumes that the change was always there, and gains no evidence while the state of the axis is
+        still that of before.  So the change may be earlier by half the slowest time constant.
         """
         k = int(self._memory.sums[G, : len(self._hypotheses)].argmax())
         when = self._memory.when[:, k]
@@ -327,13 +328,13 @@ class HypothesisBank:
         return Onset(int(when[ONSET]), earliest, int(max(when[LATE], when[ONSET])))
 
     def _lane_of(self, best: Share) -> int:
-        """The hypothesis of a cause that has most evidence."""
+        """The hypothesis of a cause with the most evidence."""
         g = self._memory.sums[G]
         own = [k for k, hypothesis in enumerate(self._hypotheses) if k > 0 and hypothesis.cause == best.cause]
         return max(own, key=lambda k: float(g[k]))
 
     def _start(self, lane: int) -> None:
-        """Anew around what stands now, from the state of a hypothesis."""
+        """Restart around the active faults, from the state of a hypothesis."""
         M = self._memory
         self._build()
         M.x[:] = M.x[:, lane : lane + 1]
@@ -348,7 +349,7 @@ def _copy(memory: Memory) -> Memory:
 
 
 def _time_constant(model: AxisModel, s: Settings) -> float:
-    """The predictor's slowest [s].
+    """Slowest time constant of the predictor [s].
 
     Raises:
         ValueError: the predictor is not stable.
@@ -360,7 +361,7 @@ def _time_constant(model: AxisModel, s: Settings) -> float:
 
 
 def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
-    """Those candidates that change the data, each told from the others by them."""
+    """Candidates that change the data and can be distinguished from each other."""
     return distinguishable(model, settings, candidates(model, settings))
 
 

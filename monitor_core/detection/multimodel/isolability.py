@@ -1,4 +1,4 @@
-"""Causes that make the same data: a scaled torque is a torque constant in disguise."""
+"""Isolability: causes that produce the same data, such as a scaled torque and a torque constant."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,9 +22,9 @@ _STRENGTH = 5.0
 def distinguishable(
     model: AxisModel, settings: Settings, found: Sequence[Hypothesis]
 ) -> tuple[Hypothesis, ...]:
-    """Those that change the data; of those that change it alike the first, with the causes of the others.
+    """Hypotheses that change the data; of those with the same data only the first, with the causes of the others.
 
-    They are compared by what they predict for one random record, of which the last half counts.
+    Their predictions for one random record are compared, of which the last half counts.
     """
     eps = _innovations(model, settings, (REFERENCE, *found))
     from_now = ((eps - eps[:, :1]) ** 2).sum(axis=0)
@@ -49,7 +49,7 @@ def _same(eps: Floats, from_now: Floats, j: int, k: int, found: Sequence[Hypothe
 
 
 def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]) -> Floats:
-    """(N, len(hypotheses)), of a white torque and a white output: which, does not matter where all is linear."""
+    """Innovations (N, len(hypotheses)) for a white torque and a white output; any signals do, as all is linear."""
     many, N = len(hypotheses), 2 * round(_MEMORIES * s.memory / 2)
     tables, predictors = lanes_of(
         model, replace(s, outlier_limit=0.0), hypotheses, np.full(many, np.inf), np.zeros(many)

@@ -1,4 +1,4 @@
-"""From hypotheses to the kernel's arrays: constants, a lane for each, and the state of a bank that has seen nothing."""
+"""From hypotheses to the arrays of the kernel: constants, a lane for each, and the initial state."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -53,7 +53,7 @@ def lanes_of(
 
 
 def memory_of(tables: Tables, lanes: int) -> Memory:
-    """The state of a bank that has seen nothing."""
+    """The initial state of a bank."""
     n, m = tables.n, tables.m
     u = np.zeros((m, lanes))
     u[tables.kind == ONE] = 1.0
@@ -83,7 +83,7 @@ def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothe
 
 
 def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:
-    """All parameter values when a change has happened."""
+    """All parameter values under a hypothesis."""
     values = dict(model.nominal)
     for name, factor in hypothesis.factors.items():
         values[name] *= factor
@@ -93,7 +93,7 @@ def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:
 
 
 def _interval(model: AxisModel, hypothesis: Hypothesis, interval_s: float, delay: float) -> dict[str, Floats]:
-    """The nominal interval: with the torque before it up to the delay, with that of its end where it acts early."""
+    """The nominal interval in parts: under the previous torque up to the delay, and under the next if it is early."""
     A, B, _ = model.matrices()
     d = model.balance()
     A, B, kinds = A / d[:, np.newaxis] * d, B / d[:, np.newaxis], np.array(model.drive.inputs)
@@ -116,7 +116,7 @@ def _held(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats]:
 
 
 def _moving(model: AxisModel, acts: Floats) -> Ints:
-    """Which inputs depend on the motion and act, for any hypothesis."""
+    """Which inputs depend on the motion and act, under any hypothesis."""
     kinds = model.drive.inputs
     of_input = np.abs(acts.reshape(len(model.drive.states), len(kinds), -1)).max(axis=(0, 2))
     return np.array([c for c, kind in enumerate(kinds) if kind in OF_MOTION and of_input[c]], dtype=np.int64)

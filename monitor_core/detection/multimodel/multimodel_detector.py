@@ -1,7 +1,7 @@
-"""Multi-model detector of one axis: a multi-model detector, and the alarms that are made of what it finds.
+"""Multi-model detector of one axis: a bank of hypotheses, and the alarms made of its events.
 
-A change raises one alarm.  The alarm is named when the evidence is in, may be renamed once when the size is known well,
-and ends when its cause is over.  A further change of a cause with an open alarm belongs to that alarm.
+A change raises one alarm.  The alarm is named when there is enough evidence, may be renamed once when the size is well
+known, and ends when its cause ends.  A further change of a cause with an open alarm belongs to that alarm.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SCHEMA = 2
 
 @dataclass(frozen=True)
 class Limit:
-    """Threshold and allowance of one hypothesis, as a healthy record asks for them."""
+    """Threshold and allowance of one hypothesis, from a calibration."""
 
     cause: str
     size: float
@@ -53,10 +53,10 @@ class Limit:
 
 @dataclass(frozen=True)
 class Limits:
-    """When the bank alarms.
+    """Thresholds of the multi-model detector.
 
-    ``own``: of each hypothesis, which are then those that are looked for.  Empty: the candidates that change the data,
-    all with the h that the guaranteed run length gives for one false alarm in ``samples``.
+    ``own``: of each hypothesis, which are then those of the bank.  Empty: the candidates that change the data, all with
+    the h that the guaranteed run length gives for one false alarm in ``samples``.
     """
 
     samples: float
@@ -64,7 +64,7 @@ class Limits:
 
 
 def guaranteed(hypotheses: int, samples: float) -> float:
-    """h with which so many hypotheses have one false alarm in so many samples, or fewer, if the model is exact.
+    """h with which so many hypotheses have at most one false alarm in ``samples``, for an exact model.
 
     The mean time between false alarms of each is at least e^h samples (Lorden), so that of all is at least e^h / H.
     """
@@ -72,7 +72,7 @@ def guaranteed(hypotheses: int, samples: float) -> float:
 
 
 def reason_unavailable(model: AxisModel, settings: Settings) -> str:
-    """Why there can be no bank for an axis, in words; empty: there can."""
+    """Why the detector is not available for an axis, in words; empty: it is."""
     if settings.unidentifiable:
         return "its nominal values cannot tell some of the parameters apart"
     gain = settings.gain(len(model.drive.states))
@@ -86,7 +86,7 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
 
     Raises:
         KeyError: a limit of a cause that the axis does not have.
-        ValueError: it cannot have a bank, or limits make no sense.
+        ValueError: the detector is not available for it, or limits make no sense.
     """
     if not limits.own:
         hypotheses = _default(_Axis(model, settings))
@@ -100,7 +100,7 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
 
 
 class _Axis:
-    """Axes with the same model and settings have the same hypotheses; these are found once."""
+    """Axes with the same model and settings share their hypotheses, which are computed once."""
 
     def __init__(self, model: AxisModel, settings: Settings) -> None:
         self.model, self.settings = model, settings
@@ -121,7 +121,7 @@ def _default(axis: _Axis) -> tuple[Hypothesis, ...]:
 class MultiModelDetector:
     """The multi-model detector of one axis.
 
-    The bank is created when it is needed first, as the compiled kernel decides which hypotheses can be told apart.
+    The bank is created at first use, as the compiled kernel decides which hypotheses are distinguishable.
 
     Args:
         model: of the axis.
@@ -129,7 +129,7 @@ class MultiModelDetector:
         limits: thresholds.
 
     Raises:
-        ValueError: the axis cannot have a bank; limits of unknown causes.
+        ValueError: the detector is not available for the axis; limits of unknown causes.
     """
 
     name: DetectorName = "multimodel"
@@ -150,7 +150,7 @@ class MultiModelDetector:
 
     @property
     def made(self) -> bool:
-        """Whether the bank exists by now, and so a state."""
+        """Whether the bank has been created, and so has a state."""
         return "bank" in self.__dict__
 
     def quantity(self, cause: str) -> Quantity:
@@ -158,11 +158,11 @@ class MultiModelDetector:
         return quantity_of(self._model, self._settings, cause)
 
     def leading(self) -> Leading:
-        """The cause that is nearest its threshold, and g / h; none before the first sample."""
+        """The cause with the largest g / h, and that ratio; none before the first sample."""
         return Leading(*self.bank.leading()) if self.made else Leading("", 0.0)
 
     def interpret(self, event: Event, open_alarms: Sequence[Alarm]) -> list[AlarmEvent]:
-        """What an event of the bank means for the open alarms."""
+        """Alarm events that an event of the bank causes, given the open alarms."""
         return list(interpret(event, open_alarms, self.quantity))
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
@@ -178,7 +178,7 @@ class MultiModelDetector:
 
 
 def _seen_by_bank(alarms: Iterable[Alarm]) -> list[tuple[object, ...]]:
-    """What of the alarms has to agree with the active faults of the bank."""
+    """The part of the alarms that must agree with the active faults of the bank."""
     return sorted((a.raised_us, a.parameter, a.stage) for a in alarms)
 
 
@@ -276,7 +276,7 @@ def _named_alarm(open_alarms: Sequence[Alarm], cause: str) -> Alarm | None:
 
 
 def _onset(event: ChangeDetected | CauseIdentified) -> Onset:
-    """The onset of a change; its lower end is not known where it is before the first sample."""
+    """Onset of a change; its lower end is unknown where it lies before the first sample."""
     onset = event.onset
     low = onset.earliest_us if onset.earliest_us > NEVER // 2 else None
     best = onset.time_us if low is None else max(onset.time_us, low)

@@ -1,4 +1,4 @@
-"""Which cause, and what size: from the evidence of all hypotheses since something changed."""
+"""Isolation and size: posterior probabilities of causes from the evidence of all hypotheses since a detection."""
 
 import math
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ _BEYOND = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A cause, how likely it is, and its size with its standard deviation (NaN: it has none, or is not known).
+    """A cause, its probability, and its size with its standard deviation (NaN: it has none, or is unknown).
 
-    ``alike`` are causes that make the same data: it is this one or one of those.
+    ``alike`` are causes that produce the same data: it is this one or one of those.
     """
 
     cause: str
@@ -28,7 +28,7 @@ class Share:
 
 
 class CausePosterior:
-    """What hypotheses (H,) are about: asked again and again, sorted once."""
+    """Posterior of the causes of hypotheses (H,), which are sorted once for repeated use."""
 
     def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:
         names = list(dict.fromkeys(h.cause for h in hypotheses))
@@ -37,10 +37,10 @@ class CausePosterior:
         self._causes = [_Cause.from_hypotheses(name, hypotheses) for name in names]
 
     def shares(self, evidence: Floats) -> tuple[Share, ...]:
-        """The causes, the likeliest first; ``evidence`` (H,) are log-likelihood ratios since the onset.
+        """The causes, the most likely first; ``evidence`` (H,) are log-likelihood ratios since the onset.
 
-        The probability of a cause is the sum of the posterior ones of its sizes, each as likely beforehand as its
-        weight says; all sizes together as likely as those of another cause.
+        The probability of a cause is the sum of the posterior ones of its sizes.  The prior of a size is its weight;
+        all sizes together have the same prior as those of another cause.
         """
         posterior = np.exp(evidence - evidence.max()) * self._prior
         summed = np.bincount(self._of, posterior, len(self._causes)) / posterior.sum()
@@ -54,7 +54,7 @@ class CausePosterior:
 
 @dataclass(frozen=True, slots=True)
 class _Cause:
-    """Its sizes (k,), ascending; where the evidence of each is, -1 for that of no change."""
+    """Sizes of a cause (k,), ascending, and the indices of their evidence, -1 for no change."""
 
     name: str
     size: Floats
@@ -63,7 +63,7 @@ class _Cause:
 
     @classmethod
     def from_hypotheses(cls, name: str, hypotheses: Sequence[Hypothesis]) -> "_Cause":
-        """That nothing has changed, size 0 and evidence 0, is one of them where sizes have both signs."""
+        """No change, size 0 and evidence 0, is one of the sizes where they have both signs."""
         own = {h.size: k for k, h in enumerate(hypotheses) if h.cause == name}
         if min(own) < 0 < max(own):
             own[0.0] = -1
@@ -72,14 +72,14 @@ class _Cause:
         return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike))
 
     def fitted(self, evidence: Floats) -> tuple[float, float]:
-        """Size and its sd: where the parabola through the best (k,) and its neighbours has its top, its width there."""
+        """Size and its sd: top and width of the parabola through the best (k,) and its neighbours."""
         if len(self.size) < 3:
             return float(self.size[evidence.argmax()]), math.nan
         return vertex(self.size, evidence)
 
 
 def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:
-    """Top of the parabola through the largest of ``evidence`` (k,) and its neighbours, and -1/curvature, as a sd.
+    """Top of the parabola through the largest of ``evidence`` (k,) and its neighbours, and -1/curvature, as an sd.
 
     ``size`` (k,) ascends; k > 2.
     """

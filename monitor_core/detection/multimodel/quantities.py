@@ -1,4 +1,4 @@
-"""What a cause is measured in outside the bank: nominal value and unit, and sizes of changes in them."""
+"""Units of causes outside the bank: nominal value and unit, and sizes of changes in them."""
 
 import math
 from typing import NamedTuple
@@ -21,9 +21,9 @@ _DIFFERENCES = (TORQUE_OFFSET, OUTPUT_OFFSET, DELAY)
 
 
 class Quantity(NamedTuple):
-    """Nominal value of a cause, in ``unit``; how a size of the bank becomes a change of it.
+    """Nominal value of a cause, in ``unit``, and the conversion of a size of the bank to a change of it.
 
-    ``step`` is what a size of 1 is, NaN where sizes are logarithms of factors of ``nominal``, 0 where there is no size.
+    ``step`` is the value of a size of 1, NaN where sizes are logarithms of factors of ``nominal``, 0 without a size.
     """
 
     nominal: float
@@ -31,7 +31,7 @@ class Quantity(NamedTuple):
     step: float
 
     def change(self, size: float, sd: float) -> tuple[float, float]:
-        """Change and standard deviation, of a size and its standard deviation in the bank."""
+        """Change and its standard deviation, from a size and its standard deviation in the bank."""
         if self.step == 0:
             return math.nan, math.nan
         if math.isnan(self.step):
@@ -39,7 +39,7 @@ class Quantity(NamedTuple):
         return self.step * size, self.step * sd
 
     def size(self, change: float) -> float:
-        """The size of a change; NaN where it has none, or none can be that large."""
+        """Size of a change; NaN where it has none, or none can be that large."""
         if self.step == 0:
             return math.nan
         if math.isnan(self.step):
@@ -49,12 +49,12 @@ class Quantity(NamedTuple):
 
 
 def causes_of(model: AxisModel) -> tuple[str, ...]:
-    """Whatever a bank may name: the monitored parameters, and the faults of sensors."""
+    """All causes that a bank may name: the monitored parameters, and the faults of sensors."""
     return tuple(dict.fromkeys((*model.monitored, *SENSOR_FAULTS)))
 
 
 def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
-    """Of a cause, the monitored ones in the units of theta.
+    """Quantity of a cause; monitored ones in the units of theta.
 
     Raises:
         KeyError: there is no such cause.
