@@ -20,7 +20,7 @@ Bus = can.BusABC
 
 
 class BusSettings(Protocol):
-    """What a bus is opened with; [[bus]] of the configuration is one."""
+    """Settings to open a bus; [[bus]] of the configuration provides them."""
 
     @property
     def name(self) -> str:
@@ -51,8 +51,8 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
     """Open a bus.
 
     Args:
-        config: which.
-        wanted: let only these frames through (in the kernel, where the interface can); None: all.
+        config: its settings.
+        wanted: let only these frames through (in the kernel, where the interface supports it); None: all.
 
     Raises:
         BusError: it cannot be opened; the text says what to do.
@@ -104,7 +104,7 @@ def _filter(key: FrameKey) -> CanFilter:
 
 
 def _check_device(name: str) -> None:
-    """python-can forgets to close its socket where the device is missing."""
+    """Check that the device exists: python-can leaves its socket open where it does not."""
     if name not in {device for _, device in socket.if_nameindex()}:
         raise OSError(errno.ENODEV, "no such device")
 

@@ -1,4 +1,4 @@
-"""The reader of a bus: a thread that owns it, and puts what it receives into a bounded queue."""
+"""Reader of a bus: a thread that owns the bus and puts received frames into a bounded queue."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _IFF_UP = 1
 
 @dataclass(frozen=True, slots=True)
 class ReaderStats:
-    """A bus at one moment.  ``state``: "up", "down: ..." with the reason, or "closed"."""
+    """State and counters of a bus.  ``state``: "up", "down: ..." with the reason, or "closed"."""
 
     state: str
     up: bool
@@ -39,9 +39,9 @@ class ReaderStats:
 
 
 class CanReader:
-    """Reads one bus until it is closed, through its going down, vanishing and coming back.
+    """Reads one bus until it is closed; recovers when the bus goes down, disappears or comes back.
 
-    ``open`` first where a bus that cannot be opened is an error; without it the thread keeps trying.
+    Call ``open`` first where a bus that cannot be opened is an error; otherwise the thread keeps trying.
 
     Args:
         config: the bus.
@@ -95,7 +95,7 @@ class CanReader:
         self._state = "closed"
 
     def take(self, most: int = 4096) -> list[Frame]:
-        """The frames that wait, oldest first, about that many; empty when there are none."""
+        """About ``most`` of the waiting frames, oldest first; empty when there are none."""
         return self._queue.take(most)
 
     def stats(self) -> ReaderStats:
@@ -116,7 +116,7 @@ class CanReader:
             )
 
     def _read(self, receiver: Receiver) -> None:
-        """One block from the bus into the queue; what was read before a fault counts, too."""
+        """Put one block of frames into the queue, including frames read before a fault."""
         block: list[Frame] = []
         try:
             self._fill(block, receiver)
@@ -154,7 +154,7 @@ class CanReader:
         self._state = f"down: {gone}; trying to open it again"
 
     def _look_again(self) -> None:
-        """While down: see whether the interface has come back, under the same socket or as a new one."""
+        """While the bus is down: check whether the interface is back, under the same socket or a new one."""
         up = self._interface_up()
         if up:
             self._state = "up"

@@ -26,9 +26,9 @@ class DbcError(Exception):
 
 
 def read_dbc(path: Path) -> Database:
-    """The database of a DBC file, kept until the file changes.
+    """The database of a DBC file, cached until the file changes.
 
-    Faults in messages that nobody asks for are passed over; ``find_message`` checks the one that is used.
+    Faults in unused messages are ignored; ``find_message`` checks the ones that are used.
 
     Raises:
         DbcError: the file cannot be read or is no DBC.
@@ -73,7 +73,7 @@ def find_signal(message: Message, name: str) -> Signal:
 
 
 def find_counter(message: Message, name: str) -> Signal:
-    """The signal of that name, which counts samples.
+    """The counter signal of this name.
 
     Raises:
         DbcError: there is none, or it is no whole number that goes up by one.

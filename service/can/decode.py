@@ -1,4 +1,4 @@
-"""Frames to physical values, by the DBC."""
+"""Decodes frames to physical values by the DBC."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Undecoded = Literal["unwanted", "too_short", "undecodable"]
 
 
 class FrameKey(NamedTuple):
-    """What tells the messages of a bus apart."""
+    """Identifies the messages of a bus."""
 
     can_id: int
     extended: bool
@@ -52,7 +52,7 @@ class Decoder:
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:
-        """The frames that carry something wanted: for the filters of the bus."""
+        """The frames with wanted signals: for the filters of the bus."""
         return tuple(self._messages)
 
     def key(self, message: str) -> FrameKey:
@@ -68,7 +68,7 @@ class Decoder:
         return self._messages[key].signals
 
     def decode(self, frame: Frame) -> dict[str, float] | Undecoded:
-        """The wanted signals in this frame (multiplexed ones may be absent), or why there are none."""
+        """The wanted signals in this frame (multiplexed ones may be absent), or the reason why there are none."""
         known = self._messages.get(FrameKey(frame.can_id, frame.extended))
         if known is None:
             return "unwanted"

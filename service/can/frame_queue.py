@@ -9,10 +9,10 @@ from service.can.frames import Frame
 
 
 class FrameQueue:
-    """First in, first out.  What does not fit is refused as a whole block, so that the gap is in one place.
+    """First in, first out.  A block that does not fit is refused as a whole, so that there is a single gap.
 
     Args:
-        most: frames that may wait.
+        most: number of frames that may wait.
         ready: set whenever frames are put in; may be shared by queues that one worker empties.
     """
 

@@ -1,4 +1,4 @@
-"""What flows through ingest: frames as received, values decoded from them, samples paired from values."""
+"""Types of ingest: frames as received, and samples of one axis."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""One frame after the other from an open bus: by its socket where there is one, else by python-can."""
+"""Receivers: single frames from an open bus, by its socket on SocketCAN, otherwise by python-can."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Receiver(Protocol):
     """Frames that the kernel dropped because they were not read fast enough"""
 
     def read(self, timeout_s: float) -> Frame | Rejected | None:
-        """The next frame, what it was when it carries no data, or None when there was none in time.
+        """The next frame; the reason if it carries no data; or None when there was none in time.
 
         Raises:
             can.CanOperationError, OSError: the bus is down or gone.
@@ -42,9 +42,9 @@ class Receiver(Protocol):
 
 
 class SocketReceiver:
-    """Reads the socket of a SocketCAN bus: time by the kernel in nanoseconds, and what the kernel dropped.
+    """Reads the socket of a SocketCAN bus, with kernel timestamps in nanoseconds and the drop counter of the kernel.
 
-    python-can's own ``recv`` allows for no counter of drops and leaves the default buffer of 278 frames.
+    python-can's own ``recv`` has no counter of drops and leaves the default buffer of 278 frames.
     """
 
     def __init__(self, bus: SocketcanBus) -> None:
@@ -87,7 +87,7 @@ class SocketReceiver:
 
 
 class BusReceiver:
-    """Reads any bus of python-can; what the interface drops, it does not tell."""
+    """Reads any bus of python-can; frames dropped by the interface are not reported."""
 
     overflow = 0
 
@@ -106,11 +106,12 @@ def receiver_of(bus: can.BusABC) -> Receiver:
 
 
 def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:
-    """The frame in a message of python-can, its time rounded to whole microseconds, once.
+    """The frame in a message of python-can, with its time rounded to whole microseconds once.
 
     Args:
         message: as received or read from a file.
-        stored: from a file: its time counts, whatever it is; else a time not since 1970 is replaced by now.
+        stored: from a file: its time is used as it is; otherwise a time that does not count from 1970 is replaced by
+            now.
     """
     if message.is_error_frame:
         return "error_frame"

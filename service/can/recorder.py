@@ -1,4 +1,4 @@
-"""Writing frames as received, such that reading them gives the very same frames."""
+"""Records frames as received; reading the file gives exactly the same frames."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from service.can.user_errors import RecordError
 class FrameRecorder:
     """Writes a candump log (.log): times to the microsecond, the name of the bus, CAN FD.
 
-    The other kinds that python-can writes lose something of these (.asc rounds the start to milliseconds,
-    .trc has no CAN FD, .blf no names of buses and nothing on the disk before 128 KiB): they are refused.
+    The other formats of python-can lose some of this and are refused: .asc rounds the start to milliseconds, .trc has
+    no CAN FD, .blf has no names of buses and writes nothing to the disk before 128 KiB.
 
     Raises:
-        RecordError: another kind, or a file that exists or cannot be written.
+        RecordError: another format, or a file that exists or cannot be written.
     """
 
     def __init__(self, path: Path) -> None:

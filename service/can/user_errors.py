@@ -1,8 +1,8 @@
-"""Faults that a user can cause and put right, in words for the user."""
+"""Errors that a user can cause and correct, with messages for the user."""
 
 
 class IngestError(Exception):
-    """Something outside the program is not as it should be; the text names it and what would be right."""
+    """Something outside the program is wrong; the text names it and says what would be right."""
 
 
 class BusError(IngestError):

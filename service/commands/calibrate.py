@@ -1,4 +1,4 @@
-"""``axiswatch calibrate``: thresholds from healthy records and a false-alarm budget, and what they will find."""
+"""``axiswatch calibrate``: thresholds from healthy records and a false-alarm budget, and the detected changes."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def seconds_of(text: str) -> float:
     """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds.
 
     Raises:
-        typer.BadParameter: it is none.
+        typer.BadParameter: the text is no time.
     """
     try:
         return seconds_in(text)

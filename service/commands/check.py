@@ -1,4 +1,4 @@
-"""``axiswatch check``: is the configuration right, and what does it say."""
+"""``axiswatch check``: checks a configuration and shows its content."""
 
 from pathlib import Path
 
@@ -79,6 +79,6 @@ def _drive(model: ModelConfig) -> str:
 
 
 def _nominal(axis: AxisConfig) -> tuple[str, ...]:
-    """Where nominal values and gain come from, if from a file."""
+    """Source of nominal values and gain, if that is a file."""
     found = nominal_file_of(axis)
     return () if found is None else (found.path.name, f"of {found.date[:10]}")

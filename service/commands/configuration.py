@@ -1,4 +1,4 @@
-"""The --config option of all commands, and what they do with a file that is wrong."""
+"""The --config option of all commands, and the report of a wrong file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,7 +64,7 @@ def _line(problem: Problem) -> Text:
 
 
 class OptionalValueCommand(TyperCommand):
-    """A command that puts the "-" where it was left out, before the line is parsed."""
+    """A command that inserts "-" where the value of an option was left out, before the line is parsed."""
 
     options: ClassVar[tuple[str, ...]] = ()
 

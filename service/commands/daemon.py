@@ -1,4 +1,4 @@
-"""The daemon: readers, worker, store and web, wired, started and stopped."""
+"""The daemon: readers, worker, store and web are connected, started and stopped."""
 
 import signal
 import threading
@@ -29,7 +29,7 @@ log = structlog.get_logger(__name__)
 
 
 class DaemonFailedError(Exception):
-    """The daemon ended by a fault of its own, which is in the log."""
+    """The daemon ended by an internal fault, which is in the log."""
 
 
 def run_daemon(
@@ -53,8 +53,8 @@ def run_daemon(
         BusError: a bus cannot be opened.
         StoreError: the state directory cannot be used.
         RecordError: the record cannot be written.
-        CannotListenError: the address of the page cannot be listened to.
-        DaemonFailedError: a fault of the program.
+        CannotListenError: the address of the page is not available.
+        DaemonFailedError: an internal fault.
     """
     stop = stop or threading.Event()
     with ExitStack() as stack:
@@ -86,9 +86,9 @@ def run_daemon(
 
 
 def _in_background(config: Config, stack: ExitStack) -> Future[None]:
-    """Compile the kernel, or load it from its cache, while the rest starts.
+    """Compile the kernel, or load it from its cache, during the start.
 
-    On monitors of its own: those of the worker are touched by one thread only.
+    This uses separate monitors: those of the worker are used by one thread only.
     """
     done: Future[None] = Future()
     filler = CacheFiller()
@@ -125,7 +125,7 @@ def _worker(
     stack: ExitStack,
     stop: threading.Event,
 ) -> tuple[Worker, Journal]:
-    """The worker over the files of the state directory; they are closed in the reverse order."""
+    """The worker with the files of the state directory, which are closed in the reverse order."""
     recording = Recording(FrameRecorder(record) if record else None)
     stack.callback(recording.close)
     journal = Journal(config.service.state_dir / "alarms.sqlite")
@@ -160,7 +160,7 @@ def _serve(
 
 
 def _stop_on_signals(stop: threading.Event, stack: ExitStack) -> None:
-    """SIGTERM and SIGINT end the daemon in order; the second one ends it at once."""
+    """SIGTERM and SIGINT stop the daemon properly; the second one ends it immediately."""
     if threading.current_thread() is not threading.main_thread():
         return
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
@@ -179,7 +179,7 @@ def _stop_on_signals(stop: threading.Event, stack: ExitStack) -> None:
 
 
 def _shown(host: str) -> str:
-    """A host that a browser on this machine can be given."""
+    """A host that a browser on this machine can use."""
     if host in ("0.0.0.0", "::", ""):
         return "localhost"
     return f"[{host}]" if ":" in host else host

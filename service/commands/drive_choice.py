@@ -1,4 +1,4 @@
-"""Which drive a command line means: a Modelica file, a drive of the library, or that of a configured axis."""
+"""The drive of a command line: a Modelica file, a drive of the library, or that of a configured axis."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 class Quantity(StrEnum):
-    """What a sensor measures."""
+    """Measured quantity of a sensor."""
 
     SPEED = "speed"
     ANGLE = "angle"
 
     def drawn(self) -> Output:
-        """As the modelling calls it."""
+        """The quantity under its name in the modelling package."""
         return "speed" if self is Quantity.SPEED else "angle"
 
 
 class FoundDrive(NamedTuple):
-    """A state space, and nominal values that go before the drawing's own."""
+    """A state space, and nominal values that take precedence over the drawing's own."""
 
     space: StateSpace
     values: Mapping[str, float]
@@ -41,11 +41,11 @@ class FoundDrive(NamedTuple):
 def found_drive(
     drive: str | None, name: str | None, config: Path | None, axis: str | None, output: Quantity | None
 ) -> FoundDrive:
-    """The one drive that the command line names.
+    """The drive that the command line names.
 
     Raises:
-        typer.BadParameter: none or two, or an option that does not go with it.
-        ModelError: it is not there, or is no drive.
+        typer.BadParameter: none or two, or an option that does not fit.
+        ModelError: it does not exist, or is no drive.
     """
     if (drive is None) == (config is None):
         known = f"a file ({SUFFIX}), one of {', '.join(LIBRARY)}, or --config FILE"

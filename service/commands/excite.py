@@ -1,4 +1,4 @@
-"""``axiswatch excite``: a motion from which the parameters of an axis can be identified, and how well."""
+"""``axiswatch excite``: plans a motion for the identification of an axis, with its predicted accuracy."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Given(StrEnum):
-    """What is given to the axis."""
+    """The command to the axis."""
 
     TORQUE = "torque"
     SPEED = "speed"
@@ -26,7 +26,7 @@ class Given(StrEnum):
 
 
 class Grid(StrEnum):
-    """Which lines of the grid."""
+    """Lines of the grid."""
 
     ALL = "all"
     ODD = "odd"

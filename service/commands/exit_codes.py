@@ -1,4 +1,4 @@
-"""Exit codes, and what becomes of an error: one message, never a traceback for a mistake."""
+"""Exit codes and error messages: one message, never a traceback for a user's mistake."""
 
 import signal
 import sys
@@ -21,7 +21,7 @@ def explained() -> Iterator[None]:
     """Turn the errors that a user can cause into a message and an exit code.
 
     Raises:
-        typer.Exit: there was such an error.
+        typer.Exit: after such an error.
     """
     try:
         yield

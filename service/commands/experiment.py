@@ -1,4 +1,4 @@
-"""From a configured axis and what is asked to an experiment."""
+"""From a configured axis and the requirements to an experiment."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LONGEST = 2_000_000
 
 
 class Asked(NamedTuple):
-    """What the command line asks for."""
+    """Requirements of the command line."""
 
     axis: NamedAxis
     seconds: float
@@ -46,7 +46,7 @@ def task_for(asked: Asked, limits: Limits, controller: Controller | None) -> Tas
     """The task for an axis with its nominal values and its predictor.
 
     Raises:
-        ExcitationError: it makes no sense; the text says what would be right.
+        ExcitationError: it is not possible; the text says what would be right.
         AxisError: the axis has no predictor.
     """
     config = asked.axis.config
@@ -94,7 +94,7 @@ def planned(task: Task, seed: int | None) -> Experiment:
 
 
 def _gain(settings: Settings, drive: Drive) -> Floats | None:
-    """K without the state of a mean speed: a plan takes it for the speed at the sample."""
+    """K without the state of a mean speed: a plan treats it as the speed at the sample."""
     if not settings.K:
         return None
     return (
@@ -103,7 +103,7 @@ def _gain(settings: Settings, drive: Drive) -> Floats | None:
 
 
 def _check_known(axis: NamedAxis) -> None:
-    """That there is something to plan with; an axis that is on no bus may lack it."""
+    """Check that nominal values and noise are known, which an axis without a bus may lack."""
     drive, values, predictor = drive_of(axis.config), given_values(axis.config), predictor_of(axis.config)
     lacking = []
     try:

@@ -187,7 +187,7 @@ def known_values(axis: NamedAxis, drive: Drive) -> KnownValues:
 
 
 def _is_known(drive: Drive, name: str, values: Mapping[str, float]) -> bool:
-    """Whether it is given, or all parameters that it is merged from."""
+    """Whether the parameter is given, or all parameters that it is merged from."""
     merged = next((d for d in drive.definitions if d.name == name), None)
     if name in values or merged is None:
         return name in values
@@ -292,7 +292,7 @@ def _noise(
 
 
 def _expectations(axis: NamedAxis, drive: Drive, known: KnownValues, parameters: int) -> Known:
-    """What the records are compared with."""
+    """Expected properties of the records."""
     speed_scale = predictor_of(axis.config).friction_speed_scale
     if known.unknown:
         return Known(parameters, speed_scale=speed_scale)

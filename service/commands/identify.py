@@ -1,4 +1,4 @@
-"""``axiswatch identify``: from records of the healthy axis to its nominal values, and a report about them."""
+"""``axiswatch identify``: nominal values of an axis from records of it, with a report."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def identify(
     json: JsonFile = None,
     force: Force = False,
 ) -> None:
-    """Find the nominal values of an axis in records of it, while it is healthy.
+    """Identify the nominal values of an axis from records of its healthy state.
 
-    Writes nominal.toml, which the configuration of the daemon points at, and report.html. Where a parameter cannot be
-    told or the fit does not converge, the report says so, there are no nominal values, and the exit code is 2.
+    Writes nominal.toml, which the configuration of the daemon refers to, and report.html. If a parameter cannot be
+    identified or the fit does not converge, the report says so, no nominal values are written, and the exit code is 2.
     """
     files = Files.chosen(output_dir, output, report, json)
     files.check(force)
@@ -143,7 +143,7 @@ def _masses(text: str | None) -> int | None:
 
 
 def _names(given: list[str] | None) -> tuple[str, ...]:
-    """Names with commas between them, or an option for each; those of merged parameters hold blanks."""
+    """Names separated by commas, or one option for each; names of merged parameters contain blanks."""
     return tuple(name.strip() for part in given or [] for name in part.split(",") if name.strip())
 
 

@@ -1,4 +1,4 @@
-"""What the command line of ``axiswatch identify`` takes."""
+"""Arguments of the command line of ``axiswatch identify``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 
 class Beginning(StrEnum):
-    """Where the fit starts."""
+    """Start of the fit."""
 
     SEARCH = "search"
     VALUES = "values"
@@ -18,7 +18,7 @@ class Beginning(StrEnum):
 
 
 class Kind(StrEnum):
-    """How the motion is predicted."""
+    """Predictor."""
 
     INNOVATIONS = "innovations"
     OUTPUT_ERROR = "output-error"

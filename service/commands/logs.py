@@ -1,4 +1,4 @@
-"""Logging, configured here and nowhere else: readable on a terminal, one JSON object a line otherwise."""
+"""Logging, configured only here: readable on a terminal, otherwise one JSON object a line."""
 
 import logging
 import sys

@@ -30,7 +30,7 @@ COMMANDS = (
 
 
 class _LazyGroup(TyperGroup):
-    """Imports the module of a command when it is asked for: most of them need libraries that load slowly."""
+    """Imports the module of a command only when it is used: most of them load large libraries."""
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002 - as in the base class
         return list(COMMANDS)

@@ -1,4 +1,4 @@
-"""Where ``axiswatch identify`` writes to: nominal values, report, JSON, terminal."""
+"""Output files of commands: nominal values, report, JSON, terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Files(NamedTuple):
-    """Where each result goes; no ``json``: not wanted."""
+    """The file of each result; no ``json``: not requested."""
 
     nominal: Path
     report: Path
@@ -28,15 +28,15 @@ class Files(NamedTuple):
     def chosen(
         cls, folder: Path | None, nominal: Path | None, report: Path | None, json: Path | None
     ) -> Files:
-        """Nominal values in the folder, the report beside them, unless told otherwise."""
+        """Nominal values in the folder, the report next to them, unless other paths are given."""
         nominal = nominal or (folder or Path()) / "nominal.toml"
         return cls(nominal, report or (folder or nominal.parent) / "report.html", json)
 
     def check(self, force: bool, what: str = "nominal values") -> None:
-        """That they can be written, before anything is computed; ``what`` is written to the first of them.
+        """Check that the files can be written, before anything is computed; ``what`` is written to the first of them.
 
         Raises:
-            typer.BadParameter: that is there already, or a folder is not.
+            typer.BadParameter: a file exists already, or a folder does not.
         """
         if self.nominal.exists() and not force:
             raise typer.BadParameter(
@@ -54,7 +54,7 @@ class Files(NamedTuple):
             raise typer.BadParameter(f"{what}, report and JSON need files of their own")
 
     def write(self, report: IdentificationReport) -> None:
-        """All of them, the nominal values only if they can be trusted; and the tables to the terminal.
+        """Write all files, the nominal values only if they are reliable; and the tables to the terminal.
 
         Raises:
             typer.Exit: a file cannot be written.
@@ -92,7 +92,7 @@ STDOUT = Path("-")
 
 
 def write(path: Path, text: str) -> None:
-    """All of it or nothing: what reads the file never sees half of it.
+    """Write a file atomically: a reader never sees a part of it.
 
     Raises:
         typer.Exit: it cannot be written.
@@ -110,7 +110,7 @@ def write(path: Path, text: str) -> None:
 
 
 def page_in(where: Path, name: str) -> Path:
-    """The file that ``where`` means: an .html file, or a folder, made if need be, and ``name`` in it.
+    """The .html file of ``where``: itself, or ``name`` in a folder, which is created if needed.
 
     Raises:
         typer.Exit: nothing can be written there.

@@ -1,4 +1,4 @@
-"""Cross-checks of an axis: what is measured, its times, its predictor and its estimator."""
+"""Cross-checks of an axis: measured quantities, times, predictor and estimator."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def clock(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
-    """Where gravity acts, an angle that starts again still tells where the weight stands."""
+    """Where gravity acts, an angle that wraps must still determine the position of the weight."""
     if axis.angle is None or axis.angle.wrap_period is None:
         return
     drive = usable_drive(axis)
@@ -97,7 +97,7 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def predictor(axis: AxisConfig) -> Iterator[Finding]:
-    """The predictor fits what is measured."""
+    """The predictor fits the measured quantity."""
     estimator = axis.estimator
     if (found := nominal_file_of(axis)) is not None:
         if found.predictor.kind == "output-error" and axis.output == "angle":
@@ -115,7 +115,7 @@ def predictor(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def noises(axis: AxisConfig) -> Iterator[Finding]:
-    """What the filter gain and lambda_0 are to be computed from is there."""
+    """Everything is there that the filter gain and lambda_0 are computed from."""
     estimator = axis.estimator
     if nominal_file_of(axis) is not None or axis.records_only:
         return
@@ -148,7 +148,7 @@ def gain_length(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def memory(axis: AxisConfig) -> Iterator[Finding]:
-    """One memory, of samples enough."""
+    """The memory is given once, and has enough samples."""
     e = axis.estimator
     if e.memory_s is None:
         return

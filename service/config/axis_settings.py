@@ -1,4 +1,4 @@
-"""From the configuration of an axis to the core's model and settings."""
+"""Model and settings of the core from the configuration of an axis."""
 
 from collections.abc import Iterator
 
@@ -36,7 +36,7 @@ def axis_model(config: AxisConfig) -> AxisModel:
 
 
 def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
-    """How an axis is monitored.
+    """Settings of the monitoring of an axis.
 
     Raises:
         AxisError: there is no predictor with these noises or this gain.
@@ -88,14 +88,14 @@ def _untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
 
 
 def doubtful_nominals(config: Config) -> Iterator[str]:
-    """A note on each axis that is not tested, as its nominal values do not allow it."""
+    """A note on each axis that is not tested because its nominal values do not allow it."""
     for axis in config.axes:
         for words in unidentifiable_words(_untold(axis.config)):
             yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
 
 
 def short_memories(config: Config) -> Iterator[str]:
-    """A note on each axis whose memory is short beside its predictor."""
+    """A note on each axis whose memory is short compared with its predictor."""
     for axis in config.axes:
         model = axis_model(axis.config)
         short = short_memory(model, axis_settings(axis, model), axis.config.estimator.joint_state)

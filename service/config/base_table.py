@@ -1,4 +1,4 @@
-"""The base of every table of the configuration, and what reading one needs."""
+"""Base class of the tables of the configuration, and the types of their values."""
 
 import re
 from collections.abc import Callable
@@ -10,12 +10,12 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationIn
 
 
 class Undecidable(LookupError):  # noqa: N818 - it ends a cross-check, nobody sees it
-    """A cross-check cannot be made, because of a mistake that another one reports."""
+    """A cross-check is not possible because of a mistake that another check reports."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How tables are read: ``folder`` is where relative paths start."""
+    """Context of reading tables: relative paths start at ``folder``."""
 
     folder: Path
 
@@ -59,7 +59,7 @@ DriveName = Annotated[str, BeforeValidator(_drive_from_folder), Field(min_length
 
 
 def intervals(count: float) -> Callable[[dict[str, Any]], Any]:
-    """A default of so many sample intervals."""
+    """A default given in sample intervals."""
 
     def default(validated: dict[str, Any]) -> Any:
         return count * validated["sample_interval_s"]
@@ -81,7 +81,7 @@ def seconds_in(text: str) -> float:
     """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds.
 
     Raises:
-        ValueError: it is none, or less than a second, or more than a thousand years.
+        ValueError: the text is no time, or less than a second, or more than a thousand years.
     """
     match = _TIME.fullmatch(text.strip().lower())
     unit = (match["unit"] if match else "") or "s"

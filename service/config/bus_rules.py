@@ -1,4 +1,4 @@
-"""Cross-checks of names, buses and the DBC files: what an axis refers to exists, and no signal is used twice."""
+"""Cross-checks of names, buses and DBC files: references exist, and no signal is used twice."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -31,7 +31,7 @@ def axis_names(robot: RobotConfig) -> Iterator[Finding]:
 
 
 def bus_references(config: Config) -> Iterator[Finding]:
-    """Every axis names a bus of the file, if it has any."""
+    """Every axis names a bus of the file, if there is any."""
     known = [bus.name for bus in config.bus]
     for path, axis in _axes(config):
         if axis.bus in known:
@@ -46,7 +46,7 @@ def bus_references(config: Config) -> Iterator[Finding]:
 
 
 def sources(config: Config) -> Iterator[Finding]:
-    """Torque and motion are in a message of the bus; in a file without any bus, in a column."""
+    """Torque and motion are in a message of the bus; without any bus, in a column."""
     for path, axis in _axes(config):
         for quantity in ("torque", "angle", "speed"):
             source = getattr(axis, quantity)
@@ -72,7 +72,7 @@ def _in_tables(source: SignalConfig) -> Iterator[Finding]:
 
 
 def _missing(table: type[Table], key: str) -> str:
-    """As for a key that is always needed."""
+    """The finding of a key that is required here."""
     return f"missing ({table.model_fields[key].description})"
 
 
@@ -101,7 +101,7 @@ def interface(bus: BusConfig) -> Iterator[Finding]:
 
 
 def bus_options(bus: BusConfig) -> Iterator[Finding]:
-    """Options do not repeat what has its own key."""
+    """Options do not repeat keys of the bus."""
     for key in ("interface", "channel"):
         if key in bus.options:
             yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
@@ -111,7 +111,7 @@ def bus_options(bus: BusConfig) -> Iterator[Finding]:
 
 
 class _Wanted(NamedTuple):
-    """A signal that an axis asks for: the paths and values of its two names."""
+    """A signal that an axis uses: the paths and values of its two names."""
 
     bus: str
     message_path: Keys
@@ -150,7 +150,7 @@ def dbc_names(config: Config) -> Iterator[Finding]:
 
 
 def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
-    """No signal is the torque or the motion of two axes, nor both of one."""
+    """No signal is the torque or the motion of two axes, or both of one."""
     first: dict[tuple[str, str, str], Keys] = {}
     for wanted in _wanted(config):
         if wanted.signal_path[-1] == "signal":  # many axes may share a counter
@@ -163,7 +163,7 @@ def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
 
 
 def counters_beside_values(config: Config) -> Iterator[Finding]:
-    """A sample counter is in the message of the torque or of the motion, where these are right."""
+    """A sample counter is in the message of the torque or of the motion."""
     wrong = {finding.path for finding in dbc_names(config)}
     for wanted in _by_axis(config):
         values = [w for w in wanted if w.signal_path[-1] == "signal"]
@@ -184,7 +184,7 @@ def _wanted(config: Config) -> Iterator[_Wanted]:
 
 
 def _further(config: Config) -> Iterator[_Wanted]:
-    """The further signals of all axes; several axes may share one."""
+    """The auxiliary signals of all axes; axes may share them."""
     for i, robot in enumerate(config.robot):
         for k, axis in enumerate(robot.axis):
             for n, s in enumerate(axis.signal):

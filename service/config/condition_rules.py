@@ -1,4 +1,4 @@
-"""Rules for operating conditions: signals are where they can be had, and what follows them is watched."""
+"""Cross-checks of operating conditions: their signals exist, and parameters that follow them are monitored."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def _starts_again(axis: AxisConfig) -> bool:
 
 
 def signal_names(axis: AxisConfig) -> Iterator[Finding]:
-    """No two further signals have one name."""
+    """No two auxiliary signals have the same name."""
     yield from same_names("signal", axis.signal)
 
 
 def places_of_signals(axis: AxisConfig) -> Iterator[Finding]:
-    """Each further signal says where it is, once."""
+    """Each auxiliary signal states its source once."""
     for n, s in enumerate(axis.signal):
         path: Keys = ("signal", n)
         if s.axis is not None:
@@ -71,7 +71,7 @@ def places_of_signals(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def gates(axis: AxisConfig) -> Iterator[Finding]:
-    """A gate is of a signal of the axis, and says one thing of it."""
+    """A gate uses a signal of the axis, and one condition on it."""
     for k, gate in enumerate(axis.gate):
         path: Keys = ("gate", k)
         if problem := _unknown(gate.signal, axis):
@@ -83,7 +83,7 @@ def gates(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def varying_terms(axis: AxisConfig) -> Iterator[Finding]:
-    """What is followed is a signal of the axis or a function of it, and is said once."""
+    """A schedule uses a signal of the axis or a function of it, once."""
     seen = dict[tuple[str, str], Keys]()
     for v in varying_of(axis):
         try:
@@ -103,7 +103,7 @@ def varying_ranges(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def varying_parameters(axis: AxisConfig) -> Iterator[Finding]:
-    """What follows is monitored, by the slopes of the parameter or of its reciprocal."""
+    """A scheduled parameter is monitored, with slopes of the parameter or of its reciprocal."""
     monitored = {split_name(name)[0] for name in axis.model.monitor}
     first = dict[str, str]()
     for v in varying_of(axis):
@@ -134,7 +134,7 @@ def varying_values(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
-    """The signals that a watched axis needs come over its bus."""
+    """The signals that a monitored axis needs are on its bus."""
     if axis.records_only:
         return
     purposes = {_signal(v, axis): f"{v.parameter} follows it" for v in varying_of(axis)}
@@ -147,7 +147,7 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def choice(axis: AxisConfig) -> Iterator[Finding]:
-    """What is said of the conditions is what is configured."""
+    """The key ``conditions`` agrees with the configured conditions."""
     stated, path = axis.model.conditions, ("model", "conditions")
     if stated == "followed" and not varying_of(axis):
         yield Finding(
@@ -190,7 +190,7 @@ def _key(v: Varying, key: str) -> Keys:
 
 
 def _findings(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig) -> bool:
-    """Whether the rule finds something, or cannot be asked."""
+    """Findings of a rule; none if it cannot be checked."""
     try:
         return next(rule(axis), None) is not None
     except Undecidable:
@@ -198,7 +198,7 @@ def _findings(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig)
 
 
 def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
-    """Whether theta_0 is impossible where the term has that value."""
+    """Whether theta_0 is impossible at this value of the term."""
     plain = follow._replace(term=follow.term._replace(function=""), low=end, high=end)
     signal = follow.term.signal
     operating = Operating(model, Conditions((signal,), (plain,)))

@@ -1,4 +1,4 @@
-"""What the operation of an axis depends on, by its configuration and its file of nominal values."""
+"""Operating conditions of an axis, from its configuration and its file of nominal values."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.config.schema_signals import GateConfig, Source
 
 
 class Varying(NamedTuple):
-    """A parameter that follows a signal, and where that is written, relative to the axis."""
+    """A scheduled parameter, and the place where the schedule is written, relative to the axis."""
 
     parameter: str
     signal: str
@@ -26,7 +26,7 @@ class Varying(NamedTuple):
 
     @property
     def follow(self) -> Follow:
-        """For the engine.
+        """The schedule as the core takes it.
 
         Raises:
             ValueError: the signal is no term.
@@ -36,7 +36,7 @@ class Varying(NamedTuple):
 
 
 def varying_of(axis: AxisConfig) -> tuple[Varying, ...]:
-    """All that follows something: by the file of nominal values, and by the configuration.
+    """All schedules of an axis: of the file of nominal values, and of the configuration.
 
     Raises:
         Undecidable: the file cannot be used.
@@ -78,7 +78,7 @@ def term_of(text: str, known: Iterable[str]) -> Term:
 
 
 def conditions_of(axis: NamedAxis) -> Conditions:
-    """What the operation of an axis of a right configuration depends on."""
+    """The operating conditions of an axis of a valid configuration."""
     return Conditions(
         tuple(source.name for source in needed(axis)),
         tuple(v.follow for v in varying_of(axis.config)),
@@ -88,7 +88,7 @@ def conditions_of(axis: NamedAxis) -> Conditions:
 
 
 def needed(axis: NamedAxis) -> tuple[Source, ...]:
-    """The further signals without which the axis cannot be watched, in the order of the configuration."""
+    """The auxiliary signals that the monitoring of an axis needs, in the order of the configuration."""
     names = {v.follow.term.signal for v in varying_of(axis.config)} | {g.signal for g in axis.config.gate}
     return tuple(source for source in axis.sources if source.name in names)
 
@@ -116,7 +116,7 @@ def _value(gate: GateConfig) -> str:
 
 
 def unsaid(config: Config) -> Iterator[str]:
-    """What is taken for granted where nothing is said of the conditions, robot by robot."""
+    """Assumptions where the configuration does not state the conditions, robot by robot."""
     for robot in config.robot:
         names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
         if names:

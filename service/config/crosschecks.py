@@ -1,7 +1,7 @@
-"""All cross-checks of a configuration: names that must differ or exist, values that must fit together.
+"""All cross-checks of a configuration: names that must differ or exist, values that must agree.
 
 They run once the schema holds.  Each check takes a table and yields findings with paths relative to that table.  Where
-it depends on something that another check reports, ``Undecidable`` ends it.
+it depends on a value that another check reports, it raises ``Undecidable``.
 """
 
 from collections.abc import Callable, Iterable, Iterator

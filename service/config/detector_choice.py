@@ -1,4 +1,4 @@
-"""The detectors of an axis: which one alarms, and whether the multi-model detector runs in shadow mode."""
+"""The detectors of an axis: which one raises alarms, and whether the multi-model detector runs in shadow mode."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Detectors(NamedTuple):
 def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detectors:
     """The detectors as configured.
 
-    By default the multi-model detector alarms where it has thresholds from a healthy record and the nominal values
-    are fixed.
+    By default the multi-model detector raises alarms where it has thresholds from a healthy record and the nominal
+    values are constant.
 
     Raises:
-        AxisError: the multi-model detector is to alarm, and cannot.
+        AxisError: the multi-model detector is the alarm source, but is not available.
     """
     wanted = axis.config.detector
     if reason := reason_unavailable(model, settings):
@@ -51,7 +51,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
 
 
 def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
-    """The detector that alarms, of an axis that can have both, with thresholds from a healthy record or without."""
+    """The alarm source of an axis that can have both detectors, with or without thresholds from a healthy record."""
     # Model errors are larger where conditions change the model: there the paper's tests alarm by default.
     return axis.detector.alarm_source or ("multimodel" if from_record and not follows(axis) else "cusum")
 

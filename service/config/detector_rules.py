@@ -28,7 +28,7 @@ def follows(axis: AxisConfig) -> bool:
 
 
 def told_apart(axis: AxisConfig) -> Iterator[Finding]:
-    """What the nominal values cannot tell apart no detector can."""
+    """Parameters that the nominal values do not distinguish cannot be distinguished by a detector."""
     found = nominal_file_of(axis)
     if axis.detector.alarm_source == "multimodel" and found is not None and found.untold(axis.model.monitor):
         pairs = ", ".join(" and ".join(pair) for pair in found.untold(axis.model.monitor))
@@ -53,7 +53,7 @@ def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def readable(axis: AxisConfig) -> Iterator[Finding]:
-    """The file is there and is what it should be."""
+    """The file exists and is valid."""
     if axis.model.thresholds_file is not None:
         try:
             read_thresholds(axis.model.thresholds_file)
@@ -62,7 +62,7 @@ def readable(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
-    """It has a threshold for every monitored parameter, and for no other."""
+    """The file has a threshold for every monitored parameter, and for no other."""
     found = _found(axis)
     names = [entry.parameter for entry in found.threshold]
     if names != list(axis.model.monitor):
@@ -72,7 +72,7 @@ def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def said_once(axis: AxisConfig) -> Iterator[Finding]:
-    """Thresholds that the configuration gives, too, are those of the file."""
+    """Thresholds that are also in the configuration equal those of the file."""
     found = _found(axis)
     for key in ("alpha_1", "alpha_2"):
         given = getattr(axis.detector, key)

@@ -1,7 +1,7 @@
-"""Drives by what a user calls them: a Modelica file, a name of the library, components drawn in the configuration.
+"""Drives by the names that a user gives: a Modelica file, a drive of the library, components in the configuration.
 
-Each is read, reduced to its state space and made into the engine's drive once in a process, however many axes have
-it.  What is wrong with a drawing is said with the drawing's own file and line.
+Each drive is read, reduced to its state space and converted once in a process, however many axes have it.  Mistakes in
+a drawing are reported with the file and line of the drawing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LIBRARY: Mapping[str, str] = MappingProxyType(
 
 
 class Modelled(NamedTuple):
-    """A drive with the state space that it comes from, and the nominal values that its drawing gives."""
+    """A drive with its state space, and the nominal values in its drawing."""
 
     space: StateSpace
     drive: Drive
@@ -108,7 +108,7 @@ def model_of_library(name: str, model: str | None = None, output: Output | None 
 
 
 def _of_python(name: str, output: Output) -> Modelled:
-    """The same drive of the library as drawn in Python, without values: a daemon need not load the Modelica parser."""
+    """The same drive of the library drawn in Python, without values: a daemon need not load the Modelica parser."""
     from monitor_core.modeling import drive_drawings as library
 
     drawings = {
@@ -165,7 +165,7 @@ _known: dict[tuple[object, Output | None], Modelled | ModelError] = {}
 
 
 def _once(key: object, output: Output | None, read: Callable[[], FlatModel], called: str | None) -> Modelled:
-    """The drive of that key, or what is wrong with it, found at the first call."""
+    """The drive of that key, or its error, computed at the first call."""
     if (key, output) not in _known:
         try:
             _known[key, output] = _model(read(), output, called)

@@ -1,4 +1,4 @@
-"""The drive of an axis, as its configuration names or draws it."""
+"""The drive of an axis, as named or drawn in the configuration."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from service.config.schema_model import ModelConfig
 
 
 def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive of an axis, for what is measured there, a mean speed too, or for the ``output`` given.
+    """The drive of an axis, for the measured output, or for the ``output`` given.
 
-    With the state of a torque disturbance, where the nominal values were found with one.
+    It includes the state of a torque disturbance if the nominal values were found with one.
 
     Raises:
-        ModelError: it has none.
+        ModelError: the axis has none.
     """
     drive, found = plain_drive_of(axis, output), nominal_file_of(axis)
     return drive.with_disturbance() if found is not None and found.drive.torque_disturbance else drive
@@ -35,11 +35,10 @@ def plain_drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
 
 
 def given_values(axis: AxisConfig) -> dict[str, float]:
-    """The nominal values that the drawing and, before it, the configuration give, by the names they have there.
+    """The nominal values of the configuration and of the drawing, by the names they have there.
 
-    Those of a file of nominal values go before the drawing's; a rule sees to it that the configuration has the same.
-
-    The library's own values are those of one robot, so they are not taken.
+    Those of a file of nominal values take precedence over the drawing's; a cross-check compares them with the
+    configuration. The values of the library are those of one robot, so they are not used.
 
     Raises:
         ModelError: the axis has no drive.
@@ -59,7 +58,7 @@ def is_library(model: ModelConfig) -> bool:
 
 
 def place_of(error: ModelError, model: ModelConfig) -> Keys:
-    """The key of a table [robot.axis.model] that an error of its drive is about."""
+    """The key of a table [robot.axis.model] that an error of its drive belongs to."""
     if not model.components:
         return ("model", "drive")
     component = error.origin.component.split(".")[0]

@@ -1,4 +1,4 @@
-"""What a configuration says of an encoder beside what the encoder is: remarks for its user."""
+"""Remarks on a configuration that does not agree with the resolution and the turns of an encoder."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _EXACT = 1e-7
 
 
 def remarks_on_encoders(config: Config) -> Iterator[str]:
-    """Noises that are smaller than steps, and turns that are nearly two pi.
+    """Noises that are smaller than the resolution, and turns that are nearly two pi.
 
     Raises:
         DbcError: a DBC cannot be used.
@@ -34,7 +34,7 @@ def _too_fine(config: Config, axis: NamedAxis) -> Iterator[str]:
 
 
 def _least_noise(config: Config, axis: AxisConfig) -> float | None:
-    """What the encoder's resolution makes, or, if that is not given, that of its signal on the bus."""
+    """The noise of the encoder's resolution, or, if that is not given, of that of its signal on the bus."""
     if (noise := step_noise(axis)) is not None or axis.records_only:
         return noise
     bus = next(bus for bus in config.bus if bus.name == axis.bus)

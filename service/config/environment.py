@@ -1,8 +1,8 @@
-"""Environment variables over the file: AXISWATCH_WEB__PORT=9000 stands for port = 9000 in [web].
+"""Environment variables that override the file: AXISWATCH_WEB__PORT=9000 replaces port = 9000 in [web].
 
-The names are those of pydantic-settings (prefix, section, two underscores, key, any case), for the scalars of
-[service] and [web].  pydantic-settings itself reads only the process's own environment and cannot say which
-variable was wrong.
+The names are those of pydantic-settings (prefix, section, two underscores, key, any case), for the scalars of [service]
+and [web].  pydantic-settings itself reads only the environment of the process and does not report which variable was
+wrong.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,7 +20,7 @@ SECTIONS = ("service", "web")
 
 
 class Override(NamedTuple):
-    """A variable with its text, both as the user wrote them, and the value that it stands for."""
+    """A variable with its text, as the user wrote them, and its value."""
 
     variable: str
     text: str
@@ -32,7 +32,7 @@ Overrides = Mapping[Keys, Override]
 
 
 def overrides(environ: Mapping[str, str]) -> Overrides:
-    """The keys that the environment sets; sections may be unknown, which ``unknown_sections`` finds."""
+    """The keys set by the environment; sections may be unknown, which ``unknown_sections`` finds."""
     found = {path: (name, text) for name, text in environ.items() if (path := _path(name))}
     return {path: Override(name, text, _number(path, text)) for path, (name, text) in found.items()}
 
@@ -60,7 +60,7 @@ def _path(name: str) -> Keys | None:
 
 
 def _number(path: Keys, text: str) -> Any:
-    """A number where the key is one; the text itself where it is none, for the schema to complain about."""
+    """The number of a numeric key; the text itself where it is no number, for the schema to report."""
     section = Config.model_fields.get(str(path[0]))
     table = table_in(section.annotation) if section else None
     field = table.model_fields.get(str(path[1])) if table else None

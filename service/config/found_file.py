@@ -1,4 +1,4 @@
-"""What files written by `axiswatch identify` and `axiswatch calibrate` have in common, as they are read."""
+"""Common parts of reading the files written by `axiswatch identify` and `axiswatch calibrate`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from service.config.renamed_keys import RENAMED_KEYS
 
 
 class FoundTable(BaseModel):
-    """What the daemon does not need (fits, rates, provenance) is passed over."""
+    """A table whose unknown keys (fits, rates, provenance) are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -22,7 +22,7 @@ _F = TypeVar("_F", bound=FoundTable)
 
 
 def unchanged(path: Path, read: Callable[[Path, int, int], _F], refusal: type[Exception]) -> _F:
-    """What ``read``, which keeps what it has read, has of a file of this time and size.
+    """The cached result of ``read`` for a file of this time and size.
 
     Raises:
         refusal: it cannot be read.
@@ -48,10 +48,10 @@ def content_of(path: Path, refusal: type[Exception]) -> dict[str, Any]:
 
 
 def validated(schema: type[_F], content: dict[str, Any], path: Path, refusal: type[Exception]) -> _F:
-    """The content as the type of the whole file.
+    """The content validated by a schema.
 
     Raises:
-        refusal: something in it is wrong; the text names the key.
+        refusal: a value is wrong; the text names the key.
     """
     for key in _keys(content):
         if (change := RENAMED_KEYS.get(key)) is not None:

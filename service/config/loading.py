@@ -1,4 +1,4 @@
-"""From a file and the environment to a Config, or to every problem at once."""
+"""From a file and the environment to a Config, or to all problems at once."""
 
 import os
 import re
@@ -23,11 +23,11 @@ _AT = re.compile(r"(?P<message>.*) \(at (?:line (?P<line>\d+), column (?P<column
 def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: bool = True) -> Config:
     """The configuration of a file, with the overrides of the environment.
 
-    Relative paths in it start at the folder of the file.  Without ``thresholds`` it is as if it named no file of
-    thresholds: new ones are to be found, and the old ones may fit no more.
+    Relative paths start at the folder of the file.  Without ``thresholds`` the files of thresholds are ignored: a
+    calibration replaces them, and they may no longer fit.
 
     Raises:
-        ConfigErrors: all problems of the file, of the overrides and of the DBC files it names.
+        ConfigErrors: all problems of the file, of the overrides and of the DBC files.
     """
     text = _text(path)
     values = _values(path, text)
@@ -82,7 +82,7 @@ def _syntax_error(path: Path, text: str, reason: str) -> Problem:
 
 
 def _read(values: dict[str, Any], folder: Path) -> tuple[Config | None, list[Finding]]:
-    """The configuration if the schema accepts it, and what is wrong: by the schema, or else by the cross-checks."""
+    """The configuration if the schema accepts it, and the problems: of the schema, or otherwise of the cross-checks."""
     try:
         config = Config.model_validate(values, context=Reading(folder))
     except ValidationError as error:

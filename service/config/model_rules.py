@@ -1,4 +1,4 @@
-"""Cross-checks of an axis's model: drive, nominal values, monitored parameters, bounds, limits, skew."""
+"""Cross-checks of the model of an axis: drive, nominal values, monitored parameters, bounds, limits, skew."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -36,7 +36,7 @@ def one_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def known_drive(axis: AxisConfig) -> Iterator[Finding]:
-    """The drive exists, and can be modelled."""
+    """The drive exists and can be modelled."""
     try:
         watched_drive(axis, _measured(axis))
     except ModelError as error:
@@ -44,13 +44,13 @@ def known_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def measurable(axis: AxisConfig) -> Iterator[Finding]:
-    """What the drive's inputs depend on can be had from what is measured."""
+    """The inputs of the drive can be computed from the measured quantities."""
     if problem := _refusal(usable_drive(axis, inputs=False), {}):
         yield Finding(("model", "components" if axis.model.components else "drive"), problem)
 
 
 def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
-    """Nominal values are of parameters of the drive, and, if it is watched, of all of them."""
+    """Nominal values belong to parameters of the drive; a monitored drive needs all of them."""
     drive = usable_drive(axis)
     known = _by_name(drive)
     for name in axis.model.nominal:
@@ -65,7 +65,7 @@ def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def merged_values(axis: AxisConfig) -> Iterator[Finding]:
-    """A merged parameter that is given has the value of what it is merged from, if that is given, too."""
+    """A merged parameter that is given agrees with the parameters that it is merged from."""
     given = axis.model.nominal
     for merged in usable_drive(axis).definitions:
         if merged.name in given and merged.names <= given.keys():
@@ -77,7 +77,7 @@ def merged_values(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
-    """Each nominal value is one that the drive can have."""
+    """Each nominal value is possible for the drive."""
     drive = usable_drive(axis)
     for name, value in _known(axis.model.nominal, drive).items():
         if problem := _refusal(drive, {name: value}):
@@ -86,7 +86,7 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def monitored(axis: AxisConfig) -> Iterator[Finding]:
-    """Monitored parameters exist, once each, with a size that gives a threshold."""
+    """Monitored parameters exist, are listed once, and have a size for a threshold."""
     drive, seen = usable_drive(axis), set[str]()
     names = [p.name for p in drive.parameters]
     drawn = {p.name for p in drive.drawn}
@@ -114,7 +114,7 @@ def monitored_sizes(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
-    """Scales, bounds and P(0) are of monitored parameters."""
+    """Scales, bounds and P(0) belong to monitored parameters."""
     model = axis.model
     for path, names in (
         (("model", "scales"), list(model.scales)),
@@ -158,7 +158,7 @@ def whole(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def limited(axis: AxisConfig) -> Iterator[Finding]:
-    """A limit is of a monitored parameter or of its reciprocal, and of one of them only."""
+    """A limit belongs to a monitored parameter or to its reciprocal, and only to one of them."""
     monitor, seen = axis.model.monitor, dict[str, str]()
     for name in axis.model.limits:
         own = monitored_as(name, monitor)
@@ -171,7 +171,7 @@ def limited(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def sides(axis: AxisConfig) -> Iterator[Finding]:
-    """A lower limit is below the nominal value, an upper one above, and the estimate may go so far."""
+    """A lower limit is below the nominal value, an upper one above, and within the bounds of the estimate."""
     model = axis_model(axis)
     for name, values in axis.model.limits.items():
         own = monitored_as(name, axis.model.monitor)
@@ -210,7 +210,7 @@ def _limits_of(
 
 
 def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
-    """It is the torque's, no parameter of the drive, and its nominal value stands in one place."""
+    """The delay is that of the torque, no parameter of the drive, and its nominal value is given once."""
     if not watches_skew(axis):
         return
     usable_drive(axis)
@@ -224,7 +224,7 @@ def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def skew_below_an_interval(axis: AxisConfig) -> Iterator[Finding]:
-    """Beyond one interval the torque is another sample's."""
+    """Beyond one interval the torque would be that of another sample."""
     if not watches_skew(axis):
         return
     h, bounds = axis.sample_interval_s, axis.model.bounds.get(DELAY)
@@ -259,14 +259,14 @@ def _is_quiet(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig)
 
 
 def _measured(axis: AxisConfig) -> Output | None:
-    """The angle where it is not rightly said what is measured, so that the other rules still see a drive."""
+    """The measured output; the angle where that is not stated correctly, so that other checks still have a drive."""
     with suppress(Undecidable):
         return None if axis.output else "angle"
     return "angle"
 
 
 def usable_drive(axis: AxisConfig, inputs: bool = True) -> Drive:
-    """The drive; with ``inputs`` one whose inputs can be had.  Where there is none, another rule says so."""
+    """The drive; with ``inputs`` one whose inputs can be computed.  If there is none, another check reports it."""
     if any(one_drive(axis)):
         raise Undecidable("drive")
     try:
@@ -279,12 +279,12 @@ def usable_drive(axis: AxisConfig, inputs: bool = True) -> Drive:
 
 
 def _by_name(drive: Drive) -> dict[str, Parameter]:
-    """All parameters that may be given: those that were drawn, and merged ones."""
+    """All parameters that may be given: drawn ones and merged ones."""
     return {p.name: p for p in (*drive.drawn, *drive.parameters)}
 
 
 def _lacking(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
-    """The parameters whose values are missing for this one: itself, or what it is merged from."""
+    """The parameters whose values are missing for this one: itself, or those it is merged from."""
     definition = next((d for d in drive.definitions if d.name == name), None)
     if name in given:
         return
@@ -296,7 +296,7 @@ def _lacking(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
 
 
 def _nominal(axis: AxisConfig, drive: Drive) -> dict[str, float]:
-    """The nominal values of the drive's parameters, merged ones too, as far as they are right in themselves."""
+    """The valid nominal values of the parameters of the drive, including merged ones."""
     values = _known(watched_values(axis), drive)
     for d in drive.definitions:
         if d.name not in values and d.names <= values.keys():
@@ -306,7 +306,7 @@ def _nominal(axis: AxisConfig, drive: Drive) -> dict[str, float]:
 
 
 def _why_not(drive: Drive, name: str) -> str:
-    """Why a parameter that was drawn is none of the drive's."""
+    """Why a drawn parameter is no parameter of the drive."""
     try:
         drive.parameter(name)
     except KeyError as error:
@@ -319,7 +319,7 @@ def _no_parameter(name: str, known: Mapping[str, object] | list[str]) -> str:
 
 
 def _known(values: Mapping[str, float], drive: Drive) -> dict[str, float]:
-    """The values that are right in themselves, of parameters of the drive."""
+    """The valid values of parameters of the drive."""
     names = _by_name(drive)
     return {name: value for name, value in values.items() if name in names}
 

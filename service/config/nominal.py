@@ -1,4 +1,4 @@
-"""What an axis gets from its file of nominal values, and from the configuration where that says it itself."""
+"""Nominal values and predictor of an axis, from its file of nominal values or from the configuration."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from service.config.schema_watching import EstimatorConfig
 
 
 class Predictor(NamedTuple):
-    """How the output of an axis is predicted.  None: not known; the gain is then computed from the noises."""
+    """Predictor of the output of an axis.  None: not known; the gain is then computed from the noises."""
 
     kind: str
     gain: tuple[float, ...]
@@ -27,7 +27,7 @@ def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
     """The file of nominal values of an axis, None if it has none.
 
     Raises:
-        Undecidable: it cannot be used, which a rule of the configuration says.
+        Undecidable: it cannot be used, which another check reports.
     """
     if axis.model.nominal_file is None:
         return None
@@ -40,7 +40,7 @@ def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
 def predictor_of(axis: AxisConfig) -> Predictor:
     """The predictor of an axis, from its file of nominal values or from the configuration.
 
-    A rule of the configuration sees to it that they do not contradict each other.
+    A cross-check ensures that these do not contradict each other.
     """
     e, found = axis.estimator, nominal_file_of(axis)
     if found is None:

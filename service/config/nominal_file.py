@@ -1,4 +1,4 @@
-"""nominal.toml: what `axiswatch identify` found of an axis, as the configuration and the daemon read it."""
+"""nominal.toml: the result of `axiswatch identify`, as the configuration and the daemon read it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class NominalError(Exception):
 
 
 class DriveTable(FoundTable):
-    """[drive]: what the values are parameters of."""
+    """[drive]: the drive that the values belong to."""
 
     name: str
     structure: str
@@ -36,9 +36,10 @@ class DriveTable(FoundTable):
 
 
 class PredictorTable(FoundTable):
-    """[predictor]: with which the values were found; K is the filter gain, x+ = x + K eps.
+    """[predictor]: the predictor of the identification; K is the filter gain, x+ = x + K eps.
 
-    ``colour``: neighbouring errors go together, so estimates scatter as if their variance were so many times larger.
+    ``colour``: neighbouring errors are correlated, so estimates scatter as if their variance were larger by this
+    factor.
     """
 
     kind: Literal["innovations", "output-error"]
@@ -51,7 +52,7 @@ class PredictorTable(FoundTable):
 
     @property
     def lam0(self) -> float:
-        """lambda_0 with which the standard deviations of the recursive estimates come out true."""
+        """lambda_0 that gives correct standard deviations of the recursive estimates."""
         return self.innovation_variance * self.colour
 
     @model_validator(mode="after")
@@ -108,9 +109,9 @@ class NominalFile(FoundTable):
     correlation: CorrelationTable = CorrelationTable()
 
     def untold(self, monitored: Sequence[str]) -> tuple[tuple[str, str], ...]:
-        """Monitored parameters that the record hardly told from another one, with that one.
+        """Pairs of a monitored parameter and another one that the record hardly distinguishes.
 
-        Such a nominal value fits the motion of its record only, and with another motion it is far off.
+        Such a nominal value fits only the motion of its record, and is far off with another motion.
         """
         monitored = [split_name(name)[0] for name in monitored]
         names, found = self.correlation.names, list[tuple[str, str]]()
@@ -151,7 +152,7 @@ def _read(path: Path, _mtime_ns: int, _size: int) -> NominalFile:
 
 
 def structure_of(drive: Drive) -> str:
-    """A digest of what A, B, C and the states of a drive are, whatever its parameters' values."""
+    """A digest of A, B, C and the states of a drive, independent of the values of its parameters."""
     parts = [drive.output, *(f"{s.name} [{s.unit}]" for s in drive.states), *map(str, drive.inputs)]
     parts += sorted(
         f"{t.matrix}{t.row},{t.col}: {t.coefficient:.12g} {sorted(t.powers)}" for t in drive.terms

@@ -1,7 +1,7 @@
-"""Rules for a file of nominal values: it belongs to this drive, and nothing in the configuration contradicts it.
+"""Cross-checks of a file of nominal values: it belongs to this drive and does not contradict the configuration.
 
-Nominal values are those of the predictor that they were found with: with another gain, delay or interval theta
-settles elsewhere, and the tests would take that for a fault.
+Nominal values belong to the predictor of their identification: with another gain, delay or interval theta converges to
+other values, which the tests would report as a fault.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def same_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def same_values(axis: AxisConfig) -> Iterator[Finding]:
-    """Nominal values that the configuration gives, too, are those of the file."""
+    """Nominal values that are also in the configuration equal those of the file."""
     found = _found(axis)
     other = _other(usable_drive(axis), axis.model.nominal, found)
     if other:
@@ -85,7 +85,7 @@ def same_values(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
-    """What makes the predictor is not given twice with different values."""
+    """The settings of the predictor are not given twice with different values."""
     found = _found(axis)
     p, e, noise = found.predictor, axis.estimator, found.noise
     pairs: list[tuple[Keys, object, object]] = [
@@ -113,7 +113,7 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def initial_p(axis: AxisConfig) -> Iterator[Finding]:
-    """P(0) is that of the predictor along its nominal values, of which there are new ones."""
+    """P(0) belongs to the predictor and nominal values; with new ones it is no longer valid."""
     found = _found(axis)
     if axis.estimator.initial_p:
         message = (
@@ -150,7 +150,7 @@ def _alike(left: object, right: object) -> bool:
 
 
 def _other(drive: Drive, given: Mapping[str, float], found: NominalFile) -> dict[str, tuple[float, float]]:
-    """Values given here that differ from the file's, merged ones by what they are made of."""
+    """Values of the configuration that differ from those of the file; merged ones by their parts."""
     left = dict(given)
     for definition in drive.definitions:
         if definition.name not in left and definition.names <= left.keys():

@@ -1,4 +1,4 @@
-"""Where each key of a TOML text stands: tomllib reads values without their lines, a syntax tree has them."""
+"""The line of each key of a TOML text: tomllib does not report it, a syntax tree does."""
 
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -22,7 +22,7 @@ def positions(text: str) -> dict[Keys, int]:
 
 
 def nearest(found: Mapping[Keys, int], path: Keys) -> int:
-    """The line of a path; of a key that is not there, that of the innermost table around it."""
+    """The line of a path; for a missing key, that of the innermost table around it."""
     for length in range(len(path), 0, -1):
         if path[:length] in found:
             return found[path[:length]]

@@ -1,4 +1,4 @@
-"""What is wrong with a configuration, for its user: where, which key, which value, what would be right."""
+"""Problems of a configuration: place, key, value, and what would be right."""
 
 import json
 import re

@@ -72,7 +72,7 @@ class BusConfig(Table):
 
 
 class AxisConfig(Table):
-    """[[robot.axis]]: one axis, where its samples come from and how they are watched."""
+    """[[robot.axis]]: one axis, the source of its samples and its monitoring."""
 
     name: Name = Field(description="name of the axis: letters, digits, - and _")
     bus: Text = Field("", description="name of a [[bus]]")
@@ -111,7 +111,7 @@ class AxisConfig(Table):
 
     @property
     def records_only(self) -> bool:
-        """It is on no bus: nobody watches it, it is only to be identified from tables."""
+        """Whether the axis is on no bus: it is not monitored, only identified from tables."""
         return not self.bus
 
     @property
@@ -143,7 +143,7 @@ class AxisConfig(Table):
 
 
 def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
-    """The further signals of an axis, those that are the motion of another axis of its robot among them."""
+    """The auxiliary signals of an axis, including the motions of other axes of its robot."""
     axes = {other.name: other for other in robot}
     for s in axis.signal:
         if s.axis is None:
@@ -165,7 +165,7 @@ class RobotConfig(Table):
 
 
 class NamedAxis(NamedTuple):
-    """An axis with the name it has everywhere outside, "robot.axis"."""
+    """An axis with its external name, "robot.axis"."""
 
     id: str
     robot: str

@@ -1,4 +1,4 @@
-"""The keys of an axis's model: drive, nominal values, what is monitored, limits."""
+"""The keys of the model of an axis: drive, nominal values, monitored parameters, limits."""
 
 from typing import Annotated, Any, Literal
 
@@ -30,7 +30,7 @@ Limits = Annotated[tuple[Real, ...], BeforeValidator(_one_or_two), Field(min_len
 
 
 class ModelConfig(Table):
-    """[robot.axis.model]: the drive, its nominal values, and what is watched."""
+    """[robot.axis.model]: the drive, its nominal values, and the monitored parameters."""
 
     drive: DriveName = Field(
         "three-mass", description='name of a drive that comes with the program, or a file "....mo"'

@@ -1,4 +1,4 @@
-"""The keys of an axis that say where its samples come from: signals, their time, gates."""
+"""The keys of the samples of an axis: signals, their time, gates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from service.config.base_table import Name, Positive, Real, Table, Text
 
 
 class SignalConfig(Table):
-    """[robot.axis.torque], .angle, .speed: where a quantity comes from; without a bus only ``column`` is given."""
+    """[robot.axis.torque], .angle, .speed: source of a quantity; without a bus only ``column`` is given."""
 
     message: Text = Field("", description="name of the message in the DBC")
     signal: Text = Field("", description="name of the signal in that message")
@@ -46,7 +46,7 @@ class SpeedConfig(SignalConfig):
 
 
 class FurtherConfig(Table):
-    """[[robot.axis.signal]]: a further signal beside torque and motion: of the axis, of another one, of the robot."""
+    """[[robot.axis.signal]]: an auxiliary signal: of the axis, of another axis, of the robot."""
 
     name: Name = Field(description="name by which the configuration refers to it: letters, digits, - and _")
     axis: Text | None = Field(
@@ -63,7 +63,7 @@ class FurtherConfig(Table):
 
 
 class GateConfig(Table):
-    """[[robot.axis.gate]]: when the axis may be watched; the signal is one of [[robot.axis.signal]]."""
+    """[[robot.axis.gate]]: a condition for learning; the signal is one of [[robot.axis.signal]]."""
 
     signal: Text = Field(description="name of a signal; estimates and tests wait while it has another value")
     equals: tuple[Real, ...] | None = Field(
@@ -74,7 +74,7 @@ class GateConfig(Table):
 
 
 class TimeConfig(Table):
-    """[robot.axis.time]: where the time of a sample comes from."""
+    """[robot.axis.time]: source of the time of a sample."""
 
     column: Text | None = Field(
         None, description="column of the time [s] in records; without it rows are sample_interval_s apart"
@@ -94,7 +94,7 @@ class TimeConfig(Table):
 
 
 class Source(NamedTuple):
-    """A further signal: value = factor * signal + offset."""
+    """An auxiliary signal: value = factor * signal + offset."""
 
     name: str
     message: str | None

@@ -1,4 +1,4 @@
-"""The keys of how an axis is watched: estimator, detectors, slow course."""
+"""The keys of the monitoring of an axis: estimator, detectors, long-term trend."""
 
 from typing import Annotated, Literal
 
@@ -74,7 +74,7 @@ class EstimatorConfig(Table):
 
 
 class DetectorConfig(Table):
-    """[robot.axis.detector]: which detector alarms, and the CUSUM tests."""
+    """[robot.axis.detector]: the alarm source, and the CUSUM tests."""
 
     alarm_source: Literal["multimodel", "cusum"] | None = Field(
         None,
@@ -109,7 +109,7 @@ def _time(value: object) -> object:
 
 
 class TrendConfig(Table):
-    """[robot.axis.trend]: the slow course of the parameters, and forecasts."""
+    """[robot.axis.trend]: the long-term trend of the parameters, and forecasts."""
 
     interval_s: Positive = Field(
         3600.0,

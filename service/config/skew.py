@@ -1,6 +1,6 @@
-"""The skew between torque and motion as a watched parameter, ``monitor = [.., "delay"]``.
+"""The skew between torque and motion as a monitored parameter, ``monitor = [.., "delay"]``.
 
-It is no parameter of the drawing: every drive can have it, its nominal value is the axis's ``torque_delay_s``.
+It is no parameter of the drawing: every drive can have it; its nominal value is ``torque_delay_s`` of the axis.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ def nominal_skew(axis: AxisConfig) -> float:
 
 
 def scales_of(axis: AxisConfig) -> dict[str, float]:
-    """Sizes of monitored parameters, by name, where |nominal| is not it."""
+    """Sizes of monitored parameters, by name, where |nominal| is not the size."""
     own = {DELAY: SCALE * axis.sample_interval_s} if watches_skew(axis) else {}
     return own | axis.model.scales
 
 
 def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
-    """Bounds of monitored parameters, by name, where they are not the engine's own.
+    """Bounds of monitored parameters, by name, where they differ from the defaults.
 
-    A skew is followed up to one interval: then the torque is that of another sample.
+    A skew is followed up to one interval: beyond that the torque would be that of another sample.
     """
     h = axis.sample_interval_s
     own = {DELAY: (-h, h)} if watches_skew(axis) and nominal_skew(axis) < h else {}
@@ -59,5 +59,5 @@ def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
 
 
 def has_own_delay(drive: Drive) -> bool:
-    """Whether it was drawn with a parameter of that name, which is something else."""
+    """Whether the drawing has a parameter of that name, which is something else."""
     return any(p.name == DELAY for p in (*drive.parameters, *drive.drawn))

@@ -1,4 +1,4 @@
-"""Thresholds belong to one monitor: to its nominal values, and to how it estimates."""
+"""Thresholds belong to one monitor: to its nominal values and to the settings of its estimator."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SAME = 1e-6
 
 
 def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
-    """What thresholds depend on, by the names of the configuration, but for nominal values."""
+    """The settings that thresholds depend on, by the names of the configuration, without nominal values."""
     return {
         "drive": structure_of(model.drive),
         "monitor": list(model.monitored),

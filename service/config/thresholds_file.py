@@ -1,4 +1,4 @@
-"""thresholds.toml: what `axiswatch calibrate` found of an axis, as the configuration and the daemon read it."""
+"""thresholds.toml: the result of `axiswatch calibrate`, as the configuration and the daemon read it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ThresholdTable(FoundTable):
 
 
 class HypothesisTable(FoundTable):
-    """[[hypothesis]]: one of the multi-model detector; alarm when its g exceeds h.  Without a size it has none."""
+    """[[hypothesis]]: one of the multi-model detector; alarm when its g exceeds h.  Some have no size."""
 
     cause: str
     size: Real | None = None

@@ -1,4 +1,4 @@
-"""Limits of an axis, as the engine takes them."""
+"""Limits of an axis, as the core takes them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Validation errors of pydantic in the words of the file format, with the meaning of the key beside them."""
+"""Validation errors of pydantic in the terms of the file format, with the meaning of the key."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, get_args
@@ -14,14 +14,14 @@ from service.config.schema import Config
 
 
 class Finding(NamedTuple):
-    """Something wrong at a path of the file; where ``other`` is given, the message ends with that place."""
+    """A mistake at a path of the file; where ``other`` is given, the message ends with that place."""
 
     path: Keys
     message: str
     other: Keys | None = None
 
     def inside(self, table: Keys) -> "Finding":
-        """The same, seen from outside the table."""
+        """The finding with a path relative to the file."""
         return Finding((*table, *self.path), self.message, self.other and (*table, *self.other))
 
 
@@ -52,7 +52,7 @@ _RULES = {
 
 
 def findings(errors: Iterable[ErrorDetails]) -> list[Finding]:
-    """The errors of a validation of ``Config``, without those that only follow from others."""
+    """The errors of a validation of ``Config``, without those that are only consequences of others."""
     return [Finding(error["loc"], _message(error)) for error in errors if not _follows(error)]
 
 
@@ -92,7 +92,7 @@ def _schema_at(path: Sequence[str | int]) -> tuple[FieldInfo | None, type[Table]
 
 
 def table_in(annotation: Any) -> type[Table] | None:
-    """The table that an annotation such as ``tuple[AxisConfig, ...]`` speaks of."""
+    """The table in an annotation such as ``tuple[AxisConfig, ...]``."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return annotation
     return next(filter(None, map(table_in, get_args(annotation))), None)

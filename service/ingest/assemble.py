@@ -1,4 +1,4 @@
-"""Torque and motion of one axis, paired into samples; what does not fit is counted, never mixed up."""
+"""Pairs torque and motion of one axis into samples; what does not fit is counted, never mixed up."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class _Value(NamedTuple):
 
 
 class _Lane:
-    """What is known of one of the two quantities."""
+    """Waiting values of one of the two quantities."""
 
     def __init__(self) -> None:
         self.waiting: list[_Value] = []
@@ -37,11 +37,11 @@ class _Lane:
         self.paired_us: int | None = None
 
     def has_near(self, t_us: int, distance_us: float) -> bool:
-        """Whether a value of this quantity was there within less than that distance."""
+        """Whether a waiting value of this quantity is nearer than that distance."""
         return self.was_near(t_us, distance_us) or any(abs(v.t_us - t_us) < distance_us for v in self.waiting)
 
     def was_near(self, t_us: int, distance_us: float) -> bool:
-        """As ``has_near``, of those that wait no longer."""
+        """As ``has_near``, for values that no longer wait."""
         if self.paired_us is not None and abs(self.paired_us - t_us) < distance_us:
             return True
         return any(abs(t - t_us) < distance_us for t in self.given_up)
@@ -52,7 +52,7 @@ class _Lane:
         return best if best is not None and abs(best.t_us - t_us) <= tolerance_us else None
 
     def give_up(self, before_us: float) -> int:
-        """Stop waiting for the partners of values before that time; how many there were."""
+        """Stop waiting for the partners of values before that time; returns how many there were."""
         lost = [v for v in self.waiting if v.t_us < before_us]
         if lost:
             self.waiting = [v for v in self.waiting if v.t_us >= before_us]
@@ -63,15 +63,15 @@ class _Lane:
 class Assembler:
     """Pairs the values of one axis into samples with strictly increasing times.
 
-    A torque and a motion value belong together when they were received within the tolerance.  As long as
-    all values of a cycle are, and the tolerance is below half an interval, no sample ever mixes two cycles.
-    Every value is in one sample or counted once.
+    A torque and a motion value belong together when they were received within the tolerance.  As long as all values of
+    a cycle are, and the tolerance is below half an interval, no sample ever mixes two cycles.  Every value is in one
+    sample or counted once.
 
     Args:
         interval_s: sample interval [s].
         tolerance_s: pairing tolerance [s], below half an interval.
-        max_gap_s: a step back in time by more than this is taken for a clock that was set back [s].
-        patience: a value waits for its partner for so many intervals.
+        max_gap_s: a step back in time by more than this means that the clock was set back [s].
+        patience: number of intervals that a value waits for its partner.
 
     Raises:
         IngestError: the tolerance is not below half an interval.
@@ -152,7 +152,7 @@ class Assembler:
         self.dropped[reason] += values
 
     def _notice(self, t_us: int) -> None:
-        """Keep the newest time; a step far back is a clock that was set back: start afresh."""
+        """Keep the newest time; a large step back means that the clock was set back: restart."""
         if self._newest_us is not None and t_us < self._newest_us - self._gap_us:
             self.clock_set_back += 1
             self.flush()
@@ -161,7 +161,7 @@ class Assembler:
         self._newest_us = t_us if self._newest_us is None else max(self._newest_us, t_us)
 
     def _misfit(self, lane: _Lane, other: _Lane, t_us: int) -> str | None:
-        """Why a value of that time can be in no sample, whether or not its partner is there."""
+        """Why a value of that time fits into no sample, whether or not its partner is there."""
         if lane.has_near(t_us, self._interval_us / 2):
             return "repeated"
         if other.was_near(t_us, self._tolerance_us):
@@ -194,7 +194,7 @@ class Assembler:
 
 
 def _nonsense(kind: Kind, value: float) -> str | None:
-    """Why a value cannot be one, whatever the axis."""
+    """Why a value is impossible for any axis."""
     if not math.isfinite(value):
         return "not_finite"
     return "absurd" if abs(value) > PHYSICAL_LIMITS["torque" if kind == "torque" else "angle"] else None

@@ -1,4 +1,4 @@
-"""Further signals of an axis: each sample has the last value received by then, if that is not too old."""
+"""Auxiliary signals of an axis: each sample gets the last received value, if that is not too old."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ class HeldSignal:
             self._value, self._t_us = self.factor * raw + self.offset, t_us
 
     def at(self, t_us: int) -> float:
-        """The value for a sample received at that time; NaN: there was none, or long ago."""
+        """The value for a sample received at that time; NaN: there was none, or it is too old."""
         return self._value if abs(t_us - self._t_us) <= self._most_us else math.nan
 
 
 class HeldColumns:
-    """The further signals in the rows of a table, block by block; where a cell is empty, the value before it."""
+    """The auxiliary signals in the rows of a table, block by block; an empty cell has the value before it."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self._sources = tuple(sources)
         self._before = [(math.nan, 0.0)] * len(self._sources)
 
     def take(self, time_us: Floats, columns: Mapping[str, Floats]) -> Floats:
-        """The signals (N, S) at these rows; NaN: not known.
+        """The signals (N, S) at these rows; NaN: unknown.
 
         Args:
-            time_us: times of the rows (N,) [us]; NaN: not known, then the row is passed over.
+            time_us: times of the rows (N,) [us]; rows with NaN are ignored.
             columns: of these rows (N,), by name.
         """
         values = np.empty((len(time_us), len(self._sources)))

@@ -1,4 +1,4 @@
-"""Where the values of one axis are on its bus: values of a message in, samples out."""
+"""Input of one axis from its bus: decoded values of messages in, samples out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ from service.ingest.timestamp_jitter import StampMeter, Stamps
 
 
 class Quantity(NamedTuple):
-    """One value of an axis: value = factor * signal + offset, SI on the motor side, or a further signal's own unit."""
+    """One value of an axis: value = factor * signal + offset.
+
+    SI on the motor side; auxiliary signals in their own unit.
+    """
 
     name: str  # "torque", "angle", "speed", "counter" or "signal NAME"
     key: FrameKey
@@ -37,7 +40,7 @@ class Quantity(NamedTuple):
 
 
 def wanted_signals(axis: NamedAxis) -> Iterator[tuple[str, str]]:
-    """(message, signal) of all that an axis needs."""
+    """(message, signal) of all signals that an axis needs."""
     config = axis.config
     for source in (config.torque, config.motion):
         yield source.message, source.signal
@@ -49,7 +52,7 @@ def wanted_signals(axis: NamedAxis) -> Iterator[tuple[str, str]]:
 
 
 class _Values(NamedTuple):
-    """What a frame has of an axis, and when it was received."""
+    """The values of an axis in a frame, and the time of receipt."""
 
     t_us: int
     torque: float | None
@@ -104,7 +107,7 @@ class AxisInput:
 
     @property
     def keys(self) -> set[FrameKey]:
-        """The frames that carry a value of this axis."""
+        """The frames that carry values of this axis."""
         return {self.torque.key, self.motion.key}
 
     @property
@@ -116,7 +119,7 @@ class AxisInput:
 
     @property
     def stamps(self) -> Stamps:
-        """How far its time stamps scatter."""
+        """Scatter of the time stamps of the axis."""
         if self._cyclic:
             return self._meter.stamps("cyclic", self._cyclic[1].interval_s)
         if self._clock:
@@ -124,12 +127,12 @@ class AxisInput:
         return self._meter.stamps("receipt")
 
     def take(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> Sequence[Sample]:
-        """Take the signals of a frame received at that time [us]; returns the samples that are complete now."""
+        """Take the signals of a frame received at that time [us]; returns the samples that are now complete."""
         self._received_us = t_us
         return self._with_further(self._take(key, t_us, signals))
 
     def flush(self) -> Sequence[Sample]:
-        """No more frames will come: the samples in what was held; values without a partner are counted."""
+        """End of the frames: the samples of held values; values without a partner are counted."""
         samples = list[Sample]()
         for clock in self._cyclic or ():
             samples += self._timed(clock.flush())
@@ -162,7 +165,7 @@ class AxisInput:
         return () if sample is None else (sample,)
 
     def _timed(self, read: Iterable[tuple[_Values, int | str]]) -> list[Sample]:
-        """The samples that values complete whose times are known now."""
+        """The samples completed by values whose times are known now."""
         samples = list[Sample]()
         for values, time_us in read:
             if isinstance(time_us, str):
@@ -185,7 +188,7 @@ class AxisInput:
         return self.assembler.add("motion", t_us, motion, sample_us)
 
     def quantities(self) -> Iterator[Quantity]:
-        """What ``sampled`` has, then the further signals."""
+        """All quantities: ``sampled``, then the auxiliary signals."""
         yield from self.sampled()
         yield from self.further_quantities()
 
@@ -197,7 +200,7 @@ class AxisInput:
             yield self.counter
 
     def further_quantities(self) -> Iterator[Quantity]:
-        """Further signals, as they are called outside."""
+        """The auxiliary signals under their external names."""
         for h in self.further:
             yield Quantity(f"signal {h.name}", h.key, h.message, h.signal, h.factor, h.offset)
 

@@ -1,4 +1,4 @@
-"""All samples of one axis in a file, with its further signals."""
+"""All samples of one axis in a file, with its auxiliary signals."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class AxisSamples(NamedTuple):
 
 
 def table_samples(path: Path, axis: NamedAxis) -> AxisSamples:
-    """From a .csv, .parquet or .mat file.
+    """Samples from a .csv, .parquet or .mat file.
 
-    A row with an absurd number in it is refused as a whole and counted as "absurd": where one cell is broken the
-    others of its row, shifted or torn, cannot be trusted.  Rows beside it that belong to the same damage are counted
-    as "torn", rows whose time alone runs ahead of the others' as "ahead".  In a CSV without names all columns are
-    looked at, else those that are read.
+    A row with an absurd number is refused as a whole and counted as "absurd": where one cell is broken the others of
+    its row, shifted or torn, cannot be trusted.  Rows next to it that belong to the same damage are counted as "torn",
+    rows whose time alone runs ahead of the others' as "ahead".  In a CSV without names all columns are checked,
+    otherwise those that are read.
 
     Raises:
         RecordError: the file cannot be read, is damaged, or lacks a column.
@@ -84,7 +84,7 @@ def _with_signals(
 
 
 def _all_columns(table: Table) -> tuple[str, ...]:
-    """The columns to look at beside the wanted ones; without names they all hold numbers, by its first line."""
+    """The columns to check in addition to the wanted ones; without names all hold numbers."""
     return tuple(table.names) if isinstance(table, CsvTable) and not table.has_names else ()
 
 
@@ -107,7 +107,7 @@ def _refused(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> dict[str, Boo
 
 
 def _absurd(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> Bools:
-    """Which rows hold an absurd number; what is missing is none."""
+    """Which rows hold an absurd number; a missing number is not absurd."""
     torque, motion = columns.quantities(rows)
     absurd = (abs(torque) > PHYSICAL_LIMITS["torque"]) | (abs(motion) > PHYSICAL_LIMITS[axis.config.output])
     for values in rows.columns.values():
@@ -124,7 +124,7 @@ def _value(signal: Source, values: Floats) -> Floats:
 
 
 def _received(path: Path, config: Config, axis: NamedAxis, t_us: Times) -> dict[str, Floats]:
-    """The further signals of an axis at the times of its samples, NaN before the first was received."""
+    """The auxiliary signals of an axis at the times of its samples, NaN before the first was received."""
     further = [(s, s.message, s.signal) for s in axis.sources]
     asked = [(message, name) for _, message, name in further if message is not None and name is not None]
     if not asked:
@@ -178,14 +178,14 @@ _MORE = 2.0
 
 
 def torn(values: Floats, broken: Bools) -> Bools:
-    """Rows (N,) that belong to the damage around ``broken`` ones, though no cell of theirs gives it away.
+    """Rows (N,) that belong to the damage around ``broken`` ones, although each of their cells could be right.
 
-    Where a writer has lost its place it goes on with cells shifted or read from elsewhere, many of which might be
-    measurements.  So a few rows beside broken ones are believed only if they continue the sound ones across the
-    damage: in no column they are farther away than it goes elsewhere in as many rows.
+    A writer that has lost its place continues with cells that are shifted or read from elsewhere, many of which look
+    like measurements.  So rows next to broken ones are accepted only if they continue the sound ones across the damage:
+    no column moves farther than it does elsewhere in as many rows.
 
     Args:
-        values: of all columns but the time (N, C); NaN: missing, which tells nothing.
+        values: of all columns but the time (N, C); NaN: missing, without information.
         broken: (N,).
     """
     largest = _largest_steps(values, ~_near(broken))
@@ -211,7 +211,7 @@ def _near(broken: Bools) -> Bools:
 
 
 def _largest_steps(values: Floats, quiet: Bools) -> Floats:
-    """Of each column (C,) from one row to the next; infinite if nothing is known."""
+    """Largest step of each column (C,) from one row to the next; infinite if nothing is known."""
     pairs = quiet[1:] & quiet[:-1]
     if np.count_nonzero(pairs) < _FEWEST:
         return np.full(values.shape[1], np.inf)
@@ -230,10 +230,10 @@ def _continue(values: Floats, i: int, k: int, largest: Floats) -> bool:
 
 
 def ahead(times: Floats, usable: Bools) -> Bools:
-    """Rows (N,) whose time lies after that of rows behind them, where it is these that are right.
+    """Rows (N,) whose time is later than that of rows after them, where the later rows are right.
 
-    Of the ``usable`` rows as many are believed as have times in order.  One that lies ahead of them would make all
-    of them late.
+    Of the ``usable`` rows the largest number with increasing times is accepted.  A single row ahead of them would
+    otherwise make all of them late.
     """
     out = np.zeros(len(times), np.bool_)
     at = np.flatnonzero(usable)
@@ -248,9 +248,9 @@ def ahead(times: Floats, usable: Bools) -> Bools:
 
 
 def _longest_rise(values: Floats) -> NDArray[np.int64]:
-    """Where the longest subsequence lies that rises strictly (K,).
+    """Indices of the longest strictly increasing subsequence (K,).
 
-    C. Schensted, Canadian J. Math. 13 (1961): for each length the smallest value that such a one can end with.
+    C. Schensted, Canadian J. Math. 13 (1961): for each length the smallest value that a subsequence can end with.
     """
     ends, where, before = list[float](), list[int](), list[int]()
     for k, value in enumerate(values.tolist()):

@@ -1,4 +1,4 @@
-"""Frames of one bus in, samples of its axes out: the one way, for the daemon and for replay."""
+"""Frames of one bus in, samples of its axes out: the same code for the daemon and for replay."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Value(NamedTuple):
 
 
 class Ingest:
-    """The axes of one bus.
+    """Ingest of the axes of one bus.
 
     Args:
         config: the whole configuration.
@@ -38,7 +38,7 @@ class Ingest:
 
     Raises:
         DbcError: the DBC cannot be read, or has no such message or signal.
-        IngestError: settings of an axis do not go together.
+        IngestError: settings of an axis contradict each other.
     """
 
     def __init__(self, config: Config, bus: str) -> None:
@@ -60,7 +60,7 @@ class Ingest:
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:
-        """The frames that are wanted, for the filters of the bus."""
+        """The wanted frames, for the filters of the bus."""
         return self.decoder.keys
 
     @property
@@ -70,7 +70,7 @@ class Ingest:
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Frames that gave nothing, by FRAME_REASONS."""
+        """Frames that yielded nothing, by FRAME_REASONS."""
         return dict(self._dropped)
 
     def axis_dropped(self, axis_id: str) -> Mapping[str, int]:
@@ -78,12 +78,12 @@ class Ingest:
         return dict(self._axis(axis_id).assembler.dropped)
 
     def axis_events(self, axis_id: str) -> Mapping[str, int]:
-        """What happened to the time of an axis: clock_reanchored (counter, fitted clock), clock_set_back (receipt)."""
+        """Restarts of the time line of an axis: clock_reanchored (counter, fitted clock), clock_set_back (receipt)."""
         axis = self._axis(axis_id)
         return {"clock_reanchored": axis.reanchored, "clock_set_back": axis.assembler.clock_set_back}
 
     def axis_stamps(self, axis_id: str) -> Stamps:
-        """How far the time stamps of an axis scatter."""
+        """Scatter of the time stamps of an axis."""
         return self._axis(axis_id).stamps
 
     def feed(self, frames: Iterable[Frame]) -> dict[str, list[Sample]]:
@@ -103,7 +103,7 @@ class Ingest:
         return samples
 
     def feed_values(self, frames: Iterable[Frame]) -> Iterator[Value]:
-        """The values in these frames, to look at a bus.  Counts, pairs and times as ``feed`` does."""
+        """The values in these frames, to inspect a bus.  Counts, pairs and times as ``feed`` does."""
         for frame in frames:
             signals = self._signals(frame)
             if signals is None:
@@ -118,7 +118,7 @@ class Ingest:
                     yield Value(frame.t_us, axis_id, quantity.name, quantity.message, name, physical, si)
 
     def flush(self) -> dict[str, list[Sample]]:
-        """The end of the frames: samples whose times were not known yet; values without a partner are counted."""
+        """End of the frames: samples whose times were not known yet; values without a partner are counted."""
         flushed = {axis.id: list(axis.flush()) for axis in self.axes}
         return {axis_id: samples for axis_id, samples in flushed.items() if samples}
 

@@ -1,4 +1,4 @@
-"""Records for calibration: through the very pipeline of the daemon, with operating conditions."""
+"""Records for calibration: read by the pipeline of the daemon, with operating conditions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from service.ingest.unwrap import turns_of
 
 
 class Source(NamedTuple):
-    """Where samples come from."""
+    """Origin of the samples."""
 
     text: str
     """As on the command line: a file, and seconds in it"""

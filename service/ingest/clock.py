@@ -1,4 +1,4 @@
-"""The time of a sample from a counter on the bus: whole intervals, free of the jitter of receipt."""
+"""The time of a sample from a counter on the bus: whole intervals, without the jitter of receipt."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ Rejected = Literal["repeated", "out_of_order", "untimed"]
 
 
 class SampleClock:
-    """Unwraps a sample counter and turns it into time: a straight line that slowly follows the receipt.
+    """Unwraps a sample counter and turns it into time: a straight line that slowly follows the times of receipt.
 
-    The crystals of the controller and of this machine differ, so the line is shifted, by no more than 150 ppm
-    of the time that passes, towards the smallest delay of late.  Frames that are off the line by more than
-    half a second (or ten intervals) are rejected as untimed; after a second (or ten intervals) of nothing else
-    the line restarts: a clock was set, or the controller has started again.  A host that was held up and
-    receives late is back on the line before that.
+    The crystals of the controller and of this machine differ.  So the line is shifted, by at most 150 ppm of the
+    elapsed time, towards the smallest recent delay.  Frames that are off the line by more than half a second (or ten
+    intervals) are rejected as untimed; after a second (or ten intervals) of nothing else the line restarts: a clock was
+    set, or the controller was restarted.  A host that was stalled and receives late is back on the line before that.
 
-    All of it depends on counts and times of receipt alone, so a replay gives the same times.
+    Everything depends on counts and times of receipt alone, so a replay gives the same times.
 
     Args:
-        interval_s: what one count stands for [s].
+        interval_s: the time of one count [s].
         bits: length of the counter; it wraps at 2^bits.
     """
 
@@ -36,12 +35,12 @@ class SampleClock:
 
     @property
     def reanchored(self) -> int:
-        """How often counter and receipt diverged for good, and the line was restarted."""
+        """How often counter and receipt diverged permanently, and the line was restarted."""
         return self._line.restarts
 
     @property
     def interval_s(self) -> float | None:
-        """What a count stands for by the times of receipt since the line began [s]; None: not known yet."""
+        """Measured time of one count since the line began [s]; None: not known yet."""
         rate = self._drift.mean_rate if self._drift else None
         return None if rate is None else self._line.interval_us * (1 + rate) * 1e-6
 
@@ -71,7 +70,7 @@ class SampleClock:
         return line_us + drift.follow(place_us, counts * self._line.interval_us)
 
     def _step(self, received_us: int, raw: int) -> int:
-        """Counts since the last frame: of all that fit the wrapped counter, the likeliest by receipt."""
+        """Counts since the last frame: of all that fit the wrapped counter, the most likely by receipt."""
         expected = round((received_us - self._received_us) / self._line.interval_us)
         half = self._modulus // 2
         return expected - half + (raw - self._raw - expected + half) % self._modulus

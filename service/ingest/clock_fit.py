@@ -1,6 +1,7 @@
-"""A controller's clock as this machine sees it: a straight line through the times of receipt, followed slowly.
+"""The clock of a controller as seen by this machine: a straight line through the times of receipt, followed slowly.
 
-What is received is late, never early: by the least delay of many frames the line is known far better than by any one.
+Frames are received late, never early: the smallest delay of many frames determines the line much better than any single
+one.
 """
 
 from __future__ import annotations
@@ -49,11 +50,11 @@ class Line:
         """How often it was restarted"""
 
     def begin(self, received_us: int) -> None:
-        """Number 0 was received then."""
+        """Number 0 was received at that time."""
         self._anchor_us, self._off_since_us = received_us, None
 
     def nominal(self, n: int) -> int:
-        """The time [us] of that number without any shift: one product, rounded once, so that no error adds up."""
+        """The time [us] of that number without any shift: one product, rounded once, so that no error accumulates."""
         return self._anchor_us + round(n * self.interval_us)
 
     def since_anchor(self, received_us: int) -> int:
@@ -65,7 +66,7 @@ class Line:
         self._off_since_us = None
 
     def off(self, received_us: int) -> bool:
-        """A frame does not fit; whether nothing else has come for so long that the line must restart."""
+        """A frame does not fit; returns whether nothing else has come for so long that the line must restart."""
         since_us = self._off_since_us
         if since_us is None or received_us < since_us:
             since_us = received_us
@@ -84,16 +85,17 @@ class _Early(NamedTuple):
 
 
 class Drift:
-    """How far a line is behind its nominal course: by the least delay of each window, or a fit through many of them.
+    """Delay of a line relative to its nominal course: the smallest delay of each window, or a fit through many windows.
 
     Args:
         window_us: length of a window along the line [us].
-        keep: through the delays of so many windows goes a straight line; 1: that of the last one, as it is.
-        most, part: of the so many earliest frames of a window the one counts that as many were earlier than as are
-            this part of all; the very earliest may have the wrong number.
-        step_us: where two windows running are further off than this [us] there was a step, and the fit begins again.
-        rate: the part of an interval by which it is longer, where that is known from before.
-        quick: at first the line goes to the early frames at once: the one it began with may have been late.
+        keep: number of windows whose delays are fitted by a straight line; 1: the delay of the last one.
+        most, part: of the ``most`` earliest frames of a window that quantile counts which is this part of all frames;
+            the
+            very earliest may have a wrong number.
+        step_us: two consecutive windows that are off by more than this [us] are a step, and the fit restarts.
+        rate: relative error of the interval, where that is known from before.
+        quick: the line first follows early frames immediately, as the one it began with may have been late.
     """
 
     def __init__(
@@ -119,12 +121,12 @@ class Drift:
         self.shift_us = 0
 
     def expected(self, place_us: float) -> float:
-        """The delay [us] of an early frame of that place on the line: by the windows before, at first by the frames."""
+        """The delay [us] of an early frame at that place of the line: by the windows before, at first by the frames."""
         fitted_us = self._fitted(place_us)
         return fitted_us + self._least.over_us if self.begins and self._early else fitted_us
 
     def see(self, place_us: float, delay_us: float) -> None:
-        """A frame of that place on the line had that delay."""
+        """Add a frame at that place of the line with that delay."""
         over_us = delay_us - self._fitted(place_us)
         self._seen += 1
         early = self._early
@@ -134,7 +136,7 @@ class Drift:
         del early[self._most :]
 
     def follow(self, place_us: float, passed_us: float) -> int:
-        """The shift [us] of the line at that place, so much further than the last one."""
+        """The shift [us] of the line at that place, which is limited from the last one on."""
         quick = self._quick and self.begins
         if not quick:
             self._close_if_full(place_us)
@@ -145,19 +147,19 @@ class Drift:
         return self.shift_us
 
     def begin_again(self, place_us: float) -> None:
-        """After a pause: the rate is known, where in a cycle the frames come is not."""
+        """After a pause: the rate is known, the phase of the frames is not."""
         self._level_us, self._at_us = self._fitted(place_us), place_us
         self._forget()
         self._next_window(place_us)
 
     @property
     def settled(self) -> bool:
-        """Whether the rate is that of so many windows that it can be told."""
+        """Whether the rate is based on enough windows."""
         return len(self._windows) > _TELLING
 
     @property
     def mean_rate(self) -> float | None:
-        """As ``rate``, of all the time since the line began; None: that is not long enough."""
+        """As ``rate``, over all the time since the line began; None: that is too short."""
         return self._level_us / self._at_us if self._at_us > 2 * self._window_us else None
 
     @property

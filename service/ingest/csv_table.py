@@ -1,4 +1,4 @@
-"""CSV files: comma, semicolon or tabulator, with a line of names or without."""
+"""CSV files: separated by comma, semicolon or tabulator, with or without a line of names."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
 class CsvTable:
-    """A CSV file.  Where its first line holds numbers only it has no names: columns are "0", "1", ...
+    """A CSV file.  If its first line holds numbers only, it has no names: columns are "0", "1", ...
 
     Raises:
         RecordError: it cannot be read.
@@ -70,7 +70,7 @@ class CsvTable:
         )
 
     def _fault(self, names: Sequence[str]) -> RecordError | None:
-        """The first line that is wrong: arrow tells neither the line nor, in a block, the column's name."""
+        """The first wrong line: arrow reports neither the line nor, in a block, the name of the column."""
         wanted = [(name, self.names.index(name)) for name in names]
         with self._path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             reader = csv.reader(file, delimiter=self._delimiter)

@@ -1,4 +1,4 @@
-"""The time of a sample from a controller that sends in cycles of its own clock, and does not number them."""
+"""The time of a sample from a controller that sends in cycles of its own clock without a counter."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ class _Held(NamedTuple, Generic[V]):
 
 
 class CyclicClock(Generic[V]):
-    """Fits the controller's clock, phase and rate, to the times of receipt, and gives each frame its cycle.
+    """Fits phase and rate of the controller's clock to the times of receipt, and assigns a cycle to each frame.
 
-    A frame is received after it was sent, so of all cycles it is of the last that had begun, unless it was late by
-    more than a cycle.  That is not known where cycles seem to be missing: frames were lost, or this machine was held
-    up and frames that waited come in a burst.  Such a frame is held until one comes at its usual distance; then those
-    that came together are of successive cycles, back from the last one, and before them cycles are missing.
+    A frame is received after it was sent, so it belongs to the last cycle that had begun, unless it was late by more
+    than a cycle.  This is ambiguous where cycles seem to be missing: frames were lost, or this machine was stalled and
+    the waiting frames arrive in a burst.  Such a frame is held until one arrives at its usual distance; then those that
+    arrived together belong to successive cycles, back from the last one, and cycles before them are missing.
 
-    Frames that are no later than the last cycle are rejected, repeated or out of order; those further back than half
+    Frames that are not later than the last cycle are rejected as repeated or out of order; those further back than half
     a second (or ten cycles), and those that waited for longer, as untimed.  After a second of nothing but untimed
-    frames the line restarts: the clock of this machine was set back.  After a pause of half a second it is kept,
-    but for its phase; that counts as a new start, too: the clock may have been set forward.
+    frames the line restarts: the clock of this machine was set back.  After a pause of half a second the rate is kept,
+    but not the phase; that counts as a restart, too: the clock may have been set forward.
 
-    All of it depends on times of receipt alone, so a replay gives the same times.
+    Everything depends on times of receipt alone, so a replay gives the same times.
 
     Args:
-        interval_s: the controller's cycle [s]; a difference of up to about 1000 ppm is found and followed.
+        interval_s: the cycle of the controller [s]; a difference of up to about 1000 ppm is found and followed.
     """
 
     def __init__(self, interval_s: float) -> None:
@@ -73,11 +73,11 @@ class CyclicClock(Generic[V]):
         return self._line.interval_us * (1 + drift.rate) * 1e-6 if drift and drift.settled else None
 
     def read(self, received_us: int, value: V) -> list[tuple[V, int | Rejected]]:
-        """The values whose times [us] are known now, in order, or why they have none.
+        """The values whose times [us] are known now, in order, or the reason why they have none.
 
         Args:
             received_us: when a frame was received [us].
-            value: what was in it; it is among those that are returned, now or later.
+            value: its content; it is returned now or later.
         """
         if self._drift is None:
             return [(value, self._anchor(received_us))]
@@ -94,11 +94,11 @@ class CyclicClock(Generic[V]):
         return [*ready, (value, self._give(self._drift, received_us, cycle))]
 
     def flush(self) -> list[tuple[V, int | Rejected]]:
-        """No more frames will come: those that are held."""
+        """End of the frames: the held values."""
         return [] if self._drift is None else self._release(self._drift)
 
     def _cycle(self, drift: Drift, received_us: int) -> int:
-        """The last cycle that a frame received then can be of."""
+        """The last cycle that a frame received at that time can belong to."""
         place_us = self._line.since_anchor(received_us)
         return math.floor((place_us - drift.expected(place_us)) / self._line.interval_us + EARLY)
 
@@ -119,7 +119,7 @@ class CyclicClock(Generic[V]):
         return [(self._held.popleft().value, "untimed")]
 
     def _release(self, drift: Drift) -> list[tuple[V, int | Rejected]]:
-        """Those that came together are of successive cycles, the last one of its own."""
+        """Frames that arrived together belong to successive cycles; the last one determines its own."""
         timed = list[tuple[_Held[V], int]]()
         after = math.inf
         while self._held:

@@ -1,4 +1,4 @@
-"""Encoder: values of axes to frames by the DBC, the inverse of decoding, for play and simulate."""
+"""Encodes values of axes to frames by the DBC, the inverse of decoding, for play and simulate."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Encoded(NamedTuple):
 
 
 class FrameEncoder:
-    """Frames of one bus from torque, motion and further signals of its axes.
+    """Encodes frames of one bus from torque, motion and auxiliary signals of its axes.
 
     Signals that no axis needs have their initial value, or the raw value 0.
 
@@ -47,10 +47,10 @@ class FrameEncoder:
         }
 
     def encode(self, values: Mapping[str, Values], count: int) -> list[Encoded]:
-        """The frames of one sample, further signals first, then those with the torque.
+        """The frames of one sample, auxiliary signals first, then those with the torque.
 
         Args:
-            values: by axis; axes of other buses are left out.
+            values: by axis; axes of other buses are ignored.
             count: for the sample counters of these axes; it wraps.
 
         Raises:
@@ -112,7 +112,7 @@ class FrameEncoder:
 
 
 def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
-    """An angle that starts again, from zero or, where the signal has a sign, from minus half a period."""
+    """An angle wrapped to its period, from zero or, for a signed signal, from minus half a period."""
     if quantity.wrap_period is None:
         return value
     lowest = -quantity.wrap_period / 2 if signal.is_signed else 0.0
@@ -120,7 +120,7 @@ def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
 
 
 def _page(message: Message, signal: Signal) -> Page:
-    """The multiplexers that select this signal, with the raw values they must have."""
+    """The multiplexers that select this signal, with the required raw values."""
     page: list[tuple[str, int]] = []
     while signal.multiplexer_signal is not None and signal.multiplexer_ids:
         page.append((signal.multiplexer_signal, signal.multiplexer_ids[0]))
@@ -129,7 +129,7 @@ def _page(message: Message, signal: Signal) -> Page:
 
 
 def _data(message: Message, pages: Mapping[Page, Raw]) -> Iterator[bytes]:
-    """A frame for each page; what is on no page goes with all of them."""
+    """A frame for each page; signals that are on no page are in all of them."""
     common: Raw = {signal.name: signal.raw_initial or 0 for signal in message.signals} | pages.get((), {})
     for page in [page for page in pages if page] or [()]:
         try:

@@ -1,4 +1,4 @@
-"""From files to records for identification: the same readers as replay, whole records of one axis, and where from."""
+"""Records for identification from files: the readers of replay, records of one axis, and their origin."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CHUNK = 1 << 20
 
 
 class Wanted(NamedTuple):
-    """A file, and the range in it that is wanted: seconds after the first sample; None: to its end."""
+    """A file and a range in it: seconds after the first sample; None: to its end."""
 
     path: Path
     start_s: float | None = None
@@ -34,9 +34,9 @@ class Wanted(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """Where a record comes from, for the report and the nominal values that are made of it.
+    """Origin of a record, for the report and the nominal values made from it.
 
-    ``samples`` are those of the axis in the whole file, ``used`` those in the range.  ``dropped`` is what became no
+    ``samples`` are those of the axis in the whole file, ``used`` those in the range.  ``dropped`` counts what became no
     sample, by reason: rows of a table, values of a log.
     """
 
@@ -63,19 +63,19 @@ class Source:
 
 
 class Loaded(NamedTuple):
-    """A record and where it comes from."""
+    """A record and its origin."""
 
     record: Record
     source: Source
 
 
 def wanted(text: str) -> Wanted:
-    """``FILE``, ``FILE@10:60``, ``FILE@10:`` or ``FILE@:60``: seconds after the first sample of the axis.
+    """Parse ``FILE``, ``FILE@10:60``, ``FILE@10:`` or ``FILE@:60``: seconds after the first sample of the axis.
 
-    A file whose very name is the text goes first.
+    A file whose name is the whole text takes precedence.
 
     Raises:
-        RecordError: the range is none.
+        RecordError: the range is invalid.
     """
     found = _RANGE.fullmatch(text)
     if found is None or Path(text).exists():
@@ -151,7 +151,7 @@ def _samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
 
 
 def unwrapped(samples: AxisSamples, axis: NamedAxis) -> AxisSamples:
-    """The samples with whole angles, where the configured one starts again after each turn."""
+    """The samples with continuous angles, where the configured one wraps after each turn."""
     turns = turns_of(axis.config)
     if turns is None:
         return samples

@@ -1,4 +1,4 @@
-"""A CAN log as a record: its frames go through the same pipeline as those of a bus."""
+"""A CAN log as a record: its frames pass through the same pipeline as those of a bus."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class LogRecord:
 
     @property
     def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
-        """Frames that gave nothing, by bus and reason; what belongs to no bus is under the file's name."""
+        """Frames that yielded nothing, by bus and reason; frames of no bus are under the name of the file."""
         dropped: dict[str, Mapping[str, int]] = {name: i.dropped for name, i in self._ingests.items()}
         return {**dropped, self.path.name: {**self._log.dropped, "other_bus": self._other_bus}}
 
@@ -52,7 +52,7 @@ class LogRecord:
 
     @property
     def axis_stamps(self) -> Mapping[str, Stamps]:
-        """How far the time stamps of each axis scatter."""
+        """Scatter of the time stamps of each axis."""
         ingests = self._ingests.values()
         return {axis_id: ingest.axis_stamps(axis_id) for ingest in ingests for axis_id in ingest.axis_ids}
 
@@ -95,7 +95,7 @@ class LogRecord:
     def _channels(self, seen: set[str]) -> Mapping[str, str]:
         """Bus by channel in the log; "" stands for all others.
 
-        A log of another plant, or one that has numbers only, goes with a configuration of one bus.
+        A log of another plant, or one with numbers only, is used with a configuration of one bus.
         """
         buses = self._config.bus
         known = {bus.channel: bus.name for bus in buses} | {bus.name: bus.name for bus in buses}

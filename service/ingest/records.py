@@ -1,4 +1,4 @@
-"""Records: tables and CAN logs, read alike."""
+"""Records from files: tables and CAN logs with one interface."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Record(Protocol):
 
     @property
     def axis_dropped(self) -> Mapping[str, Mapping[str, int]]:
-        """What became no sample so far, by axis and reason: values (CAN logs) or rows (tables)."""
+        """Values (CAN logs) or rows (tables) that became no sample so far, by axis and reason."""
 
     @property
     def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
-        """Frames that gave nothing so far, by bus and reason."""
+        """Frames that yielded nothing so far, by bus and reason."""
 
     @property
     def axis_events(self) -> Mapping[str, Mapping[str, int]]:
@@ -46,7 +46,7 @@ class Record(Protocol):
 
     @property
     def axis_stamps(self) -> Mapping[str, Stamps]:
-        """How far the time stamps of each axis scatter, where the record has any."""
+        """Scatter of the time stamps of each axis, where the record has any."""
 
 
 def read_record(path: Path, config: Config) -> Record:

@@ -33,7 +33,7 @@ class Table(Protocol):
         """The rows of these columns, which must exist, in blocks.
 
         Raises:
-            RecordError: what is there is no number, or the file is damaged.
+            RecordError: a cell is no number, or the file is damaged.
         """
 
 
@@ -49,15 +49,15 @@ def open_table(path: Path) -> Table:
 
 
 def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:
-    """Complain about columns that are not there.
+    """Check that columns exist.
 
     Args:
         path: of the file, for the message.
         table: the table in it.
-        wanted: what each column is wanted for, by its name.
+        wanted: the purpose of each column, by its name.
 
     Raises:
-        RecordError: one is not there; the text says which there are.
+        RecordError: one does not exist; the text lists those that do.
     """
     known = set(table.names)
     for name, purpose in wanted.items():

@@ -26,7 +26,7 @@ _LATEST_US = 2.0**62
 
 
 def block_of(samples: Sequence[Sample]) -> SampleBlock:
-    """Samples, of which there is one at least, as arrays."""
+    """A block of samples from at least one sample."""
     t_us, torque, motion, signals = zip(*samples, strict=True)
     further = np.array(signals, float) if signals[0] else None
     return SampleBlock(
@@ -38,16 +38,16 @@ def block_of(samples: Sequence[Sample]) -> SampleBlock:
 
 
 class Step(NamedTuple):
-    """What a part of a record gave: samples by axis; ``done`` is how much of it has been read, 0 to 1."""
+    """Samples by axis of a part of a record; ``done`` is how much of it has been read, 0 to 1."""
 
     samples: Mapping[str, SampleBlock]
     done: float
 
 
 class TableRecord:
-    """A .csv, .parquet or .mat file with the columns that the configuration names.
+    """A .csv, .parquet or .mat file with the columns named in the configuration.
 
-    Axes without columns in the configuration are left out.
+    Axes without columns in the configuration are ignored.
 
     Raises:
         RecordError: the file cannot be read, or lacks a column.
@@ -80,12 +80,12 @@ class TableRecord:
 
     @property
     def axis_events(self) -> Mapping[str, Mapping[str, int]]:
-        """Of the time line of an axis: a table has one."""
+        """Restarts of the time line: a table has none."""
         return {}
 
     @property
     def axis_stamps(self) -> Mapping[str, Stamps]:
-        """Of time stamps: a table has times."""
+        """Time stamps of receipt: a table has none."""
         return {}
 
     def steps(self) -> Iterator[Step]:
@@ -106,10 +106,10 @@ def _has_columns(config: AxisConfig) -> bool:
 
 
 class AxisColumns:
-    """The columns of one axis with the ``further`` signals that it needs, and what became of its rows.
+    """The columns of one axis and its auxiliary signals, and the counts of its dropped rows.
 
     Raises:
-        RecordError: the configuration does not say which column the torque, the motion or one of these is.
+        RecordError: the configuration does not name the column of the torque, the motion or one of these signals.
     """
 
     def __init__(self, axis_id: str, config: AxisConfig, further: Sequence[Source] = ()) -> None:
@@ -134,7 +134,7 @@ class AxisColumns:
         self.dropped = dict.fromkeys(REASONS, 0)
 
     def wanted(self) -> dict[str, str]:
-        """What each column is wanted for."""
+        """The purpose of each column."""
         wanted = {
             self._torque: f"the torque of axis {self._id}",
             self._motion: f"the {self._config.output} of axis {self._id}",
@@ -149,7 +149,7 @@ class AxisColumns:
     def chosen(
         self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None
     ) -> tuple[NDArray[np.int64], SampleBlock]:
-        """Which of these rows became samples, and the samples; rows that are not ``sound`` are passed over."""
+        """Indices of the rows that became samples, and the samples; rows that are not ``sound`` are ignored."""
         torque, motion = self.quantities(rows)
         time_us = self._times(rows, first_row, len(torque))
         timed = np.abs(time_us) < _LATEST_US
@@ -173,13 +173,13 @@ class AxisColumns:
         return torque, _si(self._config.motion, rows.columns[self._motion])
 
     def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
-        """Times [us], rounded to whole ones here, once."""
+        """Times [us], rounded once to whole ones."""
         if self._time is not None:
             return np.rint(rows.columns[self._time] * 1e6)
         return np.rint(np.arange(first_row, first_row + count, dtype=np.float64) * self._interval_us)
 
     def _increasing(self, t_us: Times) -> NDArray[np.bool_]:
-        """Which times are later than all before; counts the others, and samples missing between."""
+        """Which times are later than all before; counts the others, and the missing samples in between."""
         if not len(t_us):
             return np.zeros(0, np.bool_)
         before = np.iinfo(np.int64).min if self._last_us is None else self._last_us

@@ -1,4 +1,4 @@
-"""How far the time stamps of an axis scatter, and what that says about its configuration."""
+"""Scatter of the time stamps of an axis, and recommendations for its configuration."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _CRYSTALS = 300e-6
 
 
 class Stamps(NamedTuple):
-    """The time stamps of an axis.
+    """Time stamps of an axis.
 
     ``scatter_s`` is the standard deviation [s] of time of receipt minus time of the sample; where the times of receipt
-    are those of the samples, that of the intervals over sqrt(2), as for stamps that scatter each by itself.
-    ``interval_s`` is the interval of the controller by the clock of this machine.  None: not known yet.
+    are those of the samples, that of the intervals over sqrt(2), as for independent errors.  ``interval_s`` is the
+    interval of the controller measured by the clock of this machine.  None: not known yet.
     """
 
     clock: Clock
@@ -35,7 +35,7 @@ NOT_KNOWN = Stamps("receipt", None, None)
 
 
 class StampMeter:
-    """Watches the stamps of one axis.
+    """Measures the time stamps of one axis.
 
     Args:
         interval_s: nominal sample interval [s].
@@ -48,7 +48,7 @@ class StampMeter:
         self._intervals, self._delays = _Spread(), _Spread()
 
     def received(self, t_us: int) -> None:
-        """A frame was received then."""
+        """A frame was received at that time."""
         last_us, self._last_us = self._last_us, t_us
         if last_us is None:
             return
@@ -60,11 +60,11 @@ class StampMeter:
             self._median_us += math.copysign(step_us, passed_us - self._median_us)
 
     def timed(self, received_us: int, time_us: int) -> None:
-        """A sample of that time was received then."""
+        """A sample with that time was received at that time."""
         self._delays.add(received_us - time_us)
 
     def stamps(self, clock: Clock, fitted_s: float | None = None) -> Stamps:
-        """What is known now.
+        """The measurement so far.
 
         Args:
             clock: that gives the times of the samples.
@@ -96,7 +96,7 @@ class _Spread:
 
 
 def remarks(axis_id: str, interval_s: float, stamps: Stamps) -> Iterator[str]:
-    """What the stamps of an axis with that nominal interval [s] say about its configuration, in words."""
+    """Recommendations for the configuration of an axis with that nominal interval [s], from its time stamps."""
     scatter_s, found_s = stamps.scatter_s, stamps.interval_s
     if stamps.clock == "receipt" and scatter_s is not None and scatter_s > _SCATTER * interval_s:
         yield (
@@ -114,7 +114,10 @@ def remarks(axis_id: str, interval_s: float, stamps: Stamps) -> Iterator[str]:
 
 
 def _far_off(found_s: float, interval_s: float, scatter_s: float | None) -> bool:
-    """Whether the median of intervals is surely not the nominal one; of a thousand it scatters by a 25th of them."""
+    """Whether the median of the intervals differs significantly from the nominal one.
+
+    The median of a thousand intervals scatters by 1/25 of their standard deviation.
+    """
     least_s = max(0.01 * interval_s, 0.2 * (scatter_s or 0.0))
     return abs(found_s - interval_s) > least_s
 

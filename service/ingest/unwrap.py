@@ -1,8 +1,8 @@
-"""An angle that starts again after each turn, or after 2^16 counts, made whole.
+"""Unwraps an angle that wraps after each turn, or after 2^16 counts.
 
-The next angle is expected where the last two point; of all angles that the signal may stand for, a period apart, the
-nearest to that is taken.  Where even that is nearly as far from the one as from the next, the sample is refused rather
-than guessed at: a wrong turn would be a jump of the motion that never was.
+The next angle is extrapolated from the last two; of all angles that the signal may stand for, a period apart, the
+nearest one is taken.  Where the extrapolation lies nearly in the middle between two, the sample is refused instead of
+guessed: a wrong turn would be a jump that never happened.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
-    """Where an axis was at a time [us]: angle [rad] and speed [rad/us]."""
+    """Motion of an axis at a time [us]: angle [rad] and speed [rad/us]."""
 
     t_us: int
     angle: float
@@ -32,9 +32,9 @@ class Motion(NamedTuple):
 
 
 class Turns:
-    """Whole angles of one axis from those of its signal, sample by sample.
+    """Continuous angles of one axis from those of its signal, sample by sample.
 
-    After a gap they are those of the signal again: the predictor restarts there, too.
+    After a gap the angles start from those of the signal again: the predictor restarts there, too.
 
     Args:
         period: of the angle [rad].
@@ -47,11 +47,11 @@ class Turns:
         self.refused = 0
 
     def resume(self, motion: Motion) -> None:
-        """Go on from where the axis was known to be."""
+        """Continue from the last known motion of the axis."""
         self._last = motion
 
     def take(self, t_us: Times, angle: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Whole angles (N,) of samples at increasing times, and which of them are sure (N,)."""
+        """Continuous angles (N,) of samples at increasing times, and which of them are unambiguous (N,)."""
         unwrapped = [self._next(t, value) for t, value in zip(t_us.tolist(), angle.tolist(), strict=True)]
         sure = np.array([value is not None for value in unwrapped], np.bool_)
         self.refused += len(unwrapped) - int(np.count_nonzero(sure))
@@ -73,7 +73,7 @@ class Turns:
 
 
 def turns_of(config: AxisConfig) -> Turns | None:
-    """What makes the angle of an axis whole; None: it does not start again."""
+    """The unwrapping of the angle of an axis; None: it does not wrap."""
     if config.angle is None or config.angle.wrap_period is None:
         return None
     period = abs(config.angle.factor) * config.angle.wrap_period

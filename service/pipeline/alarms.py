@@ -18,7 +18,7 @@ log = structlog.get_logger(__name__)
 
 
 class AxisAlarm(NamedTuple):
-    """An alarm of an axis that was raised, changed or ended, as it is now."""
+    """An alarm of an axis that was raised, changed or ended, in its present form."""
 
     axis_id: str
     alarm: Alarm
@@ -75,15 +75,15 @@ class Alarms:
         """Why alarms wait, for the operator; None while none wait."""
 
     def adopt(self, open_alarms: Iterable[AxisAlarm]) -> None:
-        """Alarms that are open in the journal from an earlier run."""
+        """Adopt alarms that are open in the journal from an earlier run."""
         self._open |= {_key(*change): change for change in open_alarms}
 
     def open(self, axis_id: str) -> tuple[Alarm, ...]:
-        """The alarms of an axis that are open in the journal, as they are there."""
+        """The alarms of an axis that are open in the journal."""
         return tuple(change.alarm for key, change in self._open.items() if key[0] == axis_id)
 
     def record(self, changes: Iterable[AxisAlarm]) -> None:
-        """Take changes, and write all that wait, unless the last try has failed a moment ago."""
+        """Add changes, and write all waiting ones, unless the last try has failed a moment ago."""
         for change in changes:
             self._waiting[_key(*change)] = change
         if self._waiting and self._clock() >= self._next_try:

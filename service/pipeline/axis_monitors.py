@@ -99,7 +99,7 @@ class AxisMonitors:
         return [*self._fleet.batch_sizes, *([HYPOTHESES] if hypotheses else [])]
 
     def compile(self) -> None:
-        """Have the kernel ready: compiled, or loaded from its cache."""
+        """Compile the kernel, or load it from its cache."""
         self.update({})
         empty = np.zeros(0)
         for multimodel in [m.multimodel for m in self.by_id.values() if m.multimodel is not None][:1]:
@@ -107,7 +107,7 @@ class AxisMonitors:
 
 
 def _motion(monitor: AxisMonitor) -> Motion | None:
-    """Motion that the predictor of an axis has at its last sample; None: there was none."""
+    """Motion of the predictor of an axis at its last sample; None: there was none."""
     state, lane = monitor.batch.state, monitor.lane
     if state.t[lane] == NEVER:
         return None

@@ -1,4 +1,4 @@
-"""Input of frames: the reader of each bus, and the file into which frames are recorded."""
+"""Input of frames: the reader of each bus, and the file that frames are recorded to."""
 
 from typing import Protocol
 
@@ -15,17 +15,17 @@ log = structlog.get_logger(__name__)
 
 
 class Reader(Protocol):
-    """What the worker needs of service.can.bus_reader.CanReader."""
+    """Interface of service.can.bus_reader.CanReader as the worker uses it."""
 
     def take(self, most: int = 4096) -> list[Frame]:
-        """The frames that wait, oldest first, about that many."""
+        """About that many of the waiting frames, oldest first."""
 
     def stats(self) -> ReaderStats:
         """State and counters."""
 
 
 class Recording:
-    """Frames into a file, as long as the disk takes them."""
+    """Recording of frames to a file, until the disk refuses them."""
 
     def __init__(self, recorder: FrameRecorder | None) -> None:
         self._recorder = recorder
@@ -53,7 +53,7 @@ class Recording:
 
 
 class BusIntake:
-    """One bus: its frames, and its state as it is shown and logged."""
+    """One bus: its frames, and its state, which is shown and logged."""
 
     def __init__(self, name: str, reader: Reader, ingest: Ingest, recording: Recording) -> None:
         self.name = name
@@ -61,14 +61,14 @@ class BusIntake:
         self._state = "up"
 
     def take(self, most: int) -> list[Frame]:
-        """Frames that wait, recorded."""
+        """The waiting frames, recorded."""
         frames = self._reader.take(most)
         if frames:
             self._recording.write(self.name, frames)
         return frames
 
     def snapshot(self) -> BusSnapshot:
-        """The bus now; a change of its state is logged."""
+        """State of the bus now; a change is logged."""
         stats = self._reader.stats()
         if stats.state != self._state:
             self._state = stats.state

@@ -19,10 +19,10 @@ def multimodel_id(axis_id: str) -> str:
 
 
 class Checkpointer:
-    """Saves all monitors together, so that the saved states belong to one moment.
+    """Saves all monitors together, so that the saved states belong to one time.
 
     Args:
-        checkpoints: where.
+        checkpoints: the store.
         monitors: by axis.
         interval_s: time between two checkpoints [s].
         saved_us: time of the checkpoint that the monitors were restored from.
@@ -54,7 +54,7 @@ class Checkpointer:
             self.save()
 
     def save(self) -> None:
-        """Save now; a failure is a problem for the operator and is tried again after the interval."""
+        """Save now; a failure is reported to the operator and retried after the interval."""
         self._due = self._clock() + self._interval_s
         now_us = self._now_us()
         states = [state for axis_id, m in self._monitors.items() for state in _states(axis_id, m)]
@@ -72,7 +72,7 @@ class Checkpointer:
 
 
 def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[AxisState]:
-    """Of the monitor, and of the multi-model detector once it has a state."""
+    """State of the monitor, and of the multi-model detector once it has one."""
     yield AxisState(axis_id, monitor.key, monitor.to_arrays())
     if monitor.multimodel is not None and monitor.multimodel.made:
         state = monitor.multimodel.bank.to_arrays()

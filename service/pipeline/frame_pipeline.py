@@ -1,4 +1,4 @@
-"""From frames to changed alarms: decoding of every bus, monitors of every axis; no clock, thread or file."""
+"""From frames to changed alarms: decoding of every bus, monitors of every axis; without clock, thread or file."""
 
 from collections.abc import Iterable, Mapping
 
@@ -24,18 +24,18 @@ class FramePipeline:
         self._samples: dict[str, list[Sample]] = {}
 
     def take(self, bus: str, frames: Iterable[Frame]) -> None:
-        """Frames of a bus, in the order of their receipt; their samples wait for ``update``."""
+        """Take frames of a bus, in the order of their receipt; their samples wait for ``update``."""
         self._keep(self.ingests[bus].feed(frames))
 
     def update(self) -> list[AxisAlarm]:
-        """Let the monitors take all samples that wait; returns the alarms that changed."""
+        """Pass all waiting samples to the monitors; returns the alarms that changed."""
         waiting, self._samples = self._samples, {}
         if not waiting:
             return []
         return self.monitors.update({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
 
     def flush(self) -> None:
-        """The end of the frames: values without a partner are counted; the last samples wait for ``update``."""
+        """End of the frames: values without a partner are counted; the last samples wait for ``update``."""
         for ingest in self.ingests.values():
             self._keep(ingest.flush())
 

@@ -1,7 +1,7 @@
-"""Where the compiled kernel is kept: a folder of its own for each version of the kernel's sources.
+"""Cache of the compiled kernel: a separate folder for each version of the kernel's sources.
 
-Numba compares only the file of the function that is called, not the files of those it calls in turn, so after an
-upgrade that changed one of these it would go on running the old code.  Hence the sources' hash in the folder's name.
+Numba compares only the file of the called function, not the files of those it calls in turn.  After an upgrade that
+changed one of these it would run the old code.  Hence the hash of the sources in the name of the folder.
 """
 
 import atexit
@@ -18,10 +18,10 @@ KERNEL = Path(__file__).parents[2] / "monitor_core" / "kernel"
 
 
 def choose(environ: MutableMapping[str, str]) -> Path:
-    """Set numba's cache folder and effort; call it before anything imports numba.
+    """Set numba's cache folder and effort; to be called before anything imports numba.
 
-    It lies below NUMBA_CACHE_DIR if that is set, else below the user's cache folder; where neither can be written to
-    it is a folder of this run, and that is said: without one numba refuses to import the kernel.
+    The folder lies below NUMBA_CACHE_DIR if that is set, otherwise below the user's cache folder.  Where neither can be
+    written it is a temporary folder, which is reported: without a folder numba refuses to import the kernel.
     """
     folder = _base(environ) / f"kernel-{fingerprint()}"
     try:

@@ -14,7 +14,7 @@ _CHUNK = 60
 
 
 class RecentHistory:
-    """Estimates of an axis, one point in each interval of the axis's own time."""
+    """Estimates of an axis, one point in each interval of its sample time."""
 
     def __init__(self, interval_s: float, length_s: float) -> None:
         self._interval_us = round(interval_s * 1e6)
@@ -47,7 +47,7 @@ def _point(t_us: int, status: AxisStatus) -> HistoryPoint:
 
 @dataclass(frozen=True)
 class AxisView:
-    """An axis and what its snapshots are made of."""
+    """An axis and the sources of its snapshots."""
 
     axis: NamedAxis
     monitor: AxisMonitor
@@ -62,7 +62,7 @@ class AxisView:
         gated_by: str,
         stamps: Stamps,
     ) -> AxisSnapshot:
-        """The axis now.  ``open_alarms`` are those of the journal: no others are shown."""
+        """Snapshot of the axis now.  ``open_alarms`` are those of the journal: no others are shown."""
         status = self.monitor.status()
         self.history.add(status)
         drive = self.monitor.model.drive
