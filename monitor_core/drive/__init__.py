@@ -5,7 +5,7 @@
 * ``assembly``, ``discretization``: what the kernel takes.  ``kalman``, ``stability``: the predictor.
 """
 
-from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.axis_model import AxisModel, NominalValueError
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.operating_conditions import FUNCTIONS, Conditions, Follow, Gate, Operating, Term
 from monitor_core.drive.structure import DELAY, Drive, Output, Parameter, split_name
@@ -24,6 +24,7 @@ __all__ = [
     "Drive",
     "Follow",
     "Gate",
+    "NominalValueError",
     "Operating",
     "Output",
     "Parameter",

@@ -21,6 +21,14 @@ from monitor_core.drive.structure import (
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 
+class NominalValueError(ValueError):
+    """A nominal value that is impossible for its parameter; ``reason`` says why without name and value."""
+
+    def __init__(self, name: str, value: float, reason: str) -> None:
+        super().__init__(f"nominal {name} = {value}: {reason}")
+        self.reason = reason
+
+
 @dataclass(frozen=True)
 class AxisModel:
     """One axis: a drive, its nominal values (SI), and the monitored parameters theta.
@@ -167,4 +175,4 @@ def _relative(p: Parameter) -> Parameter:
 def _check_value(name: str, value: float, p: Parameter) -> None:
     if not math.isfinite(value) or (p.positive and value <= 0):
         need = "finite and greater than zero" if p.positive else "finite"
-        raise ValueError(f"nominal {name} = {value}: {p.meaning} must be {need}")
+        raise NominalValueError(name, value, f"{p.meaning} must be {need}")

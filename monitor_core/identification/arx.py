@@ -1,9 +1,9 @@
-"""ARX models of high order: the reference that grey and black boxes are held against (paper, section 4).
+"""ARX models of high order: the reference for grey and black boxes (paper, section 4).
 
     y(t) + a_1 y(t-1) + .. + a_na y(t-na) = b_1 u(t-k) + .. + b_nb u(t-k-nb+1) + c + e(t)
 
-k is the delay: 1 by the hold, since u(t) acts from t on; 0 with a direct term.  c is an offset, of each record its own.
-Least squares over the rows in which everything is known (Ljung, System Identification, 2nd ed., 4.2 and 7.3).
+k is the delay: 1 by the hold, since u(t) acts from t on; 0 with a direct term.  c is an offset of each record.  Least
+squares over the rows without missing values (Ljung, System Identification, 2nd ed., 4.2 and 7.3).
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Arx:
 
     @property
     def stable(self) -> bool:
-        """All poles are inside the unit circle: it can be simulated.  The predictor is stable in any case."""
+        """All poles are inside the unit circle, so it can be simulated.  The predictor is stable in any case."""
         return bool(np.abs(self.poles).max(initial=0.0) < 1)
 
     def response(self, frequency_hz: ArrayLike, name: str = "") -> FrequencyResponse:
@@ -98,7 +98,7 @@ class Arx:
         return np.asarray(lfilter(B, A, u) + lfilter([offset], A, np.ones(len(u))))
 
     def predict(self, u: Floats, y: Floats, offset: float = 0.0) -> Floats:
-        """One-step prediction of y (N,) from what was before and c; what was before the record counts as zero."""
+        """One-step prediction of y (N,) from the past and c; values before the record count as zero."""
         past = np.concatenate([[0.0], -self.a])
         B = np.concatenate([np.zeros(self.delay), self.b])
         return np.asarray(lfilter(past, [1.0], y) + lfilter(B, [1.0], u) + offset)
@@ -170,7 +170,7 @@ def _orders(
 
 
 def _interleaved(na: int, nb: int, constants: int) -> Ints:
-    """Columns in the order c, y1, u1, y2, u2, .., y0: then the factor holds all lower orders, too."""
+    """Columns in the order c, y1, u1, y2, u2, .., y0: then the factor contains all lower orders, too."""
     pairs = [c for i in range(max(na, nb)) for c in ([1 + i] * (i < na) + [1 + na + i] * (i < nb))]
     first = [1 + na + nb + k for k in range(constants)]
     return np.array([*first, *pairs, 0], dtype=np.int64)

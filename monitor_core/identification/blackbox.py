@@ -34,7 +34,7 @@ _HIDDEN = 1e-14
 
 
 class System(NamedTuple):
-    """One vector of all of A, B, C, K in units in which u and y have the size 1."""
+    """A, B, C, K as one vector, in units in which u and y have the size 1."""
 
     n: int
     theta: Floats  # (n n + 3 n,)
@@ -47,7 +47,7 @@ class System(NamedTuple):
         return A, rest[0], rest[1], rest[2]
 
     def radius(self, stable: bool) -> float:
-        """Of the predictor's largest pole; or of the system's, too."""
+        """Magnitude of the predictor's largest pole; optionally of the system's, too."""
         A, _, C, K = self.parts
         predictor = float(np.abs(np.linalg.eigvals(A - np.outer(K, C))).max())
         return max(predictor, float(np.abs(np.linalg.eigvals(A)).max())) if stable else predictor
@@ -57,7 +57,7 @@ class System(NamedTuple):
         return System(self.n, self.theta + step)
 
     def inside(self) -> System:
-        """With poles of the system that a step has carried across the unit circle brought back."""
+        """The vector with poles of the system that a step has moved across the unit circle moved back."""
         n = self.n
         return System(n, np.concatenate([reflected(self.parts[0]).ravel(), self.theta[n * n :]]))
 
@@ -193,7 +193,7 @@ def refine(
 
 
 def confined(system: System, P: Floats, H: Floats, delta: Floats) -> Floats:
-    """The step, or, if a pole of the system would leave the circle, the best that brings it half way there.
+    """The step, or, if a pole of the system would leave the circle, the best one that moves it half way there.
 
     |lambda| moves by  Re(lambda* w dA v) / |lambda|  for the right and left eigenvectors v and w, w v = 1.
     """
@@ -223,5 +223,5 @@ def _model(system: System, data: Data, nuisance: Floats, dof: int, start: Innova
 
 
 def _middle(record: Regular, offset: float) -> tuple[float, float]:
-    """What torque, with its offset, and output of a record are counted from."""
+    """Reference values of torque, with its offset, and output of a record."""
     return float(record.u[record.u_known].mean() - offset), float(record.y[record.y_known].mean())

@@ -1,4 +1,4 @@
-"""Covariance of the estimates, without initial states, also for prediction errors that are not white."""
+"""Covariance of the estimates, without initial states, valid also for coloured prediction errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SEEN = 1e-12
 
 
 class Information(NamedTuple):
-    """What records tell."""
+    """Information in the records."""
 
     accuracy: Accuracy  # the same, relative to the sizes; says what cannot be told
     covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be told
@@ -66,7 +66,7 @@ def information(
 
 
 def _as_told(accuracy: Accuracy, covariance: Floats) -> Accuracy:
-    """What white errors would have to tell to give that covariance; where some is infinite, no change."""
+    """The information of white errors that gives this covariance; unchanged where some variance is infinite."""
     if not np.isfinite(covariance).all():
         return accuracy
     sd = np.sqrt(np.diag(covariance))
@@ -78,7 +78,7 @@ def _as_told(accuracy: Accuracy, covariance: Floats) -> Accuracy:
 
 
 def _unexplained(psi: Floats, start: Floats) -> Floats:
-    """What is left of the columns of psi once those of ``start`` are taken out."""
+    """The part of the columns of psi that those of ``start`` do not explain."""
     if not start.shape[1]:
         return psi
     lengths = np.linalg.norm(start, axis=0)
@@ -88,7 +88,7 @@ def _unexplained(psi: Floats, start: Floats) -> Floats:
 
 
 def _pseudo_inverse(R: Floats) -> Floats:
-    """Of R'R, columns of R scaled to one length; nothing along what is not seen."""
+    """Of R'R, with columns of R scaled to one length; zero along unobserved directions."""
     lengths = np.linalg.norm(R, axis=0)
     lengths[lengths == 0] = 1.0
     _, sizes, rows = np.linalg.svd(R / lengths, full_matrices=False)

@@ -32,7 +32,7 @@ Progress = Callable[[int, float], None]
 def solve(
     problem: Problem, records: Sequence[Record], most: int, progress: Progress | None
 ) -> tuple[Predictor, End, float]:
-    """The predictor, where the search ended, and the limit of Huber's loss there (infinite: squares).
+    """The predictor, the end of the search, and the limit of Huber's loss there (infinite: squares).
 
     Raises:
         ValueError: the predictor is unstable at the start.
@@ -53,7 +53,7 @@ def solve(
 def _across_intervals(
     predictor: Predictor, end: End, records: Sequence[Record], most: int, progress: Progress | None
 ) -> tuple[Predictor, End]:
-    """A delay that is held by the end of its interval goes on in the next one, as long as that is better."""
+    """A delay at a limit of its interval continues in the next one, as long as that is better."""
     while (side := _held_at(predictor, end)) and all(r.jitter_s < _JITTER * r.interval_s for r in records):
         problem = settled(predictor, end.xi)
         problem = replace(problem, delay_s=problem.delay_s + side * _BEYOND * predictor.interval_s)
@@ -69,7 +69,7 @@ def _across_intervals(
 
 
 def _held_at(predictor: Predictor, end: End) -> int:
-    """-1 or 1: which end of its interval holds the delay; 0: none, or the user's own bound."""
+    """-1 or 1: the limit of its interval that holds the delay; 0: none, or the user's own bound."""
     layout = predictor.layout
     if not layout.free_delay:
         return 0
@@ -149,7 +149,7 @@ def robust_deviation(errors: Sequence[Errors], predictor: Predictor) -> float:
 
 
 def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturbance | None:
-    """The noise that K follows from; the level of white torque noise that predicts best, if it is not given."""
+    """The noise for K; the level of white torque noise that predicts best, if it is not given."""
     if problem.predictor == "output-error" or problem.K is not None:
         return None
     given = problem.disturbance or Disturbance()
@@ -170,7 +170,7 @@ def _ratio(records: Sequence[Record]) -> float:
 
 
 def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> float:
-    """At the start: no derivatives by what stays where it is, which are most of the work."""
+    """At the start: without derivatives by fixed entries, which are most of the work."""
     held = replace(problem, free=tuple(problem.varying), free_delay=False, initial="first")
     predictor = Predictor(held, records, noise)
     return criterion(predictor, predictor.start(), np.inf).cost

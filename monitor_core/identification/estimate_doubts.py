@@ -45,7 +45,7 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
 
 
 def _singular(accuracy: Accuracy) -> Iterator[str]:
-    """Which parameter to hold so that the others can be told."""
+    """The parameter to hold so that the others can be determined."""
     hidden = accuracy.hidden
     for row in hidden:
         names = [name for name, part in zip(accuracy.names, row, strict=True) if part != 0]
@@ -65,7 +65,7 @@ def _at_bounds(layout: Layout, xi: Floats) -> Iterator[str]:
 
 
 def _driving(found: Estimate) -> Iterator[str]:
-    """Dampers that are surely negative: the best fit, but of no drive."""
+    """Significantly negative dampers: the best fit, but of no real drive."""
     for name, value, sd in zip(found.names, found.theta, found.sd, strict=True):
         if name in {p.name for p in found.drive.parameters if p.unit == DAMPING} and value < -_SURE * sd:
             yield (
@@ -82,7 +82,7 @@ def _levels(found: Estimate, layout: Layout) -> Iterator[str]:
 
 
 def _level(found: Estimate, name: str) -> str:
-    """Either there is hardly any torque noise, or so much that the output's own does not show."""
+    """There is hardly any torque noise, or so much that the noise of the output is invisible."""
     output = found.noise["output"]
     if name == "torque" and output**2 < _SMALL * found.lam0:
         return (

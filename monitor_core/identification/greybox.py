@@ -53,16 +53,16 @@ def fit(
 ) -> Estimate:
     """Minimise the sum of squared prediction errors of all records over theta.
 
-    ``start`` replaces nominal values of free parameters ("delay" is one); several starts are tried, the best end is
-    returned. With Huber's loss and a gain, outputs whose errors are gross then count as not measured, so that the
-    state does not follow them, and the search goes on. With ``tries`` > 1 each start is followed by others around
-    it: positive parameters times exp(``spread`` e), e normal, drawn with ``seed``. ``progress`` is called with the
-    number of evaluations and the cost whenever that has fallen.
+    ``start`` replaces nominal values of free parameters ("delay" is one); with several starts the best end is returned.
+    With Huber's loss and a gain, outputs with gross errors then count as not measured, so that the state does not
+    follow them, and the search continues.  With ``tries`` > 1 each start is followed by others around it: positive
+    parameters times exp(``spread`` e), e normal, drawn with ``seed``.  ``progress`` is called with the number of
+    evaluations and the cost whenever that has fallen.
 
     Raises:
-        KeyError: a start for what is not free.
-        ValueError: no record, another output than the drive's, no sample measured; no start from which the predictor
-            is stable.
+        KeyError: a start for a parameter that is not free.
+        ValueError: no record, another output than the drive's, no sample measured; no start from which the predictor is
+            stable.
     """
     starts = [start or {}] if start is None or isinstance(start, Mapping) else list(start)
     rng = np.random.default_rng(seed)
@@ -116,7 +116,7 @@ def _simulated(problem: Problem, records: Sequence[Record]) -> tuple[float, ...]
 def _around(
     problem: Problem, start: Mapping[str, float], spread: float, rng: np.random.Generator, count: int
 ) -> list[Mapping[str, float]]:
-    """Random starts around a given one; bounds hold."""
+    """Random starts around a given one, within the bounds."""
     layout = Layout(_started(problem, start), problem.drive, None, 1.0)
     lower, upper = layout.bounds()
     xi, log = layout.start(), layout.log
@@ -184,7 +184,7 @@ def _estimate(predictor: Predictor, end: End, limit: float, outliers: tuple[int,
 
 
 def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ...]:
-    """Parameters that the step which is left would move; endlessly where nothing tells them."""
+    """Parameters that the remaining step would move; by an infinite amount where nothing determines them."""
     layout = predictor.layout
     p = len(layout.names)
     step = np.abs(end.left * layout.rates(end.xi))[:p]
@@ -194,7 +194,7 @@ def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ..
 
 
 def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
-    """The predictor looks at no output: not for K, nor for friction and gravity, nor for where it starts."""
+    """Whether the predictor uses no output: not for K, nor for friction and gravity, nor for its start."""
     problem, drive = predictor.problem, predictor.drive
     looks = np.isin(drive.inputs, OF_MOTION) & drive.matrix("B", values).any(axis=0)
     blind = problem.motion == "simulated" or not looks.any()
@@ -202,7 +202,7 @@ def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
 
 
 def _variance(end: End, errors: Sequence[Errors], limit: float) -> float:
-    """lambda_0, of what is left after as many degrees of freedom as there are parameters."""
+    """lambda_0: mean square of the errors over the degrees of freedom."""
     freedom = max(end.normal.samples - end.xi.size, 1)
     if not limit < np.inf:
         return end.normal.cost / freedom
@@ -213,7 +213,7 @@ def _variance(end: End, errors: Sequence[Errors], limit: float) -> float:
 def _information(
     predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float
 ) -> Information:
-    """Of everything that the records share, noise levels as well."""
+    """Information on everything that the records share, including noise levels."""
     layout, shared = predictor.layout, predictor.layout.shared
     gradients, starts = [e.psi[:, :shared] for e in errors], [e.psi[:, shared:] for e in errors]
     numbers = np.abs(layout.numbers(xi))

@@ -1,4 +1,4 @@
-"""A drive with its inputs held over an interval, and the derivatives of that, once for each distinct interval."""
+"""A drive with inputs held over an interval, and its derivatives, computed once for each distinct interval."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def hold(system: Linear, intervals_s: Floats) -> Held:
 
 
 def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> Held:
-    """The drive with its torque delayed by tau_d: until then that of the sample before acts, a further input.
+    """The drive with its torque delayed by tau_d: until then the previous torque acts, as a further input.
 
-        [t, t + tau_d): u[k-1],   [t + tau_d, t + h): u[k];   the other inputs do not wait
+        [t, t + tau_d): u[k-1],   [t + tau_d, t + h): u[k];   the other inputs are not delayed
 
-    ``torque`` (m,) says which inputs are the motor torque.  The derivative with respect to tau_d is the last one.
-    A delay beyond the interval ends with it, as in the monitor.
+    ``torque`` (m,) marks the inputs that are the motor torque.  The derivative with respect to tau_d is the last one. A
+    delay beyond the interval ends with it, as in the monitor.
     """
     n, m = system.B.shape
     held = hold(system, intervals_s)
@@ -151,7 +151,7 @@ def _ones(drive: Drive) -> dict[str, float]:
 
 
 def averaged(held: Held, s: int, over_s: Floats) -> Held:
-    """The held drive with the mean of s over ``over_s`` (G,) [s] in place of s, which is zero at the beginning."""
+    """The held drive with the mean of s over ``over_s`` (G,) [s] in place of s, which starts at zero."""
     X, dX = held.X.copy(), held.dX.copy()
     X[:, s] /= over_s[:, np.newaxis]
     dX[:, :, s] /= over_s[:, np.newaxis, np.newaxis]
@@ -181,7 +181,7 @@ def hold_mean(
 
 
 def _after(own: Held, before: Held) -> tuple[Floats, Floats]:
-    """The last interval after what came before it; the torque of before has long ceased to act in it."""
+    """The last interval after the part before it; the previous torque has long ceased to act in it."""
     n, k = own.X.shape[1:]
     A, B, X = own.X[0, :, :n], own.X[0, :, n:], before.X[0]
     out, slopes = A @ X, A @ before.dX[0]

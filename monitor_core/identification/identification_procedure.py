@@ -159,7 +159,7 @@ def _growth(
     max_masses: int | None,
     report: Progress,
 ) -> Growth | None:
-    """Chains of one, two, .. masses, with the friction of the drive; None: not asked for."""
+    """Chains of one, two, .. masses, with the friction of the drive; None: not requested."""
     if max_masses is None:
         return None
     acting = _acting_inputs(problem)
@@ -189,4 +189,4 @@ def _acting_inputs(problem: Problem) -> set[int]:
 
 
 def _ignore(_: str, __: int, ___: int) -> None:
-    """Progress that nobody watches."""
+    """Default progress callback."""

@@ -15,7 +15,7 @@ from monitor_core.identification.innovations_errors import residuals
 
 
 class Start(NamedTuple):
-    """Where a record began, and what its torque and output are counted from."""
+    """Initial state of a record, and reference values of its torque and output."""
 
     x0: Floats  # (n,) state at the first sample
     u: float  # N m
@@ -109,11 +109,11 @@ class Innovations:
         return by_gradient(f, G, dG, self.root, self.rows, name)
 
     def simulate(self, u: Floats, start: Start | None = None) -> Floats:
-        """Output (N,) without noise for the torque (N,), from rest unless told."""
+        """Output (N,) without noise for the torque (N,), from rest unless ``start`` is given."""
         return self.predict(u, np.full(len(u), np.nan), start)
 
     def predict(self, u: Floats, y: Floats, start: Start | None = None) -> Floats:
-        """One-step prediction (N,) of y (N,); where y is NaN nothing corrects the state."""
+        """One-step prediction (N,) of y (N,); without correction of the state where y is NaN."""
         x, u0, y0 = start or Start(np.zeros(self.order), 0.0, 0.0)
         known = np.isfinite(y)
         yhat = np.empty(len(u))

@@ -1,4 +1,4 @@
-"""Least squares over many rows: the triangular factor of all rows, from the Gram matrix or, if need be, by QR."""
+"""Least squares over many rows: the triangular factor of all rows, from the Gram matrix or, if needed, by QR."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ class Solution(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """Directions of theta that the rows tell."""
+        """Number of directions of theta that the rows determine."""
         return int(self.root.shape[1])
 
 
 def factor(records: Sequence[Regular], blocks: Sequence[Lags], order: Ints) -> Factor:
-    """The triangular factor of the rows of all records in which everything is known.
+    """The triangular factor of the rows of all records without missing values.
 
     Args:
         records: on a regular grid.
@@ -195,7 +195,7 @@ def gram(signals: Floats, blocks: Sequence[Lags], a: int, b: int) -> Floats:
 
 
 def regressors(signals: Floats, blocks: Sequence[Lags], a: int, b: int) -> Floats:
-    """The tall matrix itself (b - a, c), for where its square would lose too many digits."""
+    """The tall matrix itself (b - a, c), for cases where its square would lose too many digits."""
     out = [signals[z, a - lag : b - lag] for z, first, last in blocks for lag in range(first, last + 1)]
     return np.array(out).T
 

@@ -40,7 +40,7 @@ class Normal(NamedTuple):
 
 
 class End(NamedTuple):
-    """Where the search ended, and the step (P,) that Gauss and Newton would go on with."""
+    """End of the search, and the remaining Gauss-Newton step (P,)."""
 
     xi: Floats
     normal: Normal
@@ -105,12 +105,12 @@ def minimise(
 
 
 def _settled(at: Normal, left: Floats, limit: float = _SETTLED) -> bool:
-    """The step that is left is nothing beside the standard deviation, which cost / samples scales."""
+    """Whether the remaining step is negligible beside the standard deviation, which cost / samples scales."""
     return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
 
 def _step(xi: Floats, at: Normal, bounds: tuple[Floats, Floats], mu: float, clipped: Floats) -> Floats:
-    """(H + mu diag H)^-1 g; those that would leave their bounds at once, or matter no longer, do not move."""
+    """(H + mu diag H)^-1 g; entries that would leave their bounds at once, or no longer matter, do not move."""
     lower, upper = bounds
     able = np.sqrt(np.diag(at.H)) > np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / clipped
     while True:
@@ -122,7 +122,7 @@ def _step(xi: Floats, at: Normal, bounds: tuple[Floats, Floats], mu: float, clip
 
 
 def _unbounded(at: Normal, able: NDArray[np.bool_], mu: float) -> Floats:
-    """The step among the able, none in directions that H does not see."""
+    """The step of the free entries, without directions that H does not determine."""
     out = np.zeros(able.size)
     size = np.sqrt(np.diag(at.H)[able])
     size[size == 0] = 1.0

@@ -1,4 +1,4 @@
-"""Outliers in the innovations form: K carries each on in the state, whatever the loss makes of its own error."""
+"""Removal of outliers in the innovations form: K carries each of them on in the state, whatever the loss."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LOOKS = 20
 
 
 class Fitted(NamedTuple):
-    """As ``solve`` returns it; how many outputs of each record count as not measured."""
+    """Result of ``solve``, and the number of outputs of each record that count as not measured."""
 
     predictor: Predictor
     end: End
@@ -35,9 +35,9 @@ class Fitted(NamedTuple):
 def without_gross(
     predictor: Predictor, end: End, limit: float, most: int, progress: Progress | None
 ) -> Fitted:
-    """A fit with Huber's loss once more, without the outputs whose errors are gross.
+    """Repeat a fit with Huber's loss without the outputs whose errors are gross.
 
-    Only where there is a gain: in a simulation an outlier is nothing but its own error, which is clipped.
+    Only with a gain: in a simulation an outlier affects only its own error, which is clipped.
     """
     same = Fitted(predictor, end, limit)
     if not (limit < np.inf and predictor.gain(end.xi).K.any()):
@@ -55,9 +55,9 @@ def without_gross(
 
 
 def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
-    """Which outputs (N,) of each record are beyond the limit by themselves, not by what K carried on from others.
+    """Outputs (N,) of each record that are beyond the limit themselves, not because K carried other errors on.
 
-    Of gross errors that follow each other closely the first counts, then the errors are looked at without it.
+    Of gross errors in close succession the first counts, then the errors are computed without it.
     """
     found = [np.zeros(len(s.record), dtype=np.bool_) for s in predictor.series]
     looking = predictor
@@ -72,7 +72,7 @@ def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
 
 
 def _first(gross: Bools) -> Bools:
-    """Those with none shortly before."""
+    """Those with no other shortly before."""
     before = np.cumsum(np.concatenate([np.zeros(_CARRIED + 1, dtype=np.int64), gross]))
     return np.asarray(gross & (before[_CARRIED:-1] == before[: -_CARRIED - 1]))
 

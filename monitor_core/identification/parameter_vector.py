@@ -1,7 +1,7 @@
-"""The vector of a fit: the physical meaning and the bounds of each entry.
+"""The vector of a fit: meaning and bounds of each entry.
 
-free parameters (positive ones as logarithms), slopes b of varying ones, delay, noise levels (logarithms),
-initial state of each record
+free parameters (positive ones as logarithms), slopes b of scheduled ones, delay, noise levels (logarithms), initial
+state of each record
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Entry(NamedTuple):
 
 
 class Point(NamedTuple):
-    """What a vector means."""
+    """Physical meaning of a vector."""
 
     values: dict[str, float]  # all parameters of the drive, where the signals of varying ones are zero
     slopes: Floats  # (b,) of varying parameters
@@ -161,7 +161,7 @@ class Layout:
         return np.where(self.log, np.log(np.where(self.log, numbers, 1.0)), numbers)
 
     def point(self, xi: Floats) -> Point:
-        """What a vector means."""
+        """Physical meaning of a vector."""
         numbers, p, b = self.numbers(xi), len(self.free), len(self.varying)
         found = dict(zip([entry.name for entry in self.entries], numbers.tolist(), strict=True))
         return Point(
@@ -193,7 +193,7 @@ class Layout:
 
 
 def whole_intervals(delay_s: float, interval_s: float) -> int:
-    """By how many samples the torque is shifted so that its delay remains within one interval, from 0 to its end."""
+    """Number of samples to shift the torque so that its delay stays within one interval, from 0 to its end."""
     return 0 if 0 <= delay_s <= interval_s else math.floor(delay_s / interval_s)
 
 

@@ -1,4 +1,4 @@
-"""Drives that come with the program: a motor, a gear, and masses behind it that springs join in a chain.
+"""Drives of the library: a motor, a gear, and masses behind it, connected by springs in a chain.
 
 Angles behind the gear are those of the arm: r times the motor's.  Each spring is drawn so that its deflection is the
 angle on the motor's side less the angle on the arm's side, as in the paper: r phi_m - phi_g, phi_g - phi_a.
@@ -33,9 +33,9 @@ _MOTOR = {
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A mass behind the gear, with the spring and damper that join it to what is before it; names of parameters.
+    """A mass behind the gear, with the spring and damper that connect it to the previous one; names of parameters.
 
-    ``mass`` and ``spring`` say in words what they are; ``name`` is that of the mass in the drawing.
+    ``mass`` and ``spring`` describe them in words; ``name`` is that of the mass in the drawing.
     """
 
     name: str
@@ -58,7 +58,7 @@ def three_mass() -> Drawing:
 
 
 def five_mass() -> Drawing:
-    """What the paper needs for a really accurate description: four masses behind the gear, numbered outwards."""
+    """The accurate drive of the paper: four masses behind the gear, numbered outwards."""
     links = [
         Link(f"mass{i}", f"mass {i}, arm side", f"J{i}", f"spring {i}, arm side", f"k{i}", f"d{i}")
         for i in range(1, 5)
@@ -67,7 +67,7 @@ def five_mass() -> Drawing:
 
 
 def chain(name: str, links: Sequence[Link]) -> Drawing:
-    """Motor and gear, and the links behind it in a row; the motor's speed is measured."""
+    """Motor and gear, and the links behind it in a chain; the motor's speed is measured."""
     meanings = {"Jm": "inertia of the motor"}
     meanings |= {link.J: f"inertia of the {link.mass}" for link in links}
     meanings |= {link.k: f"stiffness of the {link.spring}" for link in links}

@@ -1,6 +1,6 @@
-"""The flat form of a drive: variables and linear equations, before anything is eliminated.
+"""The flat form of a drive: variables and linear equations, before the elimination.
 
-Drawings (drawing.py) and Modelica texts (modelica/) both end here; elimination.py starts here.
+Drawings (drawing/) and Modelica texts (modelica/) both end here; elimination/ starts here.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ CONSTANT = "1"
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where something comes from: a component ("" is the whole model), a file ("" if there is none), a line."""
+    """Origin of an item: a component ("" is the whole model), a file ("" if there is none), a line."""
 
     component: str = ""
     file: str = ""
@@ -28,7 +28,7 @@ class Origin:
 
 
 class ModelError(Exception):
-    """A drive that cannot be made into a model; the text names file, line and component, and what would be right."""
+    """A drive that is no valid model; the text names file, line and component, and what would be right."""
 
     def __init__(self, problem: str, origin: Origin | None = None) -> None:
         self.problem, self.origin = problem, origin or Origin()
@@ -40,8 +40,8 @@ class ModelError(Exception):
 class FlatParameter:
     """A parameter that the user named or drew.
 
-    ``unit`` as units.py writes it ("kg m^2"); "" is not known.  ``value`` is the nominal value where the
-    drawing gives one.  ``positive``: zero or less makes no sense.
+    ``unit`` in the form of units.py ("kg m^2"); "" is unknown.  ``value`` is the nominal value where the drawing gives
+    one. ``positive``: zero or less makes no sense.
     """
 
     name: str
@@ -54,7 +54,7 @@ class FlatParameter:
 
 @dataclass(frozen=True, slots=True)
 class FlatVariable:
-    """An unknown.  ``unit``: "rad", "rad/s", "rad/s^2", "N m", or "" for a signal whose unit is not known.
+    """An unknown.  ``unit``: "rad", "rad/s", "rad/s^2", "N m", or "" for a signal of unknown unit.
 
     ``prefer``: a good coordinate (the angle of an inertia).  ``relative``: the deflection of a spring or damper.
     """
@@ -70,8 +70,8 @@ class FlatVariable:
 class FlatInput:
     """A known signal.
 
-    ``kind`` as in monitor_core.kernel.tables.  ``angle`` is the variable that a function of the motion depends
-    on (Coulomb friction: on its derivative; gravity: on itself), else "".
+    ``kind`` as in monitor_core.kernel.tables.  ``angle`` is the variable that an input of the motion depends on
+    (Coulomb friction: on its derivative; gravity: on itself), otherwise "".
     """
 
     name: str
@@ -104,7 +104,7 @@ class FlatEquation:
 
 @dataclass(frozen=True, slots=True)
 class FlatModel:
-    """All of a drive.  Every variable of every equation is in ``variables`` or ``inputs``."""
+    """All variables and equations of a drive.  Every variable of every equation is in ``variables`` or ``inputs``."""
 
     name: str
     parameters: tuple[FlatParameter, ...]
@@ -118,7 +118,7 @@ class FlatModel:
 
 @dataclass(frozen=True, slots=True)
 class FlatComponent:
-    """What was drawn, for pictures and messages: kind ("inertia", "spring", ...), its flanges and their nodes.
+    """A drawn component, for messages: kind ("inertia", "spring", ...), its flanges and their nodes.
 
     ``nodes``: the names of the connection sets that its flanges belong to, in the order flange_a, flange_b.
     ``parameters``: role ("J", "c", "d", "ratio") -> expression.

@@ -1,6 +1,6 @@
-"""Exact Laurent polynomials in named parameters: what the entries of A, B and C are made of.
+"""Exact Laurent polynomials in named parameters: the entries of A, B and C.
 
-A sum of terms  c * theta_1^e1 * theta_2^e2 ...  with rational c and integer exponents, also negative ones.  Sums,
+A sum of terms  c * theta_1^e1 * theta_2^e2 ...  with rational c and integer exponents, which may be negative.  Sums,
 differences and products of such sums are such sums; so is the quotient by a single term (a unit of the ring).
 """
 
@@ -29,7 +29,7 @@ class Laurent:
 
     @classmethod
     def number(cls, value: int | float | str | Fraction) -> Laurent:
-        """A constant; a float means the decimal number that it prints as."""
+        """A constant; a float means the decimal number of its printed form."""
         return cls([((), Fraction(str(value)) if isinstance(value, float) else Fraction(value))])
 
     @classmethod
@@ -42,12 +42,12 @@ class Laurent:
 
     @property
     def is_unit(self) -> bool:
-        """Exactly one term: it can be divided by."""
+        """Whether there is exactly one term, which allows division."""
         return len(self.terms) == 1
 
     @property
     def is_number(self) -> bool:
-        """No parameter in it."""
+        """Whether it contains no parameter."""
         return all(monomial == () for monomial in self.terms)
 
     @cached_property
@@ -104,7 +104,7 @@ class Laurent:
         return out
 
     def substitute(self, replacements: Mapping[str, Laurent]) -> Laurent:
-        """Laurent sums in place of parameters.
+        """Replace parameters by Laurent sums.
 
         Raises:
             NotLaurentError: a negative power of something that is not a single term.
@@ -128,7 +128,7 @@ class Laurent:
         return Laurent(out)
 
     def value(self, values: Mapping[str, Any]) -> Any:
-        """The number at the given parameter values: float, complex or Fraction, as they are.
+        """The number at the given parameter values, of type float, complex or Fraction.
 
         Raises:
             KeyError: a value is missing.
@@ -165,7 +165,7 @@ class Laurent:
         return common, self / common
 
     def sum_text(self) -> str:
-        """As a plain sum, nothing put outside brackets: the name of a merged parameter."""
+        """Text as a plain sum, without brackets: the name of a merged parameter."""
         ordered = sorted(self, key=lambda term: (term[1] < 0, len(term[0])))  # positive and short terms first
         text = " + ".join(_term_text(m, c) for m, c in ordered)
         return text.replace("+ -", "- ")
@@ -183,7 +183,7 @@ def _product(m1: Monomial, m2: Monomial) -> Monomial:
 
 
 def _exact_quotient(dividend: Laurent, divisor: Laurent) -> Laurent | None:
-    """The quotient where the division leaves no rest and the quotient is a single term, else None."""
+    """The quotient where the division leaves no rest and the quotient is a single term, otherwise None."""
     if not dividend:
         return Laurent()
     if len(dividend.terms) != len(divisor.terms):
@@ -197,7 +197,7 @@ def _exact_quotient(dividend: Laurent, divisor: Laurent) -> Laurent | None:
 
 
 def _term_text(m: Monomial, c: Fraction, inner: str = "") -> str:
-    """``-2*kg*r/(3*Jm)``: a term, times what stands in brackets already."""
+    """``-2*kg*r/(3*Jm)``: a term, times text that is in brackets already."""
     above = [_power(name, e) for name, e in m if e > 0] + ([inner] if inner else [])
     below = [_power(name, -e) for name, e in m if e < 0]
     if abs(c.numerator) != 1 or not above:

@@ -1,8 +1,8 @@
-"""Exact ranks for generic parameter values: the parameters drawn at random modulo a large prime.
+"""Exact ranks for generic parameter values: the parameters are drawn at random modulo a large prime.
 
 A determinant that is not identically zero is zero at a random point with probability degree / prime (Schwartz and
-Zippel), so the rank at a random point can only be too small, and hardly ever is; several points and two primes
-make that impossible for practical purposes.  31 bits: a product of two residues fits into numpy's int64.
+Zippel).  So the rank at a random point can only be too small, and hardly ever is; several points and two primes exclude
+this in practice.  With 31 bits a product of two residues fits into numpy's int64.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Point(NamedTuple):
 def random_points(
     names: Iterable[str], definitions: Sequence[Definition], seed: Seed, primes: Sequence[int] = POINTS
 ) -> Iterator[Point]:
-    """A point for each of the primes: ``names`` at random, then what ``definitions`` make of them."""
+    """A point for each of the primes: ``names`` at random, then the values of ``definitions``."""
     rng = np.random.default_rng(seed)
     free = sorted(set(names) - {d.name for d in definitions})
     for prime in primes:
@@ -115,7 +115,7 @@ def null_space(matrix: Ints, prime: int) -> Ints:
 
 
 def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
-    """Rows (rank, n) that span  [start, A start, A^2 start, ...]: what A makes of the columns (n, m)."""
+    """Rows (rank, n) that span  [start, A start, A^2 start, ...]: the controllable space of the columns (n, m)."""
     newest = start.T % prime
     basis, before = echelon(newest, prime)[0], 0
     while len(basis) > before:  # once nothing is added, nothing will ever be
@@ -125,7 +125,7 @@ def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
 
 
 def krylov_rank(A: Ints, start: Ints, prime: int) -> int:
-    """The dimension of what A makes of the columns of start (n, m)."""
+    """Dimension of the controllable space of the columns of start (n, m)."""
     return len(krylov_basis(A, start, prime))
 
 

@@ -12,11 +12,12 @@ from monitor_core.modeling.statespace import Entries, StateSpace
 
 
 def drive_of(ss: StateSpace) -> Drive:
-    """The drive as the engine takes it: one torque, one sensor.
+    """The drive in the form of the kernel: one torque, one sensor.
 
     Raises:
-        ModelError: more than one motor torque or sensor; friction or gravity at a flange whose motion the sensor does
-            not tell.
+        ModelError: more than one motor torque or sensor; friction or gravity at a flange whose motion does not follow
+            from
+            the sensor.
     """
     _check_single(ss)
     _check_ratios(ss)
@@ -42,7 +43,7 @@ def drive_of(ss: StateSpace) -> Drive:
 
 
 def nominal_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Nominal values of the drive's parameters, as far as they are known: drawn ones, and ``values`` before them.
+    """Nominal values of the drive's parameters, as far as they are known; ``values`` take precedence over drawn ones.
 
     Values may be given for the user's own parameters and for merged ones.
     """

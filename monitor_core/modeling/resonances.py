@@ -26,7 +26,7 @@ _REAL = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """A pair of roots that oscillates: natural frequency |s| / 2 pi, and damping ratio -Re s / |s|."""
+    """An oscillating pair of roots: natural frequency |s| / 2 pi, and damping ratio -Re s / |s|."""
 
     frequency_hz: float
     damping: float
@@ -34,10 +34,10 @@ class Mode:
 
 @dataclass(frozen=True, slots=True)
 class Resonances:
-    """What a drive does by itself, from the first motor torque to the first sensor.
+    """Poles, zeros and resonances from the first motor torque to the first sensor.
 
-    ``poles`` and ``zeros`` in rad/s, the slow ones first.  ``slowest_s`` is the time constant of the slowest pole that
-    decays, NaN if none does.
+    ``poles`` and ``zeros`` in rad/s, the slow ones first.  ``slowest_s`` is the time constant of the slowest decaying
+    pole, NaN if there is none.
     """
 
     poles: tuple[complex, ...]
@@ -48,7 +48,7 @@ class Resonances:
 
 
 def resonances_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> Resonances:
-    """At nominal, or with ``values`` before the nominal ones.
+    """Resonances at the nominal values; ``values`` take precedence over these.
 
     Raises:
         ModelError: the value of a parameter is not known.
@@ -86,7 +86,7 @@ def resonances(A: Floats, b: Floats, c: Floats) -> Resonances:
 
 
 def modes(roots: Iterable[complex]) -> tuple[Mode, ...]:
-    """One for each pair that oscillates."""
+    """The mode of each oscillating pair."""
     upper = [s for s in roots if s.imag > _REAL * abs(s)]
     return tuple(Mode(abs(s) / (2 * math.pi), -s.real / abs(s)) for s in upper)
 
@@ -94,9 +94,9 @@ def modes(roots: Iterable[complex]) -> tuple[Mode, ...]:
 def zeros_of(A: Floats, b: Floats, c: Floats) -> Complex:
     """Invariant zeros (rad/s) of one input and one output, balanced.
 
-    While the input has no direct effect, the output is held at zero by one state less, and what drives that state is
-    the output that is left to hold.  So the dimension falls by the relative degree, by orthogonal transformations, and
-    no infinite zero is left whose rounding error could look like a finite one.
+    While the input has no direct effect, holding the output at zero removes one state, and the variable that drives
+    that state becomes the new output.  So the dimension falls by the relative degree, by orthogonal transformations,
+    and no infinite zero is left whose rounding error could look like a finite one.
     """
     d = 0.0
     while abs(d) <= _ROUNDING * _size(b, d):
@@ -125,9 +125,9 @@ def _reflection(c: Floats) -> Floats:
 
 
 def _balanced(A: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same drive in other units of states and input, in which rows and columns of [A b; c 0] are of like size.
+    """The same drive in other units of states and input, in which rows and columns of [A b; c 0] are of similar size.
 
-    Of A alone it would not be enough: an angle that nothing depends on but the sensor has any unit there.
+    Balancing A alone would not suffice: an angle that only the sensor depends on could have any unit.
     """
     pencil = np.block([[A, b[:, None]], [c[None], np.zeros((1, 1))]])
     balanced, _ = sla.matrix_balance(pencil, permute=False, separate=True)
@@ -136,7 +136,7 @@ def _balanced(A: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _sorted(roots: NDArray[np.inexact]) -> tuple[complex, ...]:
-    """By size; zero where it is zero up to rounding."""
+    """Sorted by magnitude; values of rounding size are zero."""
     largest = np.abs(roots).max(initial=0.0)
     exact = np.where(np.abs(roots) <= _ROUNDING * largest, 0, roots)
     return tuple(sorted(exact.tolist(), key=lambda s: (abs(s), s.real, s.imag)))

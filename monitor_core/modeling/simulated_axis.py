@@ -1,4 +1,4 @@
-"""The plant: drives that tests and the demo run against.
+"""Simulated drives for tests and the demo.
 
 ``SimulatedAxis`` is one axis in time, with Coulomb friction, gravity and parameters that may change at any moment.
 ``simulate_linear`` runs many records of a linear drive side by side.
@@ -25,8 +25,8 @@ class SimulatedAxis:
     Its linear part is discretised exactly.  Coulomb friction and gravity depend on the motion, so they are held only
     over ``substeps`` equal parts of an interval.  At their flanges the motion is the sensor's times the ratio.
 
-    Values may be given as to AxisModel.  ``speed_scale`` is as in Settings.  ``drive`` is the three-mass one unless
-    given.
+    Values may be given as for AxisModel.  ``speed_scale`` is as in Settings.  The default ``drive`` is the three-mass
+    one.
 
     Raises:
         KeyError: a parameter that the drive does not have, or a value that is missing.
@@ -55,7 +55,7 @@ class SimulatedAxis:
 
     @property
     def angle(self) -> float:
-        """Angle at the sensor now, rad; of a drive with the speed as output it is not known, 0."""
+        """Angle at the sensor now, rad; 0 for a drive with the speed as output, where it is unknown."""
         return float(self._C @ self._x) if self._drive.output == "angle" else 0.0
 
     @property
@@ -101,7 +101,7 @@ class SimulatedAxis:
 
 
 def _input(kind: int, torque: float, speed: float, angle: float) -> float:
-    """An input of that kind at a flange that moves like this, the speed in units of that of Coulomb friction."""
+    """Value of an input of that kind at a flange with this motion; the speed in units of that of Coulomb friction."""
     if kind == TORQUE:
         return torque
     if kind == COULOMB:

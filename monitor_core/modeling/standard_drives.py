@@ -1,4 +1,4 @@
-"""The drives of modeling/library.py as the engine takes them, and the values of the reference experiment."""
+"""The drives of the library in the form of the kernel, and the values of the reference experiment."""
 
 from collections.abc import Sequence
 from functools import cache

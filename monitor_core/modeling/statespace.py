@@ -23,10 +23,10 @@ class Definition:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What the elimination did, counted.
+    """Counts of the elimination.
 
-    ``flat_states``: variables whose derivative occurs in the flat equations.  ``remaining_equations``: what is left,
-    outputs included, when everything has been eliminated that an equation of itself gives.
+    ``flat_states``: variables whose derivative occurs in the flat equations.  ``remaining_equations``: equations that
+    are left, outputs included, after all substitutions.
     """
 
     flat_equations: int
@@ -40,11 +40,10 @@ class StateSpace:
     """x' = A x + B u,  y = C x, with n states, m inputs and as many outputs as ``sensors``.
 
     ``parameters`` are those that occur in A, B, C: the user's own, and merged ones, whose ``definitions`` in terms of
-    the user's ("Jm + r^2*Jg") are to be evaluated in order; ``drawn`` are all of the user's own.
-    ``rest`` (n, 1) is the state of the drive moving rigidly at output 1; ``ratio`` (m, 1) the angle at the flange of
-    each input that depends on the motion, while the first sensor's angle is 1.  ``speed_states``: of each sensor,
-    the state that is the speed there up to a factor, -1 if there is none.
-    ``notes`` say what was left out and why, in words.
+    the user's ("Jm + r^2*Jg") are to be evaluated in order; ``drawn`` are all of the user's own. ``rest`` (n, 1) is the
+    state of the drive moving rigidly at output 1; ``ratio`` (m, 1) the angle at the flange of each input that depends
+    on the motion, while the first sensor's angle is 1.  ``speed_states``: for each sensor, the state that is the speed
+    there up to a factor, -1 if there is none. ``notes`` are sentences on what was left out and why.
     """
 
     name: str

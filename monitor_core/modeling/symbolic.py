@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def expression(value: Laurent, symbols: Mapping[str, sympy.Symbol]) -> sympy.Expr:
-    """A Laurent sum as a sympy expression; the factor common to all its terms stands outside."""
+    """A Laurent sum as a sympy expression; the common factor of all terms is outside the brackets."""
     from sympy import Add, Mul, Rational
 
     def total(part: Laurent) -> sympy.Expr:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 
-from monitor_core.drive import DELAY, AxisModel, Drive, Output, Parameter, split_name
+from monitor_core.drive import DELAY, AxisModel, Drive, NominalValueError, Output, Parameter, split_name
 from monitor_core.modeling import ModelError
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
@@ -45,8 +45,8 @@ def known_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 def measurable(axis: AxisConfig) -> Iterator[Finding]:
     """The inputs of the drive can be computed from the measured quantities."""
-    if problem := _refusal(usable_drive(axis, inputs=False), {}):
-        yield Finding(("model", "components" if axis.model.components else "drive"), problem)
+    if error := _model_error(usable_drive(axis, inputs=False), {}):
+        yield Finding(("model", "components" if axis.model.components else "drive"), str(error))
 
 
 def nominal_names(axis: AxisConfig) -> Iterator[Finding]:
@@ -80,8 +80,9 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
     """Each nominal value is possible for the drive."""
     drive = usable_drive(axis)
     for name, value in _known(axis.model.nominal, drive).items():
-        if problem := _refusal(drive, {name: value}):
-            message = problem.removeprefix(f"nominal {name} = {value}: ")  # a finding says that anyway
+        if error := _model_error(drive, {name: value}):
+            # A finding names key and value itself.
+            message = error.reason if isinstance(error, NominalValueError) else str(error)
             yield Finding(("model", "nominal", name), message)
 
 
@@ -107,10 +108,10 @@ def monitored_sizes(axis: AxisConfig) -> Iterator[Finding]:
     nominal = _nominal(axis, drive)
     for i, name in enumerate(model.monitor):
         base = split_name(name)[0]
-        if base not in nominal or _refusal(drive, {base: nominal[base]}):
+        if base not in nominal or _model_error(drive, {base: nominal[base]}):
             continue
-        if problem := _refusal(drive, {base: nominal[base]}, name, scales):
-            yield Finding(("model", "monitor", i), problem)
+        if error := _model_error(drive, {base: nominal[base]}, name, scales):
+            yield Finding(("model", "monitor", i), str(error))
 
 
 def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
@@ -141,7 +142,7 @@ def bounds(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("model", "bounds", name), f"must be [lower, upper] with {need} = {value}")
 
 
-def whole(axis: AxisConfig) -> Iterator[Finding]:
+def complete_model(axis: AxisConfig) -> Iterator[Finding]:
     """Where no rule finds anything, the engine does not, either: values of a drawing, or merged from several."""
     if any(not _is_quiet(rule, axis) for rule in MODEL_RULES if rule is not whole):
         return
@@ -273,7 +274,7 @@ def usable_drive(axis: AxisConfig, inputs: bool = True) -> Drive:
         drive = watched_drive(axis, _measured(axis))
     except ModelError:
         raise Undecidable("drive") from None
-    if inputs and _refusal(drive, {}):
+    if inputs and _model_error(drive, {}):
         raise Undecidable("drive")
     return drive
 
@@ -324,18 +325,18 @@ def _known(values: Mapping[str, float], drive: Drive) -> dict[str, float]:
     return {name: value for name, value in values.items() if name in names}
 
 
-def _refusal(
+def _model_error(
     drive: Drive, values: Mapping[str, float], monitor: str = "", scales: Mapping[str, float] = {}
-) -> str:
-    """Why the engine refuses these values, all others being 1; empty if it does not."""
+) -> ValueError | None:
+    """The error of a model with these values, all others being 1; None: it is valid."""
     nominal = {p.name: 1.0 for p in drive.parameters} | dict(values)
     try:
         AxisModel(drive, nominal, (monitor,) if monitor else (), scales)
     except ValueError as error:
-        return str(error)
+        return error
     except ZeroDivisionError:
-        return f"{monitor} does not exist: its nominal value is 0"
-    return ""
+        return ValueError(f"{monitor} does not exist: its nominal value is 0")
+    return None
 
 
 MODEL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
@@ -349,7 +350,7 @@ MODEL_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
     monitored_sizes,
     scales_and_bounds,
     bounds,
-    whole,
+    complete_model,
     limited,
     sides,
     torque_skew,

@@ -55,8 +55,8 @@ class Case(NamedTuple):
         own = {
             "K": tuple(gain) if self.torque_noise else (),
             "lost_s": self.lost_s,
-            "joint": self.joint,
-            "drift": self.drift,
+            "joint_state": self.joint,
+            "random_walk": self.drift,
             "lam0": lam0,
             "delay_s": self.delay_s,
             "max_gap_s": 0.05,

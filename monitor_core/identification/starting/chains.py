@@ -1,6 +1,6 @@
-"""Drives of any number of masses in a row, all at the motor's speed: what a motor sees of any drive without branches.
+"""Chains of any number of masses, all at the motor's speed: what a motor sees of any drive without branches.
 
-J1 is the mass of the motor, k1 and d1 join it to J2, and so on; friction is at the motor.
+J1 is the mass of the motor, k1 and d1 connect it to J2, and so on; friction is at the motor.
 """
 
 from __future__ import annotations

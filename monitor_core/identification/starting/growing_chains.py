@@ -1,8 +1,8 @@
-"""Chains that grow in the frequency response, mass by mass, each out of the ones before.
+"""Chains that grow in the frequency response, mass by mass.
 
-From one rigid mass: where the response of the fitted chain lacks a resonance most (pursuit.py), a mass and a spring
-join in, and all is fitted again.  The few best of each length go on.  No black box has to resolve the resonances, and
-what one of them hides the next fit uncovers.
+From one rigid mass: where the response of the fitted chain lacks a resonance most, a mass and a spring are added, and
+everything is fitted again.  The few best chains of each length go on.  No black box has to resolve the resonances, and
+a resonance that is hidden by another one appears in the next fit.
 """
 
 from __future__ import annotations

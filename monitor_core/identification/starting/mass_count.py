@@ -1,6 +1,6 @@
-"""How many masses a drive has: chains grow as long as the records ask for one more mass (grown.py says what that is).
+"""Number of masses of a drive: chains grow as long as the records support one more mass (growing_chains.py).
 
-Every model's estimates start the next one (growth.py).
+The estimates of every model start the next one.
 """
 
 from __future__ import annotations
@@ -31,20 +31,21 @@ def grow(
     validation: Sequence[Record] = (),
     progress: Progress | None = None,
 ) -> Growth:
-    """Fit chains of one mass, two, and so on, until one more is not asked for.
+    """Fit chains of one mass, two, and so on, until one more is not supported.
 
     Args:
         records: to fit.
         upto: masses at most.
-        like: a problem whose predictor, disturbance, loss, delay, speed scale and so on are taken; its drive, values,
-            free parameters and bounds are not.  None: output error, friction from the simulated speed.
+        like: a problem whose predictor, disturbance, loss, delay, speed scale and so on are used; its drive, values,
+            free
+            parameters and bounds are not.  None: output error, friction from the simulated speed.
         friction: which of fm, fc and tau0 are free; the others are zero.
         validation: records kept aside.
-        progress: called with steps done and how many there are at most.
+        progress: called with the steps done and their maximum.
 
     Raises:
-        ValueError: the records tell no frequency response, ``upto`` is below 1, friction of another name; what
-            ``fit`` refuses.
+        ValueError: the records yield no frequency response, ``upto`` is below 1, friction of another name; errors of
+            ``fit``.
     """
     _check(upto, friction)
     measured, steps = measure(records), Steps(progress, upto * FITTING)
@@ -70,7 +71,7 @@ def grow(
 def problem_of(
     masses: int, output: Output, like: Problem | None = None, friction: Sequence[str] = FRICTION
 ) -> Problem:
-    """The chain of so many masses, all of which is free, with the settings of ``like``; its values mean nothing."""
+    """The chain with this number of masses, all free, with the settings of ``like``; its values have no meaning."""
     given = {**dict.fromkeys(names(masses), 1.0), **{name: float(name in friction) for name in FRICTION[:1]}}
     nominal = {**given, **dict.fromkeys(FRICTION[1:], 0.0)}
     drive, free = chain(masses, output), (*names(masses), *friction)
@@ -136,13 +137,13 @@ class Grown:
     """A chain of some masses, fitted.
 
     Attributes:
-        masses: how many.
+        masses: number of masses.
         estimate: all values as the motor sees them, J1, k1, .. outwards.
         samples: N of the criteria.
         aic: Akaike's criterion.
         bic: Schwarz' criterion.
         validation: NRMSE in per cent of each record kept aside, one step ahead.
-        doubt: why one of the masses is none, in words; empty: there is no doubt.
+        doubt: why one of the masses is not real, in words; empty: there is no doubt.
     """
 
     masses: int
@@ -159,8 +160,8 @@ class Growth:
     """Chains of one, two, .. masses.
 
     Attributes:
-        models: the last may be one that is not asked for.
-        recommended: the number of masses that the records ask for.
+        models: the last one may be unsupported.
+        recommended: the number of masses that the records support.
         words: why, in sentences.
     """
 
@@ -188,7 +189,7 @@ def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
 
 
 def doubt_of(chain: Chain, lowest_hz: float) -> str:
-    """Why a chain (seen from the motor) whose response is known from some frequency on has a mass that is none."""
+    """Why a chain (seen from the motor), known above some frequency, has a mass that is not real."""
     lightest = float(chain.J.min() / chain.J.sum())
     if lightest < _LIGHTEST:
         return f"one of them is only {lightest:.1g} of the whole inertia, which is no mass of a drive"
@@ -199,7 +200,7 @@ def doubt_of(chain: Chain, lowest_hz: float) -> str:
 
 
 def asked(smaller: Grown, larger: Grown) -> bool:
-    """Whether the records ask for the larger one; that a mass is odd weighs little where most of the error goes."""
+    """Whether the records support the larger one; a doubtful mass weighs little where most of the error vanishes."""
     odd = larger.doubt and larger.estimate.cost > _PLAIN * smaller.estimate.cost
     if odd or not larger.bic < smaller.bic:
         return False
@@ -207,7 +208,7 @@ def asked(smaller: Grown, larger: Grown) -> bool:
 
 
 def verdict(models: Sequence[Grown], failed: str) -> Growth:
-    """What is recommended.
+    """The recommendation.
 
     Args:
         models: of one mass, two, ..

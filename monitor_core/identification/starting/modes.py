@@ -52,10 +52,10 @@ def black_boxes(measured: Measured, masses: int) -> Iterator[tuple[str, Complexe
 
 
 def modal(measured: Measured, masses: int, poles: Complexes, residues: Complexes) -> Modal:
-    """The resonances that count most, and the rigid motion.
+    """The most important resonances, and the rigid motion.
 
     Raises:
-        ValueError: there are fewer than the chain must have.
+        ValueError: there are fewer than the chain needs.
     """
     h = measured.arx.interval_s
     good = np.abs(poles - 0.5) < 0.5 + 1e-3
@@ -74,7 +74,7 @@ def modal(measured: Measured, masses: int, poles: Complexes, residues: Complexes
 
 
 def _rigid(s: Complexes, height: Floats, low: float) -> float:
-    """Decay of the slow real pole; that of the angle's integrator is slower than any record tells."""
+    """Decay of the slow real pole; that of the integrator of an angle is slower than any record shows."""
     real = np.flatnonzero((s.imag == 0) & (s.real < -_SLOWEST * low) & (s.real > -20 * low))
     return float(-s[real[np.argmax(height[real])]].real) if real.size else low / 2
 

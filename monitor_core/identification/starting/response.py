@@ -1,11 +1,11 @@
-"""The records' frequency response, boiled down to a hundred points, on the unit circle and outside of it.
+"""The frequency response of the records, reduced to a hundred points, on the unit circle and outside of it.
 
-A simulation of the whole record takes a hundred times as long as the response of a model at a hundred frequencies.
-So starting values are sought with these, from an ARX model of high order, which knows how sure each of them is.
+A simulation of the whole record takes a hundred times as long as the response of a model at a hundred frequencies.  So
+starting values are found from the response of an ARX model of high order, with its uncertainty.
 
 Outside of the unit circle, at z = exp((sigma + j w) h), the response is that of signals weighted with exp(-sigma t):
-every resonance looks as if it were damped by sigma more.  There the peaks of a model that is far off still overlap
-with those of the record, and a search feels where they are.
+every resonance appears damped by sigma more.  There the peaks of a model that is far off still overlap with those of
+the record, which guides a search.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SHORTEST_S = 0.004
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What a model's response is to be: G (F,) at z (F,), with weights (F,) of the relative errors."""
+    """Required response of a model: G (F,) at z (F,), with weights (F,) of the relative errors."""
 
     z: Complexes
     G: Complexes
@@ -53,16 +53,16 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The response that records tell.
+    """The response in the records.
 
     Args:
         series: the records on a grid.
-        output: what was measured.
-        arx: where the response comes from.
+        output: the measured quantity.
+        arx: source of the response.
         frequency_hz: (F,) where it is known.
         sd: (F,) standard deviation of its relative error, |dG| / |G|.
-        expected: sum of squares of relative errors over ``sd`` that the right model has: as many as the ARX model has
-            parameters in that band.
+        expected: sum of squares of relative errors over ``sd`` of the right model: the number of parameters of the ARX
+            model in that band.
     """
 
     series: tuple[Regular, ...]
@@ -125,10 +125,10 @@ def regular(records: Sequence[Record]) -> tuple[Regular, ...]:
 
 
 def _excited(arx: Arx, series: Sequence[Regular], f: Floats) -> Bools:
-    """Where (F,) the torque has power that the record's own noise e did not drive through a controller.
+    """Frequencies (F,) at which the torque has power that was not caused by the noise e through a controller.
 
-    Elsewhere the ARX model does not know what it does not know: at no power at all, and in a closed loop where only
-    noise goes round, in which u and y show the controller, -1 / C, as sure as if they were free of noise.
+    Elsewhere the ARX model is overconfident: without power, and in a closed loop excited only by noise, in which u and
+    y show the controller, -1 / C.
     """
     own, power = np.zeros(f.size), np.zeros(f.size)
     for s in series:

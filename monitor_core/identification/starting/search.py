@@ -1,17 +1,17 @@
-"""From values that are wrong by factors to those whose frequency response is the measured one.
+"""From values that are wrong by factors to those that give the measured frequency response.
 
-The sum of squares of the relative errors of G has many minima: a resonance of the model that once sits on the wrong
-one of the record stays there.  Three things guide the search to the right one.
+The sum of squares of the relative errors of G has many minima: a resonance of the model that matches the wrong one of
+the record stays there.  Three measures guide the search:
 
-* It begins outside of the unit circle (see response.py), where the resonances are broad, and comes back in stages.
-* A Gaussian prior around the values given holds in each stage what that stage does not tell, so that nothing drifts
-  away; it is weakened from stage to stage and in the end there is none.
-* Where one damper has locked its spring (d -> infinity) or been lost (d -> 0), the others make up for it and the search
-  is stuck next to the right minimum.  Then all dampers are made alike, d = T k with one T, and held while the rest
-  finds its place.
+* It begins outside of the unit circle (see response.py), where the resonances are broad, and returns in stages.
+* A Gaussian prior around the given values holds what a stage does not determine; it is weakened from stage to stage,
+  and
+  there is none at the end.
+* Where one damper has locked its spring (d -> infinity) or been lost (d -> 0), the others compensate and the search is
+  stuck next to the right minimum.  Then all dampers are set to d = T k with one T, and held while the rest converges.
 
-What still fails starts again, around the values given, until the response is explained as well as it is known, or the
-same best values have come back several times.
+If this fails, the search starts again, around the given values, until the response is explained within its uncertainty,
+or the same best values have been found several times.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Found(NamedTuple):
 
 
 def explained(measured: Measured) -> float:
-    """A cost up to which a model is as good as the response is known."""
+    """The cost up to which a model explains the response within its uncertainty."""
     return measured.expected + _SLACK * float(np.sqrt(2 * measured.expected))
 
 
@@ -226,10 +226,10 @@ A search that ends early leaves steps out, so the number may leap.
 
 
 class Steps:
-    """Tells of steps done, each number once.
+    """Reports steps done, each number once.
 
     Args:
-        tell: whom; None: nobody.
+        tell: callback; None: no report.
         total: number of steps.
     """
 
@@ -237,11 +237,11 @@ class Steps:
         self._tell, self._of, self._done = tell, total, 0
 
     def reached(self, done: int) -> None:
-        """Tell of ``done`` steps of all, unless that is nothing new."""
+        """Report ``done`` steps, if that is new."""
         if self._tell and self._done < done <= self._of:
             self._done = done
             self._tell(done, self._of)
 
     def part(self, first: int, count: int) -> Callable[[int], None]:
-        """The same for the ``count`` steps after the ``first`` ones."""
+        """A reporter for the ``count`` steps after the ``first`` ones."""
         return lambda done: self.reached(first + min(done, count))

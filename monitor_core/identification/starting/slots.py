@@ -1,7 +1,7 @@
-"""Which parameters of a drive are which mass, spring and damper of the chain that the motor sees.
+"""The parameters of a drive that are masses, springs and dampers of the chain that the motor sees.
 
-Nothing is asked of names or of the order of states: the drive without dampers is taken apart by its own response, and
-a parameter with which one mass or one spring of that chain grows in proportion is that mass or spring.
+Names and order of states do not matter: the drive without dampers is decomposed by its own response, and a parameter
+with which one mass or one spring of that chain grows in proportion is that mass or spring.
 """
 
 from __future__ import annotations

@@ -60,9 +60,9 @@ def start(
 def fit_from_scratch(
     problem: Problem, records: Sequence[Record], *, progress: Progress | None = None
 ) -> Estimate:
-    """The fit from the records alone; the nominal values of what is free are not looked at.
+    """The fit from the records alone; the nominal values of free parameters are not used.
 
-    ``progress`` is called with steps done and how many there are at most.
+    ``progress`` is called with the steps done and their maximum.
 
     Raises:
         ValueError: as ``start`` and ``fit``.
@@ -77,12 +77,12 @@ def fit_from(
     *,
     progress: Progress | None = None,
 ) -> Estimate:
-    """The fit from values that may be far off; default: the problem's nominal ones.
+    """The fit from values that may be far off; default: the nominal ones of the problem.
 
-    ``progress`` is called with steps done and how many there are at most.
+    ``progress`` is called with the steps done and their maximum.
 
     Raises:
-        KeyError: values for what is not free.
+        KeyError: values for a parameter that is not free.
         ValueError: as ``start`` and ``fit``.
     """
     return _fit(problem, records, given or {}, progress)
@@ -120,7 +120,7 @@ def _from_given(
 def _from_records(
     problem: Problem, measured: Measured, reached: Callable[[int], None]
 ) -> tuple[Candidate, ...]:
-    """What costs least first: closed form, growth, search; the next where the one before leaves doubts."""
+    """The cheapest method first: closed form, growth, search; the next one where the result is doubtful."""
     slots = Slots(problem)
     found = list(_closed(problem, slots, measured))
     if _doubtful(found, measured):
@@ -199,9 +199,9 @@ class Candidate:
 
     Args:
         values: of all parameters of the drive.
-        origin: where they come from, in words.
+        origin: the method, in words.
         cost: squared relative errors of their frequency response over their variances.
-        expected: what that is for the right values, as far as the response is known.
+        expected: the cost of the right values, within the uncertainty of the response.
     """
 
     values: Mapping[str, float]

@@ -1,8 +1,8 @@
-"""The kinds of components that a drive is drawn from: flanges, parameters, equations.
+"""The kinds of components of a drive: flanges, parameters, equations.
 
-One definition serves drawings (drawing.py) and Modelica texts (modelica/).  Names, signs and equations are those of
+One definition serves drawings (drawing/) and Modelica texts (modelica/).  Names, signs and equations are those of
 Modelica's standard library: ``tau`` of a flange is the torque that acts on the component there, and angles count from
-rest, where no spring is tensioned.
+rest, where no spring is under tension.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from monitor_core.modeling.laurent import Laurent
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """A parameter in a component, with the unit that it must have ("": any).
+    """A parameter of a kind of component, with its required unit ("": any).
 
-    ``positive``: zero or less makes no sense.  ``signed``: a number given here may be negative all the same (a gear
-    that reverses), but not zero.
+    ``positive``: zero or less makes no sense.  ``signed``: a number given here may still be negative (a gear that
+    reverses), but not zero.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Role:
     signed: bool = False
 
     def problem(self, value: float) -> str:
-        """What is wrong with a value ("must be greater than zero"); empty where nothing is."""
+        """What is wrong with a value ("must be greater than zero"); empty if it is valid."""
         if not abs(value) < float("inf"):
             return "must be finite"
         if self.positive and value == 0:
@@ -65,8 +65,8 @@ class Kind:
 def fragment(kind: Kind, name: str, parameters: Mapping[str, Laurent], origin: Origin) -> Fragment:
     """Variables, equations, inputs and sensors of a component, all named "<name>.<what>".
 
-    A signal into the component is a variable here; where nothing is connected to the ``tau`` of a torque, it is
-    the measured one: ``Fragment.measured``.
+    A signal into the component is a variable here; the ``tau`` of a torque without a connection is the measured one:
+    ``Fragment.measured``.
 
     Raises:
         ModelError: a parameter is missing.
@@ -101,7 +101,7 @@ def _fixed(c: Builder) -> None:
 
 
 def _compliant(c: Builder) -> tuple[Linear, Linear]:
-    """The deflection, and the torque that goes through from flange_b to flange_a."""
+    """The deflection, and the torque from flange_b to flange_a."""
     at_a, at_b = c.flange("flange_a"), c.flange("flange_b")
     phi_rel = c.variable("phi_rel", "rad", relative=True)
     tau = c.variable("tau", "N m")

@@ -1,4 +1,4 @@
-"""Connected flanges turn by the same angle, and the torques there add up to zero."""
+"""Connections: connected flanges have the same angle, and their torques add up to zero."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from monitor_core.modeling.flat import FlatEquation, Origin
 class End:
     """A flange ("motor.flange_a") as seen from a connection.
 
-    ``outside``: the connection is inside the component that the flange belongs to (Modelica's hierarchical models);
-    the flow then has the other sign.
+    ``outside``: the connection is inside the component that the flange belongs to (Modelica's hierarchical models); the
+    flow then has the other sign.
     """
 
     flange: str
@@ -23,7 +23,7 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A connection set: ends that are connected, the set's name (that of a node), and where it was drawn."""
+    """A connection set: connected flanges, the name of the set (of a node), and where it was drawn."""
 
     name: str
     ends: tuple[End, ...]
@@ -31,11 +31,11 @@ class Joint:
 
 
 def connect(joints: Iterable[Joint], flanges: Iterable[str] = ()) -> tuple[FlatEquation, ...]:
-    """The equations of all connections; joints that share an end are one.
+    """The equations of all connections; joints that share a flange are one.
 
     Args:
-        joints: what is connected.
-        flanges: all flanges of the drive; on one that no joint has from outside of its component, no torque acts.
+        joints: connection sets.
+        flanges: all flanges of the drive; no torque acts on one without a connection from outside of its component.
     """
     sets = merged(joints)
     connected = {end.flange for joint in sets for end in joint.ends if not end.outside}
@@ -44,7 +44,7 @@ def connect(joints: Iterable[Joint], flanges: Iterable[str] = ()) -> tuple[FlatE
 
 
 def merged(joints: Iterable[Joint]) -> list[Joint]:
-    """Joints without a common end: those with one are put together, under the first's name and origin."""
+    """Connection sets without common flanges: those with one are merged, under the name and origin of the first."""
     sets: dict[int, Joint] = {}
     home: dict[End, int] = {}
     for number, new in enumerate(joints):

@@ -1,4 +1,4 @@
-"""What a component brings to the flat model, and the builder that its equations are written with."""
+"""The part of a component in the flat model, and the builder for its equations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from monitor_core.modeling.laurent import Laurent
 
 @dataclass(frozen=True, slots=True)
 class Fragment:
-    """Part of a flat model: what one component, or several, bring along."""
+    """Part of a flat model, of one component or several."""
 
     variables: tuple[FlatVariable, ...] = ()
     equations: tuple[FlatEquation, ...] = ()
@@ -29,7 +29,7 @@ class Fragment:
 
 
 def join(fragments: Iterable[Fragment]) -> Fragment:
-    """All of them together; an input that several share (the constant 1) is there once."""
+    """All fragments together; a shared input (the constant 1) is included once."""
     parts = tuple(fragments)
     inputs: dict[str, FlatInput] = {}
     for part in parts:
@@ -52,7 +52,7 @@ class Flange:
 
 
 class Builder:
-    """What ``physics`` writes into: each call adds to the fragment and returns the quantity."""
+    """The interface of ``physics``: each call adds to the fragment and returns the quantity."""
 
     def __init__(self, name: str, parameters: Mapping[str, Laurent], origin: Origin) -> None:
         self.name, self.parameters, self.origin = name, parameters, origin

@@ -1,6 +1,6 @@
-"""Units: read, written, multiplied.
+"""Units: parsed, written, multiplied.
 
-Everything is in SI units without prefixes.  Radians are written where they belong, but they are a number: a stiffness
+Everything is in SI units without prefixes.  Radians are written where they belong, but count as a number: a stiffness
 (N m/rad) and a torque (N m) have the same dimension.
 """
 

@@ -1,4 +1,4 @@
-"""The units of parameters: found from where a parameter is used, and checked."""
+"""Units of parameters: inferred from where a parameter is used, and checked."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Dimension", "Use", "infer", "parse", "unit_of"]
 
 
 class Use(NamedTuple):
-    """A parameter of a component: what was written there, the unit that it must have ("": any), and where it is.
+    """A use of a parameter in a component: the text there, the required unit ("": any), and the place.
 
     ``role`` and ``meaning`` ("J", "inertia") are for messages.
     """
@@ -32,7 +32,7 @@ class Use(NamedTuple):
 
 
 def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
-    """The unit of every parameter that occurs: as declared, or as its uses require; "" where neither says.
+    """The unit of every parameter that occurs: as declared, or as its uses require; "" where neither is known.
 
     A number has no unit, except alone, or as a summand, where it stands for a parameter.
 
@@ -41,7 +41,7 @@ def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({}
         declared: units that the user gave to parameters; "" is none.
 
     Raises:
-        ModelError: a unit cannot be read, or a parameter's uses do not fit together.
+        ModelError: a unit cannot be read, or the uses of a parameter contradict each other.
     """
     found = _Found()
     for name, unit in declared.items():
@@ -73,7 +73,7 @@ def unit_of(value: Laurent, units: Mapping[str, str]) -> str:
 
 
 class _Found:
-    """The dimensions found so far, and for each parameter which use of it said so."""
+    """The dimensions found so far, and the use that determined each parameter."""
 
     def __init__(self) -> None:
         self.dimension: dict[str, Dimension] = {}
@@ -92,14 +92,14 @@ class _Found:
         return product
 
     def target(self, use: Use) -> Dimension | None:
-        """What every summand must be: as required, else as the first that is known."""
+        """The dimension of every summand: as required, otherwise that of the first known one."""
         if use.unit:
             return parse(use.unit)
         known = (self.dimension_of(monomial) for monomial, _ in use.value if monomial)
         return next((dimension for dimension in known if dimension), None)
 
     def learn(self, use: Use) -> bool:
-        """Solve each summand in which one name is unknown; true if there was one."""
+        """Determine the unknown name of each summand with only one; true if there was any."""
         target, before = self.target(use), len(self.dimension)
         for monomial, _ in use.value if target else ():
             unknown = [(name, e) for name, e in monomial if name not in self.dimension]
@@ -114,7 +114,7 @@ class _Found:
             self.add(name, dimension, str(use))
 
     def check(self, use: Use) -> None:
-        """Every summand that is known must be what is required."""
+        """Every known summand must have the required dimension."""
         target = self.target(use)
         for monomial, _ in use.value if target else ():
             dimension = self.dimension_of(monomial)

@@ -1,6 +1,6 @@
-"""Components as a user draws them: a name, the nodes that its flanges are at, and what its parameters are.
+"""Components as a user draws them: a name, the nodes of its flanges, and its parameters.
 
-A parameter is a string (a name, or an expression such as "1/r" or "m*l^2") or a number; left out, it is called
+A parameter is a string (a name, or an expression such as "1/r" or "m*l^2") or a number; without one, its name is
 "<component>.<role>".  The node "ground" does not turn.
 """
 
@@ -19,7 +19,7 @@ Value: TypeAlias = str | float
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component of a drawing; ``parameters`` are those that were given, by role."""
+    """A component of a drawing; ``parameters`` are the given ones, by role."""
 
     kind: Kind
     name: str
@@ -51,12 +51,12 @@ def Damper(name: str, node_a: str, node_b: str, *, d: Value | None = None) -> Pa
 def SpringDamper(
     name: str, node_a: str, node_b: str, *, c: Value | None = None, d: Value | None = None
 ) -> Part:
-    """A spring of stiffness c [N m/rad] and beside it a damper d [N m s/rad]."""
+    """A spring of stiffness c [N m/rad] parallel to a damper d [N m s/rad]."""
     return _part("spring-damper", name, (node_a, node_b), c=c, d=d)
 
 
 def IdealGear(name: str, node_a: str, node_b: str, *, ratio: Value | None = None) -> Part:
-    """A gear without losses: the angle at node_a is ratio [1] times the angle at node_b."""
+    """A lossless gear: the angle at node_a is ratio [1] times the angle at node_b."""
     return _part("ideal-gear", name, (node_a, node_b), ratio=ratio)
 
 
@@ -81,7 +81,7 @@ def TorqueOffset(name: str, node: str, *, tau0: Value | None = None) -> Part:
 
 
 def Torque(name: str, node: str, *, kT: Value | None = None) -> Part:
-    """The measured motor torque, times the torque constant kT [1] relative to what the controller reckons with."""
+    """The measured motor torque, times the torque constant kT [1] relative to that of the controller."""
     return _part("torque", name, (node,), kT=kT)
 
 
@@ -111,10 +111,10 @@ def parts_of(tables: Sequence[Mapping[str, object]], origins: Sequence[Origin]) 
 
     Args:
         tables: keys ``type``, ``name``, ``at`` (a node, or a list of them), and the component's parameters.
-        origins: where each table stands.
+        origins: place of each table.
 
     Raises:
-        ModelError: a key is missing, unknown, or not of the right kind; the type is unknown.
+        ModelError: a key is missing, unknown, or of the wrong type; the type is unknown.
     """
     for number, (table, origin) in enumerate(zip(tables, origins, strict=True), 1):
         named = replace(origin, component=f"component {number}")

@@ -1,4 +1,4 @@
-"""Parts at nodes -> flat equations."""
+"""From components at nodes to flat equations."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _NAME = re.compile(r"[^\W\d]\w*")
 class Drawing:
     """A drive.
 
-    ``nominal``: values of parameters (SI).  ``meanings``: parameters in the user's words, in the order in which they
-    are to be listed; the others follow as they occur.  ``units``: of parameters whose unit their use does not tell.
+    ``nominal``: values of parameters (SI).  ``meanings``: parameters in the user's words, in the order of lists; the
+    others follow as they occur.  ``units``: of parameters whose use does not determine the unit.
     """
 
     name: str
@@ -39,8 +39,9 @@ class Drawing:
         """All equations of the drive, and its parameters with units, values and meanings.
 
         Raises:
-            ModelError: a name is there twice or is none; a component cannot be connected like that; a parameter's
-                expression, value or unit is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
+            ModelError: a name is used twice or is invalid; a component cannot be connected like this; an expression,
+                value or
+                unit of a parameter is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
         """
         parts = self._grounded()
         _check(parts, self.origin)
@@ -73,15 +74,16 @@ def from_tables(
     origins: Sequence[Origin] | None = None,
     origin: Origin | None = None,
 ) -> Drawing:
-    """A drawing from a configuration file's list of components.
+    """A drawing from the list of components of a configuration file.
 
     Args:
         name: of the drive.
-        tables: one for each component, ``{type = "inertia", name = "motor", at = "shaft", J = "Jm"}``; ``at`` is a
-            list of two nodes where a component has two flanges.
+        tables: one for each component, ``{type = "inertia", name = "motor", at = "shaft", J = "Jm"}``; ``at`` is a list
+            of
+            two nodes where a component has two flanges.
         nominal: values of parameters (SI).
-        origins: where each table stands, for messages.
-        origin: where the list stands.
+        origins: place of each table, for messages.
+        origin: place of the list.
 
     Raises:
         ModelError: a table does not describe a component.
@@ -126,7 +128,7 @@ def _check_nodes(part: Part) -> None:
 
 
 def _fragment(part: Part, read: Sequence[Entry]) -> Fragment:
-    """Equations of a component; a torque is the measured one, as no signals can be drawn."""
+    """Equations of a component; a torque is the measured one, as drawings have no signals."""
     new = fragment(part.kind, part.name, _expressions(read), part.origin)
     for signal in part.kind.signals_in:
         new = new.measured(f"{part.name}.{signal}")
@@ -134,7 +136,7 @@ def _fragment(part: Part, read: Sequence[Entry]) -> Fragment:
 
 
 def _joints(parts: Sequence[Part]) -> Iterator[Joint]:
-    """One for each node.  Of an inertia with both flanges at one node the second stays free: it is rigid."""
+    """A connection set for each node.  The second flange of an inertia at one node stays free: it is rigid."""
     ends: dict[str, list[End]] = {}
     for part in parts:
         for node, flange in zip(dict.fromkeys(part.nodes), part.kind.flanges, strict=False):

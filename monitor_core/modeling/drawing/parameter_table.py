@@ -1,4 +1,4 @@
-"""The parameters of a drawing: from what stands in its components to a table with units, values and meanings."""
+"""The parameters of a drawing: a table with units, values and meanings from the expressions in its components."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A parameter of a component: its role there, the expression, and a value that stands there as a number."""
+    """A parameter of a component: its role, the expression, and its value if it is a number."""
 
     role: Role
     value: Laurent
@@ -28,20 +28,20 @@ class Entry:
 
     @property
     def place(self) -> str:
-        """Such as: inertia of the motor."""
+        """For example: inertia of the motor."""
         return f"{self.role.meaning} of the {self.part.name.replace('_', ' ')}"
 
     @property
     def is_name(self) -> bool:
-        """The parameter stands there by its name alone."""
+        """Whether the expression is only the name of a parameter."""
         return len(self.value.names) == 1 and self.value == Laurent.symbol(next(iter(self.value.names)))
 
 
 def entries(part: Part) -> list[Entry]:
-    """What the parameters of a component are.
+    """Expressions of the parameters of a component.
 
     Raises:
-        ModelError: a role that the component does not have; an expression or a number that is none.
+        ModelError: a role that the component does not have; an invalid expression or number.
     """
     known = {role.name: role for role in part.kind.roles}
     for name in part.parameters:
@@ -76,8 +76,8 @@ def parameters(
     """Every parameter once, in the order of ``meanings``, then as they occur.
 
     Raises:
-        ModelError: uses of a parameter whose units do not fit together; a value that is not finite, or not positive
-            where it must be; a name in ``nominal``, ``meanings`` or ``units`` that does not occur.
+        ModelError: contradicting units of the uses of a parameter; a value that is not finite, or not positive where it
+            must be; a name in ``nominal``, ``meanings`` or ``units`` that does not occur.
     """
     every = [entry for component in read for entry in component]
     names = dict.fromkeys(name for entry in every for name in sorted(entry.value.names))
@@ -111,9 +111,9 @@ def _parameter(
 
 
 def is_positive(name: str, uses: Iterable[tuple[Role, Laurent]], value: float | None) -> bool:
-    """True where the parameter is a factor, to an odd power, of something positive.
+    """Whether the parameter is a factor, to an odd power, of something positive.
 
-    To an even power, or in a gear ratio, it may be negative if its value says so.
+    To an even power, or in a gear ratio, it may be negative if its value is.
     """
     for role, expression in uses:
         if role.positive and expression.is_unit:
@@ -125,7 +125,7 @@ def is_positive(name: str, uses: Iterable[tuple[Role, Laurent]], value: float | 
 
 
 def _check_values(every: Sequence[Entry], values: Mapping[str, float]) -> None:
-    """Expressions must be what their roles require, where all values are known."""
+    """Expressions must satisfy their roles, where all values are known."""
     for entry in every:
         if entry.value.names <= values.keys():
             try:

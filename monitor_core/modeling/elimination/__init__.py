@@ -1,12 +1,12 @@
-"""From the flat equations of a drive to its minimal state space, with no list of variables made by hand.
+"""From the flat equations of a drive to its minimal state space, without a manual choice of variables.
 
-    flat equations -> substitution of all that an equation of itself gives (substitution.py)
+    flat equations -> substitution of every variable that one equation determines (substitution.py)
       -> explicit balances of torques (balances.py)
       -> relative angles and speeds as states (states.py, minimal.py)
-      -> what no sensor sees left out (pruning.py)
+      -> states that no sensor observes are left out (pruning.py)
 
-Laurent sums suffice for every drive with one inertia at each node.  Where a sum would have to be divided by, it
-becomes a merged parameter (balances.py, for inertias), or all is done again with rational functions (rational.py).
+Laurent sums suffice for every drive with one inertia at each node.  A sum in a denominator becomes a merged parameter
+(balances.py, for inertias), or everything is repeated with rational functions (rational.py).
 """
 
 from monitor_core.modeling.elimination.reduce import eliminate

@@ -1,7 +1,7 @@
-"""From the rows that substitution leaves to explicit balances: one row for the highest derivative of each angle.
+"""From the rows left by the substitution to explicit balances: one row for the highest derivative of each angle.
 
-s^2 phi_j = sum of (c s phi_i), (c phi_i), (c u)      where an inertia moves with phi_j
-s   phi_l = ...                                       massless, between dampers
+s^2 phi_j = sum of (c s phi_i), (c phi_i), (c u)      where an inertia moves with phi_j s   phi_l = ...
+massless, between dampers
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class Balances:
 
 
 def balances_of(system: System) -> Balances:
-    """Substitute all, then solve for the highest derivatives.
+    """Substitute, then solve for the highest derivatives.
 
     Raises:
-        ModelError: too few or too many equations, or no way to solve them.
+        ModelError: too few or too many equations, or no solution.
         NotLaurentError: rational coefficients are needed.
     """
     while True:
@@ -70,9 +70,9 @@ def _solve_for(system: System, power: int, names: list[str], used: Collection[in
 
 
 def _merge(system: System, operator: Operator, power: int) -> None:
-    """Inertias rigidly joined: their sum, which stands nowhere else, becomes one parameter: J1 + r^2 J2.
+    """Rigidly joined inertias: their sum, if it occurs nowhere else, becomes one parameter: J1 + r^2 J2.
 
-    Where all of its parts stand elsewhere, too, it would not be independent of them: left to rational functions.
+    If all of its parts occur elsewhere, too, it would depend on them: this is left to rational functions.
     """
     c = operator[power]
     if is_unit(c) or not isinstance(c, Laurent):
@@ -91,7 +91,7 @@ def _merge(system: System, operator: Operator, power: int) -> None:
 
 
 def _occurring(system: System, but: Operator) -> set[str]:
-    """The parameters that stand in any other operator."""
+    """The parameters that occur in any other operator."""
     rows = [line.row for line in system.lines] + list(system.watched.values())
     operators = (operator for row in rows for operator in row.values() if operator is not but)
     return {name for operator in operators for c in operator.values() for name in c.names}
@@ -131,7 +131,7 @@ def _check_shape(system: System) -> None:
 
 
 def _check_progress(system: System, left: list[int]) -> None:
-    """Rows without a derivative of their own: substitution goes on with those that are free of s now."""
+    """Check that rows without a derivative are solvable: substitution continues with those free of s now."""
     for k in left:
         line = system.lines[k]
         if all(degree(op) == 0 for op in line.row.values()):
@@ -146,7 +146,7 @@ def _check_progress(system: System, left: list[int]) -> None:
 
 
 def _check_answered(system: System, line: Line) -> None:
-    """A torque on what only springs hold turns it at once: no substitution gets rid of its angle."""
+    """A torque on a part held only by springs turns it at once: no substitution eliminates its angle."""
     if not system.inputs.isdisjoint(line.row):
         moving = {name for other in system.lines for name, op in other.row.items() if degree(op) > 0}
         jumping = min(line.row.keys() - system.inputs, key=lambda name: (name in moving, name))

@@ -19,7 +19,7 @@ Dense = dict[tuple[int, int], Coefficient]
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What the elimination had before it and left, counted."""
+    """Counts before and after the elimination."""
 
     equations: int
     variables: int
@@ -29,10 +29,10 @@ class Counts:
 
 @dataclass
 class Reduction:
-    """All that is known after the substitution, and the matrices made of it.
+    """The result of the substitution, and the matrices computed from it.
 
-    ``stiff``: the relative angles of springs.  ``far``: distance of each variable from the motor.
-    ``definitions``: inertias that were merged.
+    ``stiff``: the relative angles of springs.  ``far``: distance of each variable from the motor. ``definitions``:
+    inertias that were merged.
     """
 
     flat: FlatModel
@@ -46,12 +46,12 @@ class Reduction:
 
     @cached_property
     def unit(self) -> Coefficient:
-        """1, in the ring at hand."""
+        """1, in the ring of the coefficients."""
         return Laurent.number(1) if self.field is None else self.field.element(Laurent.number(1))
 
     @cached_property
     def order(self) -> dict[str, int]:
-        """The angles that move, and their rank by distance from the motor."""
+        """The moving angles, and their rank by distance from the motor."""
         declared = {v.name: k for k, v in enumerate(self.flat.variables)}
         angles = [*self.balances.masses, *self.balances.massless]
         ranked = sorted(angles, key=lambda name: (self.far.get(name, len(self.far)), declared[name]))
@@ -69,7 +69,7 @@ class Reduction:
 
     @cached_property
     def positions(self) -> Basis:
-        """Deflections first, then the angles that sensors measure and deflections do not give."""
+        """Deflections first, then the angles that sensors measure and deflections do not determine."""
         drawn = sorted(self.stiff, key=lambda name: self.far.get(name, len(self.far)))
         candidates = [angles_of(self.balances.watched[name], self.order) for name in drawn]
         basis = deflections(self.balances, [c for c in candidates if c], self.order)
@@ -100,7 +100,7 @@ class Reduction:
         return len(self.positions.rows) + len(self.masses)
 
     def angle_of(self, variable: str) -> Angles:
-        """An angle in terms of those that are left."""
+        """An angle as a combination of the remaining ones."""
         return angles_of(self.balances.watched[variable], self.order)
 
     def A_B(self) -> tuple[Dense, Dense]:

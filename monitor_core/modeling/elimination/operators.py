@@ -19,12 +19,12 @@ Row = dict[str, Operator]
 
 
 def is_unit(c: Coefficient) -> bool:
-    """Can be divided by within its ring."""
+    """Whether division by it stays within its ring."""
     return c.is_unit if isinstance(c, Laurent) else bool(c)
 
 
 def is_number(c: Coefficient) -> bool:
-    """Has no parameter in it."""
+    """Whether it contains no parameter."""
     return c.is_number if isinstance(c, Laurent) else bool(c.numer.is_ground and c.denom.is_ground)
 
 
@@ -34,7 +34,7 @@ def degree(operator: Operator) -> int:
 
 
 def add_multiple(row: Row, factor: Operator, other: Row) -> None:
-    """Row += factor * other, in place; what becomes zero goes."""
+    """Row += factor * other, in place; zero coefficients are removed."""
     for name, operator in other.items():
         target = row.setdefault(name, {})
         for i, a in factor.items():

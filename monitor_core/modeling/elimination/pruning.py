@@ -1,4 +1,4 @@
-"""The last step: what the torque does not move or the sensors do not see is left out, and said."""
+"""The last step: parts that the torque does not move or the sensors do not observe are left out, with a note."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MATRICES = ("A", "B", "C", "rest", "ratio")
 
 
 def pruned(reduction: Reduction) -> StateSpace:
-    """The state space of the part that the inputs move and the sensors see.
+    """The state space of the part that the inputs move and the sensors observe.
 
     Raises:
         ModelError: the torque does not reach the sensors.
@@ -107,7 +107,7 @@ def _state_space(
 def _laurent(
     reduction: Reduction, matrices: dict[str, Dense]
 ) -> tuple[dict[str, Entries], dict[str, Laurent]]:
-    """The matrices in Laurent sums, and what the merged parameters in them are."""
+    """The matrices in Laurent sums, and the definitions of merged parameters in them."""
     if reduction.field is None:
         entries = [c for matrix in matrices.values() for c in matrix.values()]
         return dict(matrices), needed(reduction.definitions, entries)
@@ -221,7 +221,7 @@ def _spread(found: Angles, links: Sequence[Angles]) -> Angles:
 
 
 def total(angles: Angles, rigid: Angles) -> Coefficient | None:
-    """A combination of angles while the drive moves rigidly; None where that is zero or not known."""
+    """A combination of angles in rigid motion; None where that is zero or not known."""
     terms = [c * rigid[name] for name, c in angles.items() if name in rigid]
     if len(terms) < len(angles) or not terms:
         return None

@@ -1,9 +1,9 @@
 """Rational functions where Laurent sums do not suffice, and the way back: merged parameters.
 
-Two inertias that are rigidly joined act as J1 + r^2 J2 only, two springs in series as k1 k2/(k1 + k2): entries of A and
-B then have sums in their denominators.  Such a sum is made a parameter of its own, q, and the entries are Laurent sums
-again.  q depends on the parameters it is made of; where these occur elsewhere, too, either they and q occur only as one
-product, which becomes the parameter, or one of them is replaced by its solution from q.  Both are exact.
+Two rigidly joined inertias act only as J1 + r^2 J2, two springs in series as k1 k2/(k1 + k2): then entries of A and B
+have sums in their denominators.  Such a sum becomes a parameter of its own, q, and the entries are Laurent sums again.
+q depends on its parts.  Where these occur elsewhere, too, either they and q occur only as one product, which becomes
+the parameter, or one of them is replaced by its solution from q.  Both are exact.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ def _replace(merging: Merging, name: str, part: str) -> bool:
 
 
 def needed(definitions: Mapping[str, Laurent], entries: Iterable[Laurent]) -> dict[str, Laurent]:
-    """The definitions that the entries stand on, directly or through others, in order."""
+    """The definitions that the entries need, directly or indirectly, in order."""
     wanted = {n for entry in entries for n in entry.names}
     for name in reversed(list(definitions)):
         if name in wanted:

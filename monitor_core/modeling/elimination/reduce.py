@@ -1,4 +1,4 @@
-"""The steps of the elimination, one after the other."""
+"""The steps of the elimination in order."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ MOST_RATIONAL_EQUATIONS = 900
 
 
 def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
-    """The minimal state space of a drive; ``output`` goes before what its sensors were drawn to measure.
+    """The minimal state space of a drive; ``output`` replaces the drawn quantity of its sensors.
 
     Raises:
-        ModelError: the drive has no torque, no sensor, no path between them, is locked, or its equations cannot
-            be solved; the text names the component.
+        ModelError: the drive has no torque, no sensor, no path between them, is locked, or its equations cannot be
+            solved;
+            the text names the component.
     """
     _check_complete(flat)
     try:
@@ -95,20 +96,20 @@ def _row(terms: Mapping[Symbol, Laurent]) -> Row:
 
 
 def _keep(flat: FlatModel, far: dict[str, int]) -> dict[str, tuple[int, ...]]:
-    """What to keep: inertias' angles before others before deflections, near the motor before far, drawn first."""
+    """Preference of variables to keep: angles of inertias, others, deflections; near the motor first; drawn first."""
     return {
         v.name: (v.prefer - v.relative, -far.get(v.name, len(far)), -k) for k, v in enumerate(flat.variables)
     }
 
 
 def _torques(flat: FlatModel) -> set[str]:
-    """All that is not a motion."""
+    """All variables that are not a motion."""
     moving = {v.name for v in flat.variables if v.unit.startswith("rad")}
     return {v.name for v in flat.variables if v.name not in moving} | {u.name for u in flat.inputs}
 
 
 def _watched(flat: FlatModel, field: Field | None) -> dict[str, Row]:
-    """Deflections, the angles of sensors and those that inputs depend on: what must be known in the end."""
+    """Deflections, the angles of sensors and those that inputs depend on: they must be known in the end."""
     unit = Laurent.number(1) if field is None else field.element(Laurent.number(1))
     names = [v.name for v in flat.variables if v.relative]
     names += [s.angle for s in flat.sensors] + [u.angle for u in flat.inputs if u.angle]

@@ -1,7 +1,7 @@
 """The choice of states: relative angles, speeds, and an absolute angle only where a sensor needs it.
 
-Springs see differences of angles only.  The deflections that the balances contain are expressed in as few independent
-ones as span them, and take the place of the absolute angles, which nothing else depends on (paper, section 2).
+Springs depend on differences of angles only.  The deflections in the balances are expressed by as few independent ones
+as span them, which replace the absolute angles, as nothing else depends on these (paper, section 2).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Basis:
         return coordinates, rest
 
     def extend(self, row: Angles, order: Mapping[str, int]) -> bool:
-        """Add the row, or what of it is independent of the basis; whether anything is."""
+        """Add the part of the row that is independent of the basis; returns whether there is any."""
         coordinates, rest = self.express(row)
         if not rest:
             return False

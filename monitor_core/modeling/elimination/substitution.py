@@ -1,12 +1,12 @@
-"""From flat equations to torque balances: substitution, exact, of all that an equation of itself gives.
+"""From flat equations to torque balances: exact substitution of every variable that one equation determines.
 
-With s = d/dt the flat equations are rows of polynomials in s.  A variable that a row holds with a coefficient free of s
-that can be divided by is solved for and substituted everywhere.  Such a step loses and adds no solution, also where
-inertias are rigidly coupled: no list of variables to eliminate is needed, and nothing has to be differentiated by hand.
+With s = d/dt the flat equations are rows of polynomials in s.  A variable whose coefficient in a row is free of s and
+can be divided by is solved for and substituted everywhere.  Such a step loses and adds no solution, also where inertias
+are rigidly coupled: no list of variables to eliminate is needed, and nothing has to be differentiated by hand.
 
 Every variable has an order, angle 0, speed 1, acceleration and torque 2, and a step must not raise it: a torque is
-eliminated by the law of its spring (c phi + d s phi), never an angle by a torque.  What remains are the balances
-M s^2 phi + D s phi + K phi = torques of as many angles as can move by themselves.
+eliminated by the law of its spring (c phi + d s phi), never an angle by a torque.  The result is the balances M s^2 phi
++ D s phi + K phi = torques of as many angles as can move independently.
 """
 
 from __future__ import annotations

@@ -1,11 +1,13 @@
-"""What can be seen of a drive's parameters, whatever the record: by its structure and its sensors alone.
+"""Structural identifiability: which parameters the sensors can determine at all, from any record.
 
-jacobian.py   the derivatives of the Markov parameters C A^k B, modulo a prime
-lattice.py    small integer vectors from spaces modulo a prime
-products.py   sums, products of powers and entries that can be seen: "J1 + J2", "kT/Jm"
-naming.py     of these, enough to say all
-structural.py the result
-wording.py    what it says in words
+By the rank of the derivatives of the transfer function at random points.  The arithmetic is modulo a prime, so the rank
+needs no tolerance, and combinations such as "kT/Jm" are recovered exactly.
+
+* ``jacobian``: the derivatives of the Markov parameters C A^k B
+* ``lattice``: small integer vectors from spaces modulo a prime
+* ``products``: sums, products of powers and entries that are identifiable: "J1 + J2", "kT/Jm"
+* ``combination_names``: as many of these as are needed
+* ``structural``: the result; ``sentences_on_identifiability``: in words
 """
 
 from monitor_core.modeling.identifiability.structural import Identifiability, structural

@@ -47,14 +47,14 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
 
 
 def without_variables(value: Linear) -> Laurent | None:
-    """The constant that it is; None if it has variables in it."""
+    """The constant part; None if there are variables."""
     if any(name != CONSTANT for name, _ in value.terms):
         return None
     return value.terms.get((CONSTANT, 0), Laurent())
 
 
 def number_of(value: Laurent, origin: Origin) -> float:
-    """The number that a constant without parameters is.
+    """The number of a constant without parameters.
 
     Raises:
         ModelError: it is too large.

@@ -1,4 +1,4 @@
-"""Which class of the texts is the drive."""
+"""The choice of the class of the texts that is the drive."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from monitor_core.modeling.modelica.syntax import ClassDef, Text
 
 
 def choose(texts: Sequence[Text], names: Names, model: str | None) -> ClassDef:
-    """The class of that name, else the only model that no other class of the texts uses or extends.
+    """The class of that name, otherwise the only model that no other class of the texts uses or extends.
 
     Raises:
         ModelError: there is none, or several.
@@ -64,7 +64,7 @@ def _used_by(cls: ClassDef, names: Names) -> Iterator[ClassDef]:
 
 
 def _reaches(start: ClassDef, end: ClassDef, uses: dict[ClassDef, set[ClassDef]]) -> bool:
-    """Whether a class uses another one, be it by way of others."""
+    """Whether a class uses another one, directly or indirectly."""
     front, seen = {start}, set[ClassDef]()
     while front:
         seen |= front

@@ -1,4 +1,4 @@
-"""Conditions of components: known before anything is solved."""
+"""Conditions of components, evaluated before anything is solved."""
 
 from __future__ import annotations
 

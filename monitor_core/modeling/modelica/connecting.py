@@ -1,4 +1,4 @@
-"""connect(a, b): which connectors are meant, flanges to flanges and signals to signals."""
+"""connect(a, b): finds the connectors, and connects flanges to flanges and signals to signals."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from monitor_core.modeling.modelica.syntax import Connect, Name
 
 @dataclass
 class Groups:
-    """Sets that grow together; each element belongs to exactly one."""
+    """Disjoint sets that are merged (union-find)."""
 
     leader: dict[str, str] = field(default_factory=dict)
 
     def root(self, name: str) -> str:
-        """The element that stands for the whole set."""
+        """The representative of the set of an element."""
         top = name
         while (above := self.leader.get(top, top)) != top:
             top = above
@@ -28,13 +28,13 @@ class Groups:
         return top
 
     def join(self, a: str, b: str) -> bool:
-        """Put two sets together; false if they were one already."""
+        """Merge two sets; false if they were one already."""
         first, second = self.root(a), self.root(b)
         self.leader[second] = first
         return first != second
 
     def members(self, names: Iterable[str]) -> dict[str, list[str]]:
-        """The sets among these names, each under the element that stands for it."""
+        """The sets among these names, by representative."""
         sets: dict[str, list[str]] = {}
         for name in names:
             sets.setdefault(self.root(name), []).append(name)
@@ -73,7 +73,7 @@ class Wiring:
 
 
 def _connector(name: Name, scope: Scope) -> Instance | None:
-    """The connector that is meant; None if it is switched off."""
+    """The connector; None if it is switched off."""
     origin, where = scope.origin(name.line), scope.instance
     for part in name.parts:
         if part in where.absent:

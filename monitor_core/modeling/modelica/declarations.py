@@ -149,7 +149,7 @@ class _Builder:
         )
 
     def modification(self, ctx: Any) -> tuple[tuple[Modification, ...], Expression | None]:
-        """What is in the brackets, and the value behind them."""
+        """The modification in brackets, and the value after it."""
         if ctx is None:
             return (), None
         brackets = getattr(ctx, "class_modification", None)

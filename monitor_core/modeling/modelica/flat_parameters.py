@@ -27,7 +27,7 @@ class Entry:
 
     @property
     def place(self) -> str:
-        """Such as: inertia of the motor."""
+        """For example: inertia of the motor."""
         return f"{self.role.meaning} of the {self.part.origin.component}"
 
 
@@ -38,12 +38,12 @@ def flat_parameters(
     values: Values,
     known: Mapping[str, str],
 ) -> tuple[FlatParameter, ...]:
-    """All parameters that occur in the equations, in the order in which they are declared.
+    """All parameters that occur in the equations, in the order of their declaration.
 
-    ``known``: units that are declared, or that the user's own equations tell.
+    ``known``: units that are declared, or that the user's own equations determine.
 
     Raises:
-        ModelError: units that do not fit; a value that makes no sense (an inertia of zero).
+        ModelError: contradicting units; a value that makes no sense (an inertia of zero).
     """
     occurring = {name for e in equations for c in e.terms.values() for name in c.names}
     written = {i.path: i for i in model.tree() if i.base == "Real" and i.is_parameter and i.path in occurring}
@@ -126,8 +126,8 @@ KNOWN = ("rad", "rad/s", "rad/s^2", "N m")
 def own_units(equations: Iterable[FlatEquation], declared: Mapping[str, str]) -> dict[str, str]:
     """Units of variables and parameters: as declared, and as the terms of equations then require.
 
-    An equation whose terms do not fit is passed over: numbers in it may have units of their own
-    (``flange.tau = -0.1*der(flange.phi)``), and Modelica does not mind.
+    An equation whose terms contradict each other is ignored: numbers in it may have units (``flange.tau =
+    -0.1*der(flange.phi)``), which Modelica allows.
     """
     sums = [_sum(equation) for equation in equations]
     found = {_DER: "1/s", **{name: unit for name, unit in declared.items() if unit}}
@@ -156,6 +156,6 @@ def _learned(use: Use, found: Mapping[str, str]) -> dict[str, str]:
 
 
 def variable_unit(text: str) -> str:
-    """The same as one of KNOWN if it is one, radians left out or not; else ""."""
+    """The unit as one of KNOWN if it equals one, apart from radians; otherwise ""."""
     dimension = parse(text) if text else None
     return next((unit for unit in KNOWN if unit == text or (unit != "rad" and parse(unit) == dimension)), "")

@@ -30,7 +30,7 @@ from monitor_core.modeling.modelica.values import Values
 
 @dataclass
 class Flattening:
-    """What has been gathered of a model so far."""
+    """The parts of a model collected so far."""
 
     model: Instance
     values: Values
@@ -42,7 +42,7 @@ class Flattening:
         """The flat model.
 
         Raises:
-            ModelError: equations that are not linear, connections that cannot be, parameters that do not fit.
+            ModelError: equations that are not linear, impossible connections, contradicting parameters.
         """
         instances = list(self.model.tree())
         for instance in instances:

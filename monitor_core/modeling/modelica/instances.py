@@ -23,8 +23,8 @@ from monitor_core.modeling.modelica.syntax import (
 class Instance:
     """A component (or the whole model, whose path is "") with everything in it.
 
-    ``base``: "Real", ... of a single quantity, else "".  ``leaf``: what the library component is that it is or extends,
-    if so.  ``absent``: components switched off by their condition.  ``statements``: each with the class it stands in.
+    ``base``: "Real", ... of a single quantity, otherwise "".  ``leaf``: the library component that it is or extends, if
+    any. ``absent``: components switched off by their condition.  ``statements``: each with the class it belongs to.
     """
 
     path: str
@@ -92,7 +92,7 @@ def unit_of(instance: Instance) -> str:
 
 @contextmanager
 def about(component: str) -> Iterator[None]:
-    """An error from inside that names no component, or one that this one is in, is about this one."""
+    """Adds the component to an error from inside that names none, or one that contains this one."""
     try:
         yield
     except ModelError as error:
@@ -133,7 +133,7 @@ class Bound:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What becomes of one name: a value, and changes of what is inside of it."""
+    """The modification of a name: a value, and changes of its members."""
 
     origin: Origin
     value: Bound | None = None
@@ -174,7 +174,7 @@ def _change(modification: Modification, scope: Scope, origin: Origin) -> tuple[s
 
 
 def overlaid(outer: Changes, inner: Changes) -> dict[str, Change]:
-    """Both together; where both change the same, the outer one counts.
+    """Both modifications together; where both change the same, the outer one counts.
 
     Raises:
         ModelError: the inner one is final.
@@ -184,7 +184,7 @@ def overlaid(outer: Changes, inner: Changes) -> dict[str, Change]:
 
 
 def merged(name: str, outer: Change, inner: Change, twice: bool = False) -> Change:
-    """Two changes of one name; ``twice``: they stand in the same brackets.
+    """Two changes of one name; ``twice``: they are in the same brackets.
 
     Raises:
         ModelError: the inner one is final; a value is given twice in the same brackets.

@@ -1,4 +1,4 @@
-"""The components of the library: their parameters, and what they bring to the flat model."""
+"""The components of the library: their parameters, and their part of the flat model."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Part:
 
 
 def parts(leaf: Instance, values: Values) -> Iterator[Part]:
-    """What a library component consists of: itself, except for friction by a table.
+    """The parts of a library component: itself, except for friction by a table.
 
     Raises:
         ModelError: a parameter has a value that is not supported.
@@ -113,9 +113,9 @@ _FORM = "[0, fc; 1, fc + fm]: friction at standstill, and at a speed of 1 rad/s"
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """Of friction.  ``has_unit``: its unit tells those of the parameters in it.
+    """A friction coefficient.  ``has_unit``: its unit determines those of the parameters in it.
 
-    Speeds are mostly numbers, whose unit does not show: fm in [0, fc; 1, fc + fm], tau1 in [0, 0; 1, tau1].
+    Speeds are mostly plain numbers, whose unit is not visible: fm in [0, fc; 1, fc + fm], tau1 in [0, 0; 1, tau1].
     """
 
     value: Laurent

@@ -1,4 +1,4 @@
-"""What a name in an expression means: a component of the instance, or a constant around or imported."""
+"""The meaning of a name in an expression: a component of the instance, or a constant around it or imported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which class a name means: enclosing scopes, imports, inherited classes, the library."""
+"""The class that a name means: enclosing scopes, imports, inherited classes, the library."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from monitor_core.modeling.modelica.syntax import ClassDef, Extends, Name, Text
 
 
 def root_of(texts: Sequence[Text]) -> ClassDef:
-    """The nameless package that everything is in: the library, and the classes of the texts.
+    """The nameless package that contains everything: the library, and the classes of the texts.
 
-    A text's own Modelica or AxisWatch is passed over: these are the library's.
+    A text's own Modelica or AxisWatch package is ignored: these are the library's.
 
     Raises:
         ModelError: a class is defined twice.
@@ -55,7 +55,7 @@ def _add(package: ClassDef, new: ClassDef) -> None:
 
 
 class Names:
-    """Looks classes up.  What has been found is kept; the classes are not changed after that."""
+    """Looks up classes.  Results are cached; the classes must not change after that."""
 
     def __init__(self, root: ClassDef) -> None:
         self.root = root
@@ -66,7 +66,7 @@ class Names:
         """The class that a name written inside of ``scope`` means.
 
         Raises:
-            ModelError: there is none; the text says what is near.
+            ModelError: there is none; the text lists similar names.
         """
         found = self.search(scope, name.parts)
         if found is None:
@@ -74,7 +74,7 @@ class Names:
         return found
 
     def search(self, scope: ClassDef, parts: tuple[str, ...]) -> ClassDef | None:
-        """The same; None where there is none."""
+        """As ``find``; None where there is none."""
         key = (scope, parts)
         if key in self._found:
             return self._found[key]
@@ -185,7 +185,7 @@ def descendants(cls: ClassDef) -> Iterator[ClassDef]:
 
 
 def similar(name: str, known: Iterable[str]) -> list[str]:
-    """Names that are written nearly the same."""
+    """Names with nearly the same spelling."""
     return get_close_matches(name, sorted(known), n=3, cutoff=0.75)
 
 

@@ -41,7 +41,7 @@ def parse_tree(source: Source) -> Any:
 
 
 def _annotations(tokens: list[Any]) -> Iterator[Any]:
-    """What stands in the brackets of ``annotation(...)``: most of a drawing's text, and of no effect here."""
+    """Ranges of the brackets of ``annotation(...)``: most of a drawing's text, without effect here."""
     shown = [token for token in tokens if token.channel == 0]
     words = [token.text for token in shown]
     k = 0
@@ -84,7 +84,7 @@ def _listener(source: Source) -> Any:
 
 
 def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, int]:
-    """What is wrong in words, and the line where it is to be mended."""
+    """The mistake in words, and the line where it should be corrected."""
     if token is None:
         found = re.search(r"at: '(.*)'", text, re.DOTALL)
         return f"{_printed(found.group(1) if found else text)} is not Modelica", line

@@ -1,4 +1,4 @@
-"""Signals: which of them is the measured motor torque, and which sensors are the outputs."""
+"""Signals: the measured motor torque, and the sensors that are outputs."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _drives(signal: Instance) -> bool:
 
 
 def is_given(signal: Instance) -> bool:
-    """It comes from outside: it is the input, or nothing uses it."""
+    """Whether it comes from outside: it is the input, or nothing uses it."""
     return _is_model_input(signal) or _is_source(signal)
 
 

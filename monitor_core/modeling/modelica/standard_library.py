@@ -1,6 +1,6 @@
-"""What Modelica's standard library and AxisWatch bring along, as far as drives need it: names, connectors, parameters.
+"""The part of Modelica's standard library and of AxisWatch that drives need: names, connectors, parameters.
 
-The physics of the components is in monitor_core.modeling.components; here stands which of its kinds each name is.
+The physics of the components is in monitor_core.modeling.components; this module assigns its kinds to the names.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""What stands in a Modelica text: classes, components, modifications, equations, each with its line.
+"""Syntax of a Modelica text: classes, components, modifications, equations, each with its line.
 
-Only what a drive may be drawn with; the rest is kept by name (Other), so that it can be refused where it matters.
+It contains what a drive may be drawn with; the rest is kept by name (Other), so that it can be refused where it
+matters.
 """
 
 from __future__ import annotations
