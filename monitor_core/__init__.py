@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from monitor_core.drive.structure import Drive, Parameter
     from monitor_core.excitation.accuracy import Accuracy
     from monitor_core.excitation.design import plan
-    from monitor_core.excitation.multisine import crest_factor, multisine
+    from monitor_core.excitation.multisine_signals import crest_factor, multisine
     from monitor_core.excitation.reference_experiment import experiment
     from monitor_core.identification.estimate import Estimate
     from monitor_core.identification.greybox import fit
@@ -95,7 +95,7 @@ if TYPE_CHECKING:
     )
     from monitor_core.samples import SampleBlock
     from monitor_core.settings import Settings, Threshold
-    from monitor_core.trend.forecast import forecast
+    from monitor_core.trend.limit_forecast import forecast
     from monitor_core.trend.slow_history import SlowHistory
     from monitor_core.trend.trend import trend_of
 
@@ -169,8 +169,8 @@ _HOME = {
     "Follow": "drive.operating_conditions",
     "Gate": "drive.operating_conditions",
     "Operating": "drive.operating_conditions",
-    "multisine": "excitation.multisine",
-    "crest_factor": "excitation.multisine",
+    "multisine": "excitation.multisine_signals",
+    "crest_factor": "excitation.multisine_signals",
     "plan": "excitation.design",
     "Accuracy": "excitation.accuracy",
     "Record": "identification.record",
@@ -202,7 +202,7 @@ _HOME = {
     "least_delay": "detection.multimodel.detection_limit",
     "SlowHistory": "trend.slow_history",
     "trend_of": "trend.trend",
-    "forecast": "trend.forecast",
+    "forecast": "trend.limit_forecast",
     "CalibrationOptions": "calibration.calibration_procedure",
     "calibrate": "calibration.calibration_procedure",
     "CalibrationResult": "calibration.result",

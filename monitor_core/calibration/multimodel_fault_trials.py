@@ -8,9 +8,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.fault_trials import Fault, TrialResult, inject, onset_samples
-from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
+from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.hypotheses import Memory
 from monitor_core.samples import SampleBlock

@@ -20,7 +20,7 @@ from monitor_core.detection.alarm import (
     Reach,
     Stage,
 )
-from monitor_core.detection.cusum.events import Crossing, CusumEvent, Evidence, Recovered
+from monitor_core.detection.cusum.cusum_events import Crossing, CusumEvent, Evidence, Recovered
 from monitor_core.detection.detector import Detector, DetectorName, Leading
 from monitor_core.detection.multimodel.candidates import (
     OUTPUT_NOISE,

@@ -48,7 +48,7 @@ class Cause(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """When a parameter reaches a limit that the user has set; see monitor_core.trend.forecast."""
+    """When a parameter reaches a limit that the user has set; see monitor_core.trend.limit_forecast."""
 
     name: str
     unit: str

@@ -9,7 +9,7 @@
 from monitor_core.excitation.design import Command, Experiment, Task, plan
 from monitor_core.excitation.experiment_sentences import warnings
 from monitor_core.excitation.motion_limits import Limits
-from monitor_core.excitation.multisine import Lines, Multisine, lines_in, multisine
+from monitor_core.excitation.multisine_signals import Lines, Multisine, lines_in, multisine
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.planned_drive import Controller, Plant
 from monitor_core.excitation.prediction import Estimation

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation.multisine import Complex, Multisine
+from monitor_core.excitation.multisine_signals import Complex, Multisine
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant
 from monitor_core.excitation.record_phases import Schedule

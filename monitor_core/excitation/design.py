@@ -14,7 +14,14 @@ from monitor_core.drive.structure import split_name
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.closed_loop import ClosedLoop
 from monitor_core.excitation.motion_limits import Fitted, Limits, fitted
-from monitor_core.excitation.multisine import Complex, Lines, Multisine, crest_factor, flattened, lines_in
+from monitor_core.excitation.multisine_signals import (
+    Complex,
+    Lines,
+    Multisine,
+    crest_factor,
+    flattened,
+    lines_in,
+)
 from monitor_core.excitation.open_loop import ExcitationError, OpenLoop
 from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant

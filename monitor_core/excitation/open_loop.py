@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation.multisine import Multisine
+from monitor_core.excitation.multisine_signals import Multisine
 from monitor_core.excitation.planned_drive import Motion, Plant
 from monitor_core.excitation.record_phases import Schedule
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation.multisine import Complex
+from monitor_core.excitation.multisine_signals import Complex
 
 _STEPS = 2000
 _CLOSE = 1e-3

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive
-from monitor_core.excitation.multisine import Complex
+from monitor_core.excitation.multisine_signals import Complex
 from monitor_core.kernel.compile import entry
 from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, SINE, TORQUE
 

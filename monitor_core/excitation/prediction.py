@@ -14,7 +14,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive, split_name
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.multisine import Complex
+from monitor_core.excitation.multisine_signals import Complex
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.sensitivity import sensitivities_to, sensitivity_responses
 from monitor_core.wording import listed

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation.multisine import Multisine
+from monitor_core.excitation.multisine_signals import Multisine
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output, split_name
-from monitor_core.excitation.multisine import multisine
+from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import (
     INTERVAL_S,

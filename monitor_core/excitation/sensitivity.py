@@ -18,7 +18,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold_slopes
 from monitor_core.drive.structure import Drive, split_name
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.multisine import multisine
+from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.kernel.fixed_predictor import simulate_known
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.identifiability import structural

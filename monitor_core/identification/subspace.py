@@ -217,7 +217,7 @@ def smooth_predictor(Z: Floats, y: Floats, lam0: float) -> Floats:
     M, c = ZF.T @ ZF / lam0, ZF.T @ y / lam0
     # -2 log L to a tenth, while it is as large as y' y / lam0.
     options = {"maxiter": 40, "ftol": 0.1 * lam0 / float(y @ y)}
-    found = minimize(_cost, _START, (M, c), "L-BFGS-B", jac=True, bounds=_BOUNDS, options=options)  # type: ignore[call-overload]
+    found = minimize(prediction_cost, _START, (M, c), "L-BFGS-B", jac=True, bounds=_BOUNDS, options=options)  # type: ignore[call-overload]
     d = np.exp(_log_variance(found.x, Z.shape[1] // 2)[0] / 2)
     # Not by M, whose square root has half the digits only.
     rows = np.vstack([ZF * d, np.sqrt(lam0) * np.eye(d.size)])
@@ -225,7 +225,7 @@ def smooth_predictor(Z: Floats, y: Floats, lam0: float) -> Floats:
     return np.asarray(F @ (d * w))
 
 
-def _cost(q: Floats, M: Floats, c: Floats) -> tuple[float, Floats]:
+def prediction_cost(q: Floats, M: Floats, c: Floats) -> tuple[float, Floats]:
     """-2 log L and its gradient (4,)."""
     log_variance, slope = _log_variance(q, len(c) // 2)
     d = np.exp(log_variance / 2)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import DIRECTIONS
-from monitor_core.detection.cusum.events import BatchEvent, Crossing, Recovered
+from monitor_core.detection.cusum.cusum_events import BatchEvent, Crossing, Recovered
 from monitor_core.detection.cusum.evidence_builder import EvidenceBuilder
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel

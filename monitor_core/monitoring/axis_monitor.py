@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from monitor_core.detection.alarm import Alarm, AlarmKey, alarms_from_array, alarms_to_array
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
-from monitor_core.detection.cusum.events import BatchEvent
+from monitor_core.detection.cusum.cusum_events import BatchEvent
 from monitor_core.detection.cusum.evidence_builder import HELD, INVALID
 from monitor_core.detection.detector import AlarmEvent, DetectorName
-from monitor_core.detection.multimodel.events import Event as MultiModelEvent
 from monitor_core.detection.multimodel.multimodel_detector import SCHEMA as MULTIMODEL_SCHEMA
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
+from monitor_core.detection.multimodel.multimodel_events import Event as MultiModelEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.kernel.block import Trace

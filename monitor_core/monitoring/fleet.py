@@ -7,10 +7,10 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.detection.cusum.events import BatchEvent, Crossing
+from monitor_core.detection.cusum.cusum_events import BatchEvent, Crossing
 from monitor_core.detection.detector import DetectorName
-from monitor_core.detection.multimodel.events import Event as MultiModelEvent
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
+from monitor_core.detection.multimodel.multimodel_events import Event as MultiModelEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from monitor_core.detection.alarm import Alarm, Direction, Reach
-from monitor_core.trend.forecast import Forecast
+from monitor_core.trend.limit_forecast import Forecast
 from monitor_core.trend.trend import Trend
 
 MIN_DRIFT_PROBABILITY = 0.9

@@ -7,7 +7,7 @@ from monitor_core.detection.alarm import Alarm, Direction, Reach
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.forecast_alarms import Limit, forecast_alarm, reach
 from monitor_core.trend.entries import Entry, Reading
-from monitor_core.trend.forecast import forecast
+from monitor_core.trend.limit_forecast import forecast
 from monitor_core.trend.slow_history import HOUR_S, SlowHistory
 from monitor_core.trend.trend import Trend, trend_of
 

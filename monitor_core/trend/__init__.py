@@ -8,7 +8,7 @@
 """
 
 from monitor_core.trend.entries import Entry, Reading, thinned
-from monitor_core.trend.forecast import COVERED, Forecast, forecast, quantiles
+from monitor_core.trend.limit_forecast import COVERED, Forecast, forecast, quantiles
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend, trend_of
 

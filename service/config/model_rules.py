@@ -144,7 +144,7 @@ def bounds(axis: AxisConfig) -> Iterator[Finding]:
 
 def complete_model(axis: AxisConfig) -> Iterator[Finding]:
     """Where no rule finds anything, the engine does not, either: values of a drawing, or merged from several."""
-    if any(not _is_quiet(rule, axis) for rule in MODEL_RULES if rule is not whole):
+    if any(not _is_quiet(rule, axis) for rule in MODEL_RULES if rule is not complete_model):
         return
     model, drive = axis.model, usable_drive(axis)
     try:

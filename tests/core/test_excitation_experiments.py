@@ -19,7 +19,7 @@ from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation.design import Command, Experiment, Task, plan
 from monitor_core.excitation.experiment_sentences import warnings
 from monitor_core.excitation.motion_limits import Limits, fitted
-from monitor_core.excitation.multisine import Multisine, crest_factor, lines_in
+from monitor_core.excitation.multisine_signals import Multisine, crest_factor, lines_in
 from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.excitation import Lines, Multisine, lines_in, multisine
-from monitor_core.excitation.multisine import Complex, _log_norm, crest_factor, flattened
+from monitor_core.excitation.multisine_signals import Complex, crest_factor, flattened, log_peak_norm
 
 WHICH: st.SearchStrategy[Lines] = st.sampled_from(["all", "odd"])
 
@@ -101,8 +101,8 @@ def test_slopes_of_the_norm_of_several_signals(m: Multisine, p: int, seed: int) 
     rng = np.random.default_rng(seed)
     gains: Complex = m.amplitudes * (1 + rng.random((2, 1)) * np.exp(2j * np.pi * rng.random(len(m.lines))))
     direction, h = rng.standard_normal(len(m.lines)), 1e-5
-    ends = [_log_norm(m.phases + sign * h * direction, gains, m.lines, m.N, p)[0] for sign in (1, -1)]
-    _, slopes = _log_norm(m.phases, gains, m.lines, m.N, p)
+    ends = [log_peak_norm(m.phases + sign * h * direction, gains, m.lines, m.N, p)[0] for sign in (1, -1)]
+    _, slopes = log_peak_norm(m.phases, gains, m.lines, m.N, p)
     tolerance = 1e-6 * p * float(np.linalg.norm(direction))
     assert slopes @ direction == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-4, abs=tolerance)
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import NO_PARAMETER, Alarm, AlarmKey, Cause, Doubt, Kind, direction_of
 from monitor_core.detection.change_time import SURE
-from monitor_core.detection.cusum.events import Crossing, CusumEvent, Evidence, Recovered
+from monitor_core.detection.cusum.cusum_events import Crossing, CusumEvent, Evidence, Recovered
 from monitor_core.detection.detector import (
     MIN_PROBABILITY,
     AlarmEvent,

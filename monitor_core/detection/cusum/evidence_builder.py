@@ -3,7 +3,7 @@
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.cusum.events import Evidence
+from monitor_core.detection.cusum.cusum_events import Evidence
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant

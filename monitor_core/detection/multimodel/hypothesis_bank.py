@@ -9,10 +9,16 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
 from monitor_core.detection.multimodel.candidates import candidates
-from monitor_core.detection.multimodel.events import CauseEnded, CauseIdentified, ChangeDetected, Event, Onset
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis, moved_model, steps
 from monitor_core.detection.multimodel.isolability import distinguishable
 from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
+from monitor_core.detection.multimodel.multimodel_events import (
+    CauseEnded,
+    CauseIdentified,
+    ChangeDetected,
+    Event,
+    Onset,
+)
 from monitor_core.detection.multimodel.naming import CausePosterior, Share
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant

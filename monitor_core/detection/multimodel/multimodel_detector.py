@@ -26,9 +26,9 @@ from monitor_core.detection.detector import (
     Raised,
 )
 from monitor_core.detection.multimodel.candidates import hypothesis_of
-from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected, Event
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
+from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected, Event
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.detection.multimodel.quantities import Quantity, causes_of, quantity_of
 from monitor_core.drive.axis_model import AxisModel

@@ -17,9 +17,9 @@ from monitor_core.calibration.multimodel_healthy import PARTS, allowances
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.surrogate_records import LANES
-from monitor_core.detection.multimodel.events import ChangeDetected
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed
+from monitor_core.detection.multimodel.multimodel_events import ChangeDetected
 from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import Axes, Plant, plant, record
 

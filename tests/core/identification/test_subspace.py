@@ -11,7 +11,7 @@ from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
 from monitor_core.identification.innovations import reflected
 from monitor_core.identification.record import Record, split
-from monitor_core.identification.subspace import _cost, fit_subspace, smooth_predictor
+from monitor_core.identification.subspace import fit_subspace, prediction_cost, smooth_predictor
 from tests.core.identification.systems import (
     INTERVAL_S,
     Discrete,
@@ -102,8 +102,11 @@ def test_gradient_of_the_likelihood(seed: int) -> None:
     Z = rng.normal(size=(40, 12))
     M, c = Z.T @ Z / 0.3, Z.T @ rng.normal(size=40) / 0.3
     q, step = rng.normal(size=4), 1e-5
-    numeric = [(_cost(q + d, M, c)[0] - _cost(q - d, M, c)[0]) / (2 * step) for d in step * np.eye(4)]
-    assert _cost(q, M, c)[1] == pytest.approx(numeric, rel=1e-5, abs=1e-6)
+    numeric = [
+        (prediction_cost(q + d, M, c)[0] - prediction_cost(q - d, M, c)[0]) / (2 * step)
+        for d in step * np.eye(4)
+    ]
+    assert prediction_cost(q, M, c)[1] == pytest.approx(numeric, rel=1e-5, abs=1e-6)
 
 
 def test_the_prior_yields_to_many_samples(seed: int) -> None:

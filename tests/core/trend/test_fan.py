@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from monitor_core.trend.forecast import forecast, quantiles
+from monitor_core.trend.limit_forecast import forecast, quantiles
 from monitor_core.trend.trend import Mixture, Trend, trend_of
 from tests.core.trend.courses_of_months import SIZE, months
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor_core.trend.forecast import Forecast, forecast
+from monitor_core.trend.limit_forecast import Forecast, forecast
 from monitor_core.trend.trend import trend_of
 from tests.core.trend.courses_of_months import HOUR_US, SIZE, START_US, months
 

@@ -8,7 +8,6 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.detection.multimodel.candidates import OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN
-from monitor_core.detection.multimodel.events import CauseEnded, CauseIdentified, ChangeDetected, Event, Onset
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.multimodel_detector import (
     Limit,
@@ -17,6 +16,13 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     bank_of,
     guaranteed,
     interpret,
+)
+from monitor_core.detection.multimodel.multimodel_events import (
+    CauseEnded,
+    CauseIdentified,
+    ChangeDetected,
+    Event,
+    Onset,
 )
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.detection.multimodel.quantities import causes_of, quantity_of

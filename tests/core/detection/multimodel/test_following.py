@@ -7,10 +7,10 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.fault_trials import Fault
 from monitor_core.calibration.multimodel_fault_trials import run_multimodel_trials
 from monitor_core.calibration.multimodel_thresholds import bank_limits
-from monitor_core.detection.multimodel.events import CauseIdentified, ChangeDetected
 from monitor_core.detection.multimodel.hypothesis import FOLLOWED
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
+from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear

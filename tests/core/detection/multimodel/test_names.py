@@ -19,8 +19,8 @@ from monitor_core.detection.multimodel.candidates import (
     TORQUE_STUCK,
 )
 from monitor_core.detection.multimodel.detection_limit import least_delay
-from monitor_core.detection.multimodel.events import CauseEnded, CauseIdentified, ChangeDetected
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
+from monitor_core.detection.multimodel.multimodel_events import CauseEnded, CauseIdentified, ChangeDetected
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment, faulty

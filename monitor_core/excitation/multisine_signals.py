@@ -170,7 +170,7 @@ def flattened(signal: Multisine, weights: Sequence[Complex] = ()) -> Multisine:
     phases = signal.phases
     for p in _EXPONENTS:
         found = minimize(
-            _log_norm,
+            log_peak_norm,
             phases,
             args=(gains, signal.lines, grid, p),
             jac=True,
@@ -182,7 +182,7 @@ def flattened(signal: Multisine, weights: Sequence[Complex] = ()) -> Multisine:
     return better if _peak(better, gains) < _peak(signal, gains) else signal
 
 
-def _log_norm(
+def log_peak_norm(
     phases: Floats, gains: Complex, lines: NDArray[np.intp], N: int, p: int
 ) -> tuple[float, Floats]:
     """log of the l_2p norm of all signals (J, N) together, and its slopes (L,)."""
