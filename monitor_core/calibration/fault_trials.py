@@ -174,7 +174,7 @@ def _first_alarms(
     found: list[Crossing | None] = [None] * len(at)
     for begin in range(0, len(at), LANES):
         onsets_now = at[begin : begin + LANES]
-        lanes = np.minimum(np.arange(LANES), len(onsets_now) - 1)  # lanes to spare repeat the last one
+        lanes = np.minimum(np.arange(LANES), len(onsets_now) - 1)  # unused lanes repeat the last one
         rows = np.arange(N)[:, np.newaxis] + onsets_now[lanes]
         for a in range(LANES):
             bank.restore(a, *columns[begin + lanes[a]])

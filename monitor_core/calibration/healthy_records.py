@@ -62,7 +62,7 @@ def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[i
     model, lam0, st = monitor.model, monitor.settings.lam0, monitor.batch.state
     N, p, step = len(record.t_us), len(model.scale), monitor.settings.span
     d, s, tested, seeding = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_), 0
-    # In pieces as short as the looks at P, which say what is observed.
+    # In pieces as short as the spans after which parameters are classified as observed.
     for k in range(0, N, step):
         part = record.select(slice(k, k + step))
         before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])

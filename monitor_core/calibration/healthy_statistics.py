@@ -61,11 +61,10 @@ def healthy_statistics(
 # --- What records and their copies say together of the scatter of healthy estimates -----------------------------------
 
 
-# The copies say it much more sharply than a record, which is short, and as the very recursion runs over them they know
-# its own bias under coloured innovations; but they know nothing of what the model lacks.  So what a record differs by
-# from its copies is taken for chance as far as chance explains it, and where it does not, for what it is
-# (``horseshoe``).  The copies are themselves off, by what was chance in the innovations that they are made of
-# (``own_error``).
+# The copies determine the scatter much better than a record, which is short, and they contain the bias of the recursion
+# under coloured innovations, as the recursion itself runs over them; but they contain no model errors. So the
+# difference between a record and its copies is treated as chance as far as chance explains it, and otherwise as real
+# (``draw_posterior``). The copies themselves have an error from the innovations that they are made of (``own_error``).
 
 MOST_OWN = 0.5
 """Of the chance of a record, what copies of it are off by themselves."""
@@ -151,9 +150,9 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
 # --- What several numbers may truly be of which each was seen with chance, where most of them are nothing -------------
 
 
-# The horseshoe (Carvalho, Polson and Scott 2010): numbers N(0, tau^2 zeta_i^2) with half Cauchy zeta_i.  One tau is for
-# all of them: where all are far out, none is taken for chance; where none is, all are.  Before, it is half Cauchy about
-# the tau_0 that goes with how many of n numbers are expected to be something (Piironen and Vehtari 2017).
+# The horseshoe prior (Carvalho, Polson and Scott 2010): numbers N(0, tau^2 zeta_i^2) with half Cauchy zeta_i. All share
+# one tau: where all are far from zero, none is shrunk; where none is, all are. The prior of tau is half Cauchy with the
+# scale tau_0 for the expected number of nonzero ones among n (Piironen and Vehtari 2017).
 
 EXPECTED = 0.25
 """Numbers that are something, beforehand: one, of four axes.  What is far out is believed all the same."""

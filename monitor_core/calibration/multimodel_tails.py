@@ -137,7 +137,7 @@ def _shrink_to_mean(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
 # --- The highest excursions of each hypothesis of a bank, which tell its tail -----------------------------------------
 
 
-# They are found in pieces of the course of g, over as many copies of records as there are, and only so many are kept.
+# They are found piece by piece along g, over all copies of the records; only a limited number is kept.
 
 TOP = 500
 """Excursions that go highest: of more of them the lower ones tell a shape that the higher ones no longer have."""

@@ -130,8 +130,8 @@ def _height_for_rate(log_rate: Callable[[Floats], Floats], share: float, least: 
 # --- Alarms of a bank are fewer than those of its hypotheses: what several of them take for theirs is one alarm -------
 
 
-# After it all restart.  The higher the thresholds, the seldomer that is: -log of the share of alarms that are left
-# falls as a power of how often they are, which two counts tell.
+# After an alarm all hypotheses restart. The higher the thresholds, the rarer this is: -log of the share of the
+# remaining alarms falls as a power of their rate, which two counts determine.
 
 _OFTEN, _FEW = TOP, TOP // 20
 """Excursions of each: far enough apart, and enough of them, that the two shares are hardly ever the wrong way round."""

@@ -168,7 +168,7 @@ def bootstrap_copies(
     """LANES copies of a record in chunks, at equal intervals: t_us (N,), u and y (N, LANES)."""
     plants = Plants(model, settings, [model.nominal])
     which = np.zeros(LANES, np.int64)
-    # From the sample before, whose torque acts up to the first.
+    # From the sample before, whose torque acts until the first one.
     before = np.full((1, LANES), source.u_before)
     start = np.repeat(source.x[np.newaxis], LANES, axis=0)
     _, x = plants.run(which, start, before[0], before, np.zeros((1, LANES)))
@@ -233,7 +233,7 @@ class _PeakCounter:
         self._counted += len(d) * LANES
         if self._alpha1 is None:
             if self._counted * self._q < _KNOWN * self._memory * LANES and self._begun < 2:
-                return  # first sigma is to be known
+                return  # sigma must be known first
             self._alpha1 = self._k * self._sigma() / (self._sums[2] / self._counted)
         least = LEAST * self._sigma() * self._memory / self._q
         excursions(d, s * self._alpha1[:, np.newaxis], self._g, self._top, least, self._largest, self._found)
@@ -258,9 +258,9 @@ class _PeakCounter:
 # --- Innovations of a record in another order: in blocks that match where they meet -----------------------------------
 
 
-# The colour of innovations makes a bias of the estimates, and would be lost where any block may follow any other.  So
-# the next one begins where the past promises what it does at the end of the block before (matched blocks: Carlstein
-# et al. 1998).
+# The colour of the innovations causes a bias of the estimates, which would be lost if any block could follow any other.
+# So the next block is chosen whose past predicts the same as the end of the block before (matched blocks: Carlstein et
+# al. 1998).
 
 ALIKE, LEAST_ALIKE = 0.03, 4
 """Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""
@@ -327,9 +327,9 @@ def predicted_sum(eps: Floats, lags: int) -> Floats:
 # --- What copies of healthy records are off by, because the records are short -----------------------------------------
 
 
-# Copies of which each has only few of the innovations, blocks drawn with replacement, differ all along: by what they
-# have from these blocks by chance.  All the innovations of the records are chance, too, the less the more they are
-# (bootstrap of a bootstrap: Hall 1992; m out of n: Bickel, Goetze and van Zwet 1997).
+# Copies that each have only a few of the innovations, blocks drawn with replacement, differ from each other by the
+# chance of these blocks. All the innovations of the records are chance, too, but less so the more there are (bootstrap
+# of a bootstrap: Hall 1992; m out of n: Bickel, Goetze and van Zwet 1997).
 
 
 @dataclass

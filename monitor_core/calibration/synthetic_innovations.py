@@ -80,10 +80,10 @@ def autoregression(eps: Floats) -> Floats:
 # --- Shocks drawn from a record's, and the largest as they might as well have been ------------------------------------
 
 
-# A record has few large shocks, and what they make of its copies hangs on how large these few happened to be.  What
-# exceeds a high level is of a generalised Pareto distribution (Pickands 1975), of which all that exceed it tell more
-# than each tells of itself: so each has another size each time it is drawn, of those that go with its rank (after
-# McNeil and Frey 2000, who draw the tails of residuals likewise).
+# A record has few large shocks, and their effect on its copies depends on how large these few happened to be.
+# Exceedances of a high level have a generalised Pareto distribution (Pickands 1975), which all of them together
+# determine better than each alone: so each gets another size each time it is drawn, among those of its rank (after
+# McNeil and Frey 2000, who draw the tails of residuals in this way).
 
 _SHARE = 0.02
 """Of the shocks, on each side, that are large."""

@@ -42,7 +42,7 @@ def independence(u: Sequence[Floats], eps: Sequence[Floats], lags: int = LAGS) -
     """Correlation of eps(t) with u(t - l) for lags -L .. L.
 
     Negative lags show feedback.  The test takes 1 .. L together; it knows that neighbouring values go together where
-    the input is not white, and that eps need not be white (colour.py).
+    the input is not white, and that eps need not be white (covariance.py).
     """
     u = [part - part.mean() for part in u]
     r = _correlation(eps, u, lags)

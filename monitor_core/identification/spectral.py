@@ -4,7 +4,7 @@
     closed loop    G = S_yr / S_ur            r: the reference, which the noise knows nothing of
 
 Welch's segments with Hann's window (Ljung, System Identification, 2nd ed., 6.4 and 13.4).  A resonance narrower than
-the window, 1.5 / (segment h), is smeared: local polynomials (local.py) are better there.
+the window, 1.5 / (segment h), is smeared: local polynomials (local_polynomial.py) are better there.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 In F = [A A_i; 0 A] all of z_1 .. z_p, x are multiplied by the same A.  So here X is n rows of ``blocks`` numbers,
 z_1 .. z_p, zeros that make up a multiple of four, x last: an entry of A is loaded once and multiplies them all.  One
-axis goes four of these numbers at a time, many axes eight lanes at a time (series_of_eight.py).  Both add up in the
+axis goes four of these numbers at a time, many axes eight lanes at a time (taylor_series_lanes.py).  Both add up in the
 same order, the A_i (which multiply x only) at last.
 
 Lanes that need fewer terms or substeps than others get terms that are exactly zero, so a lane's result does not depend

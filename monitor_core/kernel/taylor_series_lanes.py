@@ -1,4 +1,4 @@
-"""The polynomial of series.py for eight lanes at a time; what an entry of A multiplies stays in registers."""
+"""The polynomial of taylor_series.py for eight lanes at a time; what an entry of A multiplies stays in registers."""
 
 import numpy as np
 

@@ -95,7 +95,7 @@ class HypothesisBank:
         self._last_resort = {hypothesis.cause for hypothesis in self.hypotheses if hypothesis.weight < 1}
         self._slowest_us = round(1e6 * _time_constant(model, settings))
         self.moved = (0,) * len(model.monitored)
-        """By how many steps (following.py) nominal values are away from those of the model."""
+        """By how many steps (hypothesis.py) nominal values are away from those of the model."""
         self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
         self._build()
         self._lanes = np.arange(self._predictors.own.shape[1])

@@ -21,7 +21,7 @@ from monitor_core.modeling.modelica.values import Values
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component of a kind of components.py, with its parameters by role.
+    """A component of a kind of component_kinds.py, with its parameters by role.
 
     ``uses``: the same for the check of units.  ``at``: its flanges by the names of those that are drawn.
     """

@@ -21,7 +21,7 @@ ANY: Mapping[str, str] = {SOURCES: "Source", "Modelica.Icons": "Icon", f"{ROTATI
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A kind of components.py; ``roles``: its roles by the names that their parameters have in Modelica.
+    """A kind of component_kinds.py; ``roles``: its roles by the names that their parameters have in Modelica.
 
     ``fixed``: values of roles that Modelica's component does not have.
     """
@@ -32,7 +32,7 @@ class Leaf:
 
 
 BEARING, SIGNAL_SOURCE = "bearing-friction", "signal-source"
-"""Kinds that are no kinds of components.py: friction by a table of speeds; the measured torque."""
+"""Kinds that are no kinds of component_kinds.py: friction by a table of speeds; the measured torque."""
 
 LEAVES: Mapping[str, Leaf] = {
     f"{ROTATIONAL}.Components.Inertia": Leaf("inertia", {"J": "J"}),
@@ -156,7 +156,7 @@ package Modelica
       partial model PartialAbsoluteSensor Flange_a flange; end PartialAbsoluteSensor;
     end Interfaces;
     package Icons partial class Icon end Icon; end Icons;
-    package Bases "without equations: those are in components.py"
+    package Bases "without equations: those are in component_kinds.py"
       partial model Compliant
         extends Interfaces.PartialTwoFlanges; Units.SI.Angle phi_rel; Units.SI.Torque tau;
       end Compliant;
