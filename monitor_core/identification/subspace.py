@@ -3,7 +3,7 @@
 Chiuso, Automatica 43 (2007): the one-step predictor of p lags has the Markov parameters h; their Hankel matrix times
 the past z is the future as far as the past tells it, and the largest directions of that are the state; A, B, C and K
 then follow by least squares.  It is consistent in closed loop, too, since nothing is projected along future inputs.
-h is estimated with a prior of smooth decay (resampling.py): by plain least squares it fails with a band-limited torque,
+h is estimated with a prior of smooth decay: by plain least squares it fails with a band-limited torque,
 because the shifted h then no longer cancel beyond the band.  All of it comes from one small matrix that the
 samples are boiled down to.
 """

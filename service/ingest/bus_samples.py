@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from monitor_core.samples import SampleBlock
 from service.can.decode import Decoder, FrameKey
 from service.can.frames import Frame, Sample
 from service.can.user_errors import IngestError
@@ -15,6 +18,25 @@ from service.ingest.timestamp_jitter import Stamps
 
 FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
 """Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Ingest.dropped``."""
+
+
+def block_of(samples: Sequence[Sample]) -> SampleBlock:
+    """A block of samples from at least one sample."""
+    t_us, torque, motion, signals = zip(*samples, strict=True)
+    further = np.array(signals, float) if signals[0] else None
+    return SampleBlock(
+        np.array(t_us, np.int64),
+        np.array(torque, float),
+        np.array(motion, float),
+        signals=further,
+    )
+
+
+class Step(NamedTuple):
+    """Samples by axis of a part of a record; ``done`` is how much of it has been read, 0 to 1."""
+
+    samples: Mapping[str, SampleBlock]
+    done: float
 
 
 class Value(NamedTuple):

@@ -9,8 +9,7 @@ from monitor_core.samples import SampleBlock
 from service.can.frames import Frame
 from service.can.log_files import CanLog
 from service.config.schema import Config
-from service.ingest.bus_samples import Ingest
-from service.ingest.table_record import Step, block_of
+from service.ingest.bus_samples import Ingest, Step, block_of
 from service.ingest.timestamp_jitter import Stamps
 
 

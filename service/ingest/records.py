@@ -10,9 +10,10 @@ from monitor_core.samples import SampleBlock
 from service.can.log_files import LOG_SUFFIXES
 from service.can.user_errors import RecordError
 from service.config.schema import Config
+from service.ingest.bus_samples import Step
 from service.ingest.log_record import LogRecord
 from service.ingest.table_files import TABLE_SUFFIXES
-from service.ingest.table_record import Step, TableRecord
+from service.ingest.table_record import TableRecord
 from service.ingest.timestamp_jitter import Stamps
 
 __all__ = ["RECORD_SUFFIXES", "Record", "SampleBlock", "Step", "read_record"]

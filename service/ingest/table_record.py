@@ -4,44 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
-from service.can.frames import Sample
 from service.can.user_errors import RecordError
 from service.config.conditions import needed
 from service.config.schema import AxisConfig, Config
 from service.config.schema_signals import SignalConfig, Source
 from service.ingest.assemble import REASONS
 from service.ingest.auxiliary_signals import HeldColumns
+from service.ingest.bus_samples import Step
 from service.ingest.rows import Floats, Rows
 from service.ingest.table_files import check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
 Times = NDArray[np.int64]
 _LATEST_US = 2.0**62
-
-
-def block_of(samples: Sequence[Sample]) -> SampleBlock:
-    """A block of samples from at least one sample."""
-    t_us, torque, motion, signals = zip(*samples, strict=True)
-    further = np.array(signals, float) if signals[0] else None
-    return SampleBlock(
-        np.array(t_us, np.int64),
-        np.array(torque, float),
-        np.array(motion, float),
-        signals=further,
-    )
-
-
-class Step(NamedTuple):
-    """Samples by axis of a part of a record; ``done`` is how much of it has been read, 0 to 1."""
-
-    samples: Mapping[str, SampleBlock]
-    done: float
 
 
 class TableRecord:

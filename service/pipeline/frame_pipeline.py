@@ -4,8 +4,7 @@ from collections.abc import Iterable, Mapping
 
 from service.can.frames import Frame, Sample
 from service.config import Config
-from service.ingest.bus_samples import Ingest
-from service.ingest.table_record import block_of
+from service.ingest.bus_samples import Ingest, block_of
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 

@@ -15,10 +15,10 @@ from service.can.decode import FrameKey
 from service.can.log_files import LOG_SUFFIXES
 from service.can.user_errors import IngestError, RecordError
 from service.config.schema import Config
+from service.ingest.bus_samples import Step
 from service.ingest.encode import FrameEncoder, Values
 from service.ingest.log_record import LogRecord
 from service.ingest.records import Record, read_record
-from service.ingest.table_record import Step
 
 _NAP_S = 0.05
 

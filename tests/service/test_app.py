@@ -74,5 +74,14 @@ def test_a_start_does_not_wait_for_what_the_daemon_never_uses() -> None:
     modules = subprocess.run(
         [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
     ).stdout
-    slow = {"scipy.stats", "scipy.optimize", "scipy.signal", "sympy", "matplotlib", "pymoca"}
+    slow = {
+        "scipy.stats",
+        "scipy.optimize",
+        "scipy.signal",
+        "sympy",
+        "matplotlib",
+        "pymoca",
+        "pyarrow",
+        "scipy.io",
+    }
     assert slow & set(modules.splitlines()) == set()

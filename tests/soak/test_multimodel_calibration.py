@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.core.calibration.healthy_multimodel import count
 
 from monitor_core.calibration.multimodel_healthy import multimodel_statistics
 from monitor_core.calibration.multimodel_thresholds import BankLimits, limits_for_budget
 from tests.core.calibration.healthy_axes import Plant, plant, record
+from tests.core.calibration.healthy_multimodel import count
 from tests.soak.promise import BUDGETS, CALIBRATIONS, HOUR, SAMPLES, kept
 
 pytestmark = pytest.mark.soak
