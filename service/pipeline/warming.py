@@ -67,7 +67,9 @@ class CacheFiller:
         A failure is only logged: the kernel is then compiled where it is called.
         """
         missing = {_shape(n): n for n in lanes if not _is_cached(n)}
-        started = [self._start([sys.executable, "-P", "-c", _CHILD, str(n)]) for n in missing.values()]
+        started = [
+            self._start([sys.executable, "-P", "-c", _CHILD, str(n)], _effort(n)) for n in missing.values()
+        ]
         for child in started:
             if child is not None:
                 self._wait(child)
@@ -80,7 +82,7 @@ class CacheFiller:
             for child in self._children:
                 child.kill()
 
-    def _start(self, command: list[str]) -> subprocess.Popen[str] | None:
+    def _start(self, command: list[str], environ: dict[str, str]) -> subprocess.Popen[str] | None:
         quiet, pipe = subprocess.DEVNULL, subprocess.PIPE
         try:
             with self._lock:
@@ -88,7 +90,13 @@ class CacheFiller:
                     return None
                 # A session of its own: Ctrl-C is for the daemon, which ends the child itself.
                 child = subprocess.Popen(
-                    command, stdin=quiet, stdout=quiet, stderr=pipe, text=True, start_new_session=True
+                    command,
+                    stdin=quiet,
+                    stdout=quiet,
+                    stderr=pipe,
+                    text=True,
+                    start_new_session=True,
+                    env=environ,
                 )
                 self._children.append(child)
                 return child
@@ -100,6 +108,15 @@ class CacheFiller:
         _, messages = child.communicate()
         if child.returncode != 0 and not self._stopped:
             _log_failure(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
+
+
+def _effort(lanes: int) -> dict[str, str]:
+    """Environment of the compiling process.
+
+    Few axes are run without SIMD: LLVM's lowest effort saves a seventh of the time until the first estimate, and the
+    code is as fast.  The other shapes are a tenth slower with it.
+    """
+    return dict(os.environ) | ({"NUMBA_OPT": "1"} if _shape(lanes) == "few-axes" else {})
 
 
 def _is_cached(lanes: int) -> bool:
