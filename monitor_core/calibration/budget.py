@@ -75,7 +75,7 @@ def thresholds(
     def excess(less: float) -> float:
         return _bound(UPPER, scatter, tails, h_for(log_share - less), draws) - log_budget
 
-    # Of rates that spread widely the sum may be larger than the sum of their bounds, and nearly always it is smaller.
+    # The bound of a sum of widely scattered rates differs from the sum of their bounds; mostly it is smaller.
     less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
     return tuple(
         Threshold(tail.nu / float(scatter.mean_s[i]), h, float(allowance[i]))

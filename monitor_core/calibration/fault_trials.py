@@ -153,7 +153,7 @@ def _faulty_outputs(
     u, e = record.u[rows], np.nan_to_num(eps[rows])
     plants, W = Plants(model, settings, [model.nominal, values]), len(at)
     healthy, before = np.zeros(W, np.int64), record.u[at - 1]
-    # Up to the onset the torque of the sample before acts, on the healthy drive.
+    # Until the onset the previous torque acts, on the healthy drive.
     older = record.u[np.maximum(at - 2, 0)]
     _, x = plants.run(healthy, states, older, before[np.newaxis], np.zeros((1, W)))
     without, _ = plants.run(healthy, x, before, u, e)

@@ -137,7 +137,7 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
     m, w = np.array(means), np.array(weights)[:, np.newaxis]
     if len(m) < 2:
         return scatter.beyond
-    # Within the parts, or the spread would be its own measure.
+    # The scatter within the parts, as that between them is what is tested.
     inside = np.sqrt(np.maximum(scatter.sigma**2 - m.var(axis=0), 0.1 * scatter.sigma**2))
     w = w / inside**2
     mean = (w * m).sum(axis=0) / w.sum(axis=0)

@@ -85,7 +85,7 @@ def bank_tails(
     # By probability-weighted moments (Hosking and Wallis 1987):  xi = 2 - m / (m - 2 a),  a the mean of x (1 - F).
     a = (lower + alike * count / 4) / (np.maximum(count, 1e-12) * (count + alike))
     shape = 2 - mean / np.maximum(mean - 2 * a, 1e-12 * mean)
-    # With fewer the base is where small excursions begin, and no tail.
+    # With fewer excursions the base would lie among the small ones, outside of the tail.
     shape = np.clip(_shrink_to_mean(_with_chance(shape, own[:, 2]), number == TOP), _LEAST_SHAPE, _MOST_SHAPE)
     shape *= np.maximum(1 + _UNSURE * farther, 0.0)
     log_rate = _with_chance(np.log(np.maximum(count, 1.0) / max(heights.samples, 1)), own[:, 0])

@@ -157,7 +157,7 @@ def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, 
     if most <= widest and math.isfinite(rates.upper) and rates.upper * samples <= 1.5:
         return
     seconds = scatter.memories * scatter.memory * interval_s
-    # The logarithm's uncertainty goes like the logarithm of the budget over the root of the length.
+    # The uncertainty of the log rate is proportional to the log of the budget over the root of the length.
     log = math.log(max(samples / scatter.memory, math.e))
     width = max(math.log(max(most, 1.0 + 1e-9)), 1e-9) if math.isfinite(most) else 2 * math.log(widest)
     longer = seconds * max(1.5, (width / math.log(widest)) ** 2)

@@ -107,7 +107,7 @@ class Spectra:
         """D, x and B of each frequency and hypothesis (F, H), at r = 1."""
         many = max(self._segments, 1)
         S, difference = np.maximum(self._eps / many, _LEAST * self._lam), self._difference / many
-        # Of what motion makes, chance puts its part into F: as much as it would of a difference with no noise in it.
+        # Chance correlates motion with F: its expected part is subtracted.
         chance = difference * S / np.maximum(np.abs(self._cross) ** 2 / many, np.finfo(float).tiny)
         F = self._cross / many / S * np.maximum(1 - chance, 0.0)
         D, gain = np.maximum(difference - np.abs(F) ** 2 * S, 0.0), np.abs(1 + F) ** 2

@@ -80,7 +80,7 @@ def simulate_excursions(
         raise ValueError("nothing was learned from any record")
     copies = _Copies(model, settings)
     total = sum(len(source.u) for source in sources)
-    # Of the first memories sigma is had; short records go by for it a first time.
+    # sigma comes from the first memories; short records are run once more for it.
     least = 1 if total > 4 * _KNOWN * settings.memory else 2
     turns = max(least, round(samples / total / LANES))
     error, watch = _bootstrap_error(copies, sources, rng), _PeakCounter(model, settings, k)
@@ -306,7 +306,7 @@ class MatchedBlocks:
             rows = self._first[copies, self._at] + np.arange(self._length)[:, np.newaxis]
             self._left = np.concatenate([self._left, self._eps[rows]])
             after = self._next[copies, self._at] + self._rng.integers(-self._near, self._near, len(copies))
-            after = np.where(after < 0, -1 - after, after)  # what would be beyond an end is as far within
+            after = np.where(after < 0, -1 - after, after)  # reflected at the ends
             self._at = np.where(after < blocks, after, 2 * blocks - 1 - after)
         out, self._left = self._left[:count], self._left[count:]
         return out
@@ -355,7 +355,7 @@ class PartSums:
         x = self._each()
         R, W = len(x), x.shape[-1]
         parts, copies = x.mean(axis=-1, keepdims=True), x.mean(axis=0)
-        # An analysis of variance: what copies differ by from part to part is chance.
+        # Analysis of variance: differences of a copy between parts are chance.
         rest = x - parts - copies + parts.mean(axis=0)
         chance = np.einsum("riw,rjw->ij", rest, rest) / ((R - 1) * (W - 1)) / R
         return excess_covariance(np.cov(copies), chance, W)

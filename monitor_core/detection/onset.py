@@ -132,7 +132,7 @@ def _stretches(past: Past, i: int, alone: bool) -> tuple[Floats, Floats, Floats]
     value, information = _of_itself(dR, ds, i) if alone else _beside_others(dR, ds, i)
     use = np.isfinite(value) & np.isfinite(information) & (information > 0)
     use &= information > LEAST_SHARE * (np.median(information[use]) if use.any() else 0.0)
-    t_us = past.t_us - past.t_us[-1]  # as times they have more digits than a float
+    t_us = past.t_us - past.t_us[-1]  # absolute times have more digits than a float
     edges = np.append(t_us[0], t_us[1:][use]).astype(float)
     return edges, value[use], np.sqrt(past.lam0 / information[use])
 

@@ -141,7 +141,7 @@ class Assembly:
         Raises:
             ValueError: the drive's ``speed_state`` is not the speed at the sensor.
         """
-        # Of a monitored parameter theta_i is a factor; what is left of it here is the unit of theta_i.
+        # theta_i is a factor of a monitored parameter; the other factor is the unit of theta_i.
         units = {name: model.unit[i] ** sign for name, (i, sign) in self._signs.items()}
         fixed = {name: units.get(name, v) for name, v in model.nominal.items()}
         V0 = np.zeros(len(self._index))

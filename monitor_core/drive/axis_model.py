@@ -111,9 +111,7 @@ class AxisModel:
     @cached_property
     def unit(self) -> Floats:
         """Value of theta_i = 1 in SI (p,): 1, or the size of the parameter."""
-        own = (
-            self.relative and name != DELAY for name in self.monitored
-        )  # the kernel uses the delay as it is
+        own = (self.relative and name != DELAY for name in self.monitored)  # the kernel takes the delay in SI
         return np.array(
             [self._size(n) if scaled else 1.0 for n, scaled in zip(self.monitored, own, strict=True)]
         )

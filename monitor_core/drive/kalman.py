@@ -56,7 +56,7 @@ def _steady(
             "the first at least zero, the second greater than zero"
         )
     Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
-    # In units of the output noise, R = 1: the Riccati equation then is as well scaled as it can be.
+    # In units of the output noise, R = 1, the Riccati equation is scaled best.
     g = G / output_noise
     g[:, : _torque(model).sum()] *= torque_noise
     try:

@@ -65,7 +65,7 @@ class Term(NamedTuple):
 
     def value(self, values: Floats) -> Floats:
         """The term at values of its signal (N,); NaN where they are not finite."""
-        # One by one: vectorised cosines may differ in the last bit with the place in the array.
+        # One by one: a vectorised cosine may depend on the place in the array in its last bit.
         function = FUNCTIONS[self.function] if self.function else float
         return np.array([function(v) if math.isfinite(v) else math.nan for v in values.tolist()], np.float64)
 

@@ -223,7 +223,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
         else:
             effect = f"moves the output by only {percent(direction.size)} of what they would one by one"
             inside = [pair for pair in pairs if _inside(pair, direction)]
-            # Where more of them correlate it is the joint change that says so.
+            # Where more of them correlate, the joint change is reported instead.
             if len(inside) == 1:
                 first, other, r = inside[0]
                 effect += f", and the estimates of {first} and {other} correlate by {r:.2f}"

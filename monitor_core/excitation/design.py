@@ -180,7 +180,7 @@ def plan(task: Task, rng: np.random.Generator) -> Experiment:
     better = replace(flat.random, amplitudes=_best_amplitudes(task, names))
     try:
         best = _trial(task, better)
-    except ExcitationError:  # the flat one can be driven, this one cannot
+    except ExcitationError:  # the drive can follow the flat spectrum, but not this one
         return experiment
     found = task.estimation.accuracy(names, best.fitted.motion.inputs)
     at = [names.index(name) for name in task.find]

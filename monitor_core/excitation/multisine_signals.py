@@ -29,7 +29,7 @@ def lines_in(
     low, high = band_hz
     lines = np.arange(1, (N + 1) // 2, 1 if which == "all" else 2)
     frequency = lines / (N * interval_s)
-    # Whatever the last bit of the quotient.
+    # Independent of the last bit of the quotient.
     inside = lines[(frequency >= low * (1 - 1e-9)) & (frequency <= high * (1 + 1e-9))]
     if inside.size == 0:
         raise ValueError(f"{N} samples {interval_s} s apart have no line between {low} and {high} Hz")

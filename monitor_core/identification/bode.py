@@ -98,7 +98,7 @@ def _drive(
     turns = np.exp(-2j * np.pi * f * interval_s)
     mean = (
         (1 - turns) / interval_s if drive.mean_state >= 0 else 1.0
-    )  # of the angle: the way of each interval
+    )  # for an angle: its change over each interval
     return replace(found, G=found.G * mean * turns**intervals)
 
 

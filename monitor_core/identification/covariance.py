@@ -23,7 +23,7 @@ _SEEN = 1e-12
 class Information(NamedTuple):
     """Information in the records."""
 
-    accuracy: Accuracy  # the same, relative to the sizes; says what cannot be told
+    accuracy: Accuracy  # the same, relative to the sizes, with what is not determined
     covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be told
     order: int  # of the errors' autoregressive model; 0: white
 
@@ -124,7 +124,7 @@ def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Re
     )  # fmt: skip
     predictor = Predictor(problem, records, None)
     errors = predictor.errors(fit_starts(predictor))
-    end = len(free) + sum(map(len, varying.values()))  # of parameters and slopes; the delay comes after them
+    end = len(free) + sum(map(len, varying.values()))  # number of parameters and slopes, before the delay
     own, start = [*range(len(free)), *[end] * problem.free_delay], end + problem.free_delay
     psi = [_beside(e.psi[:, own], e.psi[:, start:]) for e in errors]
     size = np.sqrt(sum((J**2).sum(axis=0) for J in psi))

@@ -91,7 +91,7 @@ def least_order(R: Floats, N: int, before: int, criterion: Criterion) -> int:
     below = np.cumsum(R[::-1, -1] ** 2)[::-1]
     orders = np.arange(1, (R.shape[0] - 1 - before) // 2 + 1)
     p = 2 * orders + before
-    # A record without noise: what is left is rounding, and more parameters only fit that.
+    # A record without noise: the residual is rounding, and more parameters would fit only that.
     rss = np.maximum(below[p], 1e-20 * below[0])
     cost = N * np.log(rss / N) + p * (2.0 if criterion == "aic" else np.log(N))
     return int(orders[np.argmin(cost)])

@@ -115,7 +115,7 @@ def _fit(spectra: Sequence[Spectrum], band: tuple[float, float], at: float, degr
     T = np.zeros((len(Z), len(used) * (degree + 1)), dtype=np.complex128)
     for j, power in enumerate(powers):
         T[ends[j] : ends[j + 1], j * (degree + 1) : (j + 1) * (degree + 1)] = power
-    # Without the transients first: then only G is left, and what it explains.
+    # Project out the transients first, so that only G remains.
     Q = np.linalg.qr(T)[0]
     X, W = X - Q @ (Q.conj().T @ X), Z[:, :2] - Q @ (Q.conj().T @ Z[:, :2])
     freedom = len(Z) - T.shape[1] - X.shape[1]

@@ -48,7 +48,7 @@ def without_gross(
     records = _without(predictor, gross)
     try:
         again, found, limit = solve(settled(predictor, end.xi), records, most, progress)
-    except ValueError:  # a value that ended at its bound may start beyond it by its last digit
+    except ValueError:  # a value at its bound may start beyond it by rounding
         return same
     found = found._replace(evaluations=end.evaluations + found.evaluations)
     return Fitted(again, found, limit, tuple(int(np.count_nonzero(which)) for which in gross))

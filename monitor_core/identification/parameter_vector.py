@@ -89,7 +89,7 @@ class Layout:
         positive = drive.parameter(name).positive
         usual = (value / _FARTHEST, value * _FARTHEST) if positive else (-math.inf, math.inf)
         if base == DISTURBANCE_TIME:
-            # Faster than the samples it would be white noise.
+            # A faster disturbance than the samples would be white noise.
             usual = (min(value, self._interval_s), value * _FARTHEST)
         lower, upper = problem.bounds.get(name, usual)
         if not lower <= value <= upper:

@@ -121,12 +121,10 @@ class Predictor:
             which,
             self.drive.mean_state,
         )
-        # The delay does not move K: it comes between the parameters and the levels.
+        # The delay does not affect K; its column lies between the parameters and the levels.
         at = len(free) + len(self.layout.varying)
         dK = np.insert(found.dK, [at] * self.layout.free_delay, 0.0, axis=1)
-        kept = (
-            np.arange(self.n) != self.drive.mean_state
-        )  # that is zero after the correction, whatever it was
+        kept = np.arange(self.n) != self.drive.mean_state  # this state is reset after the correction
         return found._replace(K=found.K * kept, dK=dK * kept[:, None])
 
     def errors(self, xi: Floats) -> list[Errors]:
@@ -246,7 +244,7 @@ class Predictor:
         dscale[:, friction] /= self.problem.speed_scale
         if self.drive.output != "speed" and friction.any():
             for j, system in enumerate(levels):
-                # The speed at the sensor is (C A x), of which x[speed_state] is all.
+                # The speed at the sensor is (C A x), which depends on x[speed_state] only.
                 k = self.drive.speed_state
                 sensor, dsensor = (
                     system.C @ system.A[:, k],

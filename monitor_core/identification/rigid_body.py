@@ -145,7 +145,7 @@ def _part(segment: Record) -> _Part:
     t = np.linspace(segment.t[0], segment.t[-1], len(segment))
     y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
     u = mean_torque(segment, t)
-    # What acted around each sample: half of it before, half of it after.
+    # Mean of the torques before and after each sample.
     return _Part(np.convolve(u, (0.5, 0.5))[: len(u)], y, float(t[1] - t[0]), segment.quantity)
 
 
@@ -154,7 +154,7 @@ def _equations(part: _Part, window: int, speed_scale: float) -> tuple[Floats, Fl
     g, g1, g2 = _window(window, part.h)
 
     def over(weight: Floats, values: Floats) -> Floats:
-        # The convolution turns its second factor about.
+        # A convolution reverses its second factor.
         out: Floats = part.h * oaconvolve(values, weight[::-1], mode="valid")[:: window // _WINDOWS]
         return out
 

@@ -123,7 +123,7 @@ def _directions(past: Past) -> Directions:
     h = smooth_predictor(Rz, y, max(lam0, _LEAST * float(past.y @ past.y) / past.rows))
     H = np.zeros((p, width))
     for i in range(p):
-        # y(t+i) as the past at t tells it: h_(i+1) times z(t-1), and so on.
+        # Prediction of y(t+i) from the past at t: h_(i+1) times z(t-1), and so on.
         H[i, : width - 2 * i] = h[2 * i :]
     U, s, _ = np.linalg.svd(H @ Rz.T, full_matrices=False)
     s = np.maximum(s, np.finfo(float).tiny)
@@ -239,7 +239,7 @@ def prediction_cost(q: Floats, M: Floats, c: Floats) -> tuple[float, Floats]:
 
 def _root(M: Floats, d: Floats) -> Floats:
     S = M * np.outer(d, d)
-    # What rounding takes from a smooth, almost noiseless output is given back.
+    # Compensates rounding of a smooth, almost noiseless output.
     S[np.diag_indices_from(S)] += 1 + _ROUNDING * S.trace()
     return np.asarray(sla.cholesky(S, lower=True, overwrite_a=True, check_finite=False))
 

@@ -90,7 +90,7 @@ def on_grid(
 
 
 def _on_grid(record: Record, h: float, reference: str | None) -> Regular:
-    # Stamps drift by the last digits of the interval: each step is judged by itself.
+    # Rounding of the interval would accumulate: each step is rounded separately.
     steps = record.intervals / h
     steps_rounded = np.maximum(np.rint(steps), 1).astype(np.int64)
     off = abs(steps - steps_rounded)

@@ -207,7 +207,7 @@ def run(
     """
     T, tr, W, z = tables, trace, len(lanes), tables.p * tables.n
     filled, what, value = events.filled, events.what, events.value
-    # As names of their own: a field of a tuple is held, atomically, by each call that gets it.
+    # Local names: each call that gets a field of a tuple counts a reference to it, atomically.
     A_row, A_start, more_start, more_slot, part_start = (
         T.A_row,
         T.A_start,

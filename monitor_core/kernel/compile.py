@@ -15,7 +15,7 @@ _R = TypeVar("_R")
 
 
 def _compiled(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
-    # The wrappers that nobody calls cost a third of the compile time; numba's types do not know their options.
+    # Unused wrappers would cost a third of the compile time; numba's type hints lack these options.
     compile_: Any = njit
     decorator = compile_(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
     return cast("Callable[_P, _R]", decorator(function))

@@ -57,7 +57,7 @@ def update_cusum(
     """
     crossed = False
     for i in range(d.shape[0]):
-        # One array is written in each loop, and nothing is looked up only if: otherwise there is no SIMD.
+        # Each loop writes one array and has no conditional loads: otherwise there is no SIMD.
         for way in range(2):
             for a in range(len(lanes)):
                 before = g[way, i, a]

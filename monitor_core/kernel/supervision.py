@@ -91,10 +91,10 @@ def apply_information_floor(
         if not on[a] or (floor[a] == 0.0 and least[a] == 0.0):
             continue
         since[a] += 1
-        # While a direction is starved, looks are closer: what comes in there now is not to be missed.
+        # While a direction is unobserved, the spans are shorter, so that new information in it is used soon.
         if since[a] < (span[a] if unobserved[a] == 0 else span[a] // _CLOSER):
             continue
-        # Keeps P below the bound up to the next look: it grows like lambda^-t, or a drift by (1 - lambda) P(0) t.
+        # P stays below the bound until the next span: it grows like lambda^-t, or by (1 - lambda) P(0) t.
         c = (lam[a] ** -since[a] - 1.0) * floor[a]
         if drift[a] > 0.0:
             c = since[a] * (1.0 - lam[a]) * floor[a] * floor[a]

@@ -18,9 +18,11 @@ class Status(StrEnum):
     SETTLING = "settling"  # the predictor has just (re)started
     SEEDING = "seeding"  # P(0) is being found
     TRACKING = "tracking"
-    WEAK = "weakly observed"  # tracking, though the last samples say less than those at commissioning
-    UNSEEN = "not observed"  # the last samples say next to nothing of it
-    INVALID = "invalid"  # the model does not hold: the estimate is at a bound, or errors are far larger than they were
+    WEAK = "weakly observed"  # tracking, with less information than at commissioning
+    UNSEEN = "not observed"  # the last samples have almost no information on it
+    INVALID = (
+        "invalid"  # the model is wrong: the estimate is at a bound, or errors are far larger than before
+    )
     ALARM = "alarm"  # an alarm episode is open
 
 
@@ -29,7 +31,7 @@ class Observation(StrEnum):
 
     OBSERVED = "observed"
     WEAK = "weakly observed"
-    UNSEEN = "not observed"  # the estimate is the last that was observed; its CUSUM waits
+    UNSEEN = "not observed"  # the estimate is the last observed one; its CUSUM waits
 
 
 @dataclass(frozen=True, slots=True)

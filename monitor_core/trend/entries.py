@@ -58,7 +58,7 @@ def inflation(n: int, rho: float) -> float:
 def merged(entries: Sequence[Entry]) -> Entry:
     """One entry for several in a row, weighted by their information."""
     w = np.array([1 / e.variance for e in entries])
-    first, total = entries[0].middle_us, float(w.sum())  # times as differences keep their digits
+    first, total = entries[0].middle_us, float(w.sum())  # differences of times keep their digits
     later = float(w @ [e.middle_us - first for e in entries]) / total
     mean = float(w @ [e.mean - entries[0].mean for e in entries]) / total + entries[0].mean
     operating_s = sum(e.operating_s for e in entries)

@@ -63,7 +63,7 @@ def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> 
     a, b, c = (ones**2).sum(0), (ones * y).sum(0), (y**2).sum(0)
     af, bf = np.einsum("ng,ngfm->gfm", ones, F), np.einsum("ng,ngfm->gfm", y, F)
     aff = np.einsum("ngfm,nghm->gfhm", F, F)
-    # With the level integrated out, it takes part of everything with it.
+    # Integrate out the level: subtract its part of everything.
     R = aff - np.einsum("gfm,ghm->gfhm", af, af) / a[:, None, None, None]
     r = bf - af * (b / a)[:, None, None]
     base = -0.5 * (log_det + np.log(a) + c - b**2 / a)

@@ -69,7 +69,7 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameKey] | None = None) -> B
     except OSError as error:
         raise BusError(f"bus {config.name}: {_hint(config, error)}") from None
     except (can.CanError, ValueError, TypeError) as error:
-        # python-can says less than the system below it.
+        # The system error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
         raise BusError(f"bus {config.name}: cannot open {_where(config)}: {why}") from None
 
@@ -95,7 +95,7 @@ def send(bus: Bus, key: FrameKey, data: bytes) -> None:
         except (can.CanError, OSError) as error:
             if getattr(error, "error_code", None) != errno.ENOBUFS or time.monotonic() > end:
                 raise BusError(f"cannot send on {bus.channel_info}: {error}") from None
-        time.sleep(0.001)  # the transmit queue of the interface is full, and poll does not tell
+        time.sleep(0.001)  # the transmit queue is full, which poll does not report
 
 
 def _filter(key: FrameKey) -> CanFilter:

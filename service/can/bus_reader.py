@@ -146,7 +146,7 @@ class CanReader:
 
     def _fault(self, error: Exception) -> None:
         code = getattr(error, "error_code", None) or getattr(error, "errno", None)
-        if code == errno.ENETDOWN:  # the socket lives on and goes on when the interface is up again
+        if code == errno.ENETDOWN:  # the socket stays valid and works again when the interface is up
             self._state = self._words("the interface is down")
             return
         self._close_bus()

@@ -18,4 +18,4 @@ class Sample(NamedTuple):
     t_us: int
     torque: float  # N m
     motion: float  # rad or rad/s
-    signals: tuple[float, ...] = ()  # further ones that the axis needs, as last received; NaN: not known
+    signals: tuple[float, ...] = ()  # auxiliary ones, as last received; NaN: unknown

@@ -64,7 +64,7 @@ class SocketReceiver:
             ready, _, _ = select.select([self._socket], [], [], timeout_s)
         try:
             return self._receive() if ready else None
-        except BlockingIOError:  # the kernel may say ready and then discard what there was
+        except BlockingIOError:  # the kernel may report data and then discard it
             return None
 
     def _receive(self) -> Frame | Rejected:

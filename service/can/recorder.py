@@ -34,7 +34,7 @@ class FrameRecorder:
             raise RecordError(f"cannot write {path}: {error.strerror}") from None
         self.path = path
         self._writer = can.CanutilsLogWriter(self._file)
-        self._writer.last_timestamp = 0.0  # else times before that of the first frame are changed
+        self._writer.last_timestamp = 0.0  # otherwise times before that of the first frame are changed
         self._failed = False
 
     def write(self, bus: str, frames: Iterable[Frame]) -> None:
@@ -59,7 +59,7 @@ class FrameRecorder:
         """
         try:
             self._writer.stop()
-        except OSError as error:  # what was buffered goes now, and the file is closed all the same
+        except OSError as error:  # flush the buffer and close the file in any case
             if not self._failed:
                 raise self._error(error) from None
 

@@ -76,7 +76,7 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
     drive = usable_drive(axis)
     try:
         ratio = drive.matrix("ratio", drive.complete(watched_values(axis)))[:, 0].tolist()
-    except (KeyError, ValueError):  # a value is missing, which another rule says
+    except (KeyError, ValueError):  # a value is missing, which another check reports
         return
     period = abs(axis.angle.factor) * axis.angle.wrap_period
     turns = [

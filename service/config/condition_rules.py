@@ -170,7 +170,7 @@ def _signal(v: Varying, axis: AxisConfig) -> str:
     """The signal of a term."""
     try:
         return term_of(v.signal, _names(axis)).signal
-    except ValueError:  # which another rule says
+    except ValueError:  # which another check reports
         raise Undecidable("signal") from None
 
 

@@ -149,7 +149,7 @@ def complete_model(axis: AxisConfig) -> Iterator[Finding]:
     model, drive = axis.model, usable_drive(axis)
     try:
         AxisModel(drive, watched_values(axis), model.monitor, scales_of(axis), bounds_of(axis))
-    except KeyError:  # a value that is wrong in itself is as good as missing here
+    except KeyError:  # a wrong value counts as missing here
         return
     except ValueError as error:
         yield Finding(("model", "components" if model.components else "drive"), str(error))
@@ -248,7 +248,7 @@ def axis_model(axis: AxisConfig) -> AxisModel:
     drive = usable_drive(axis)
     try:
         return AxisModel(drive, watched_values(axis), axis.model.monitor, scales_of(axis), bounds_of(axis))
-    except (KeyError, ValueError):  # other rules say what is wrong
+    except (KeyError, ValueError):  # other checks report what is wrong
         raise Undecidable("model") from None
 
 

@@ -8,7 +8,7 @@ from service.config.base_table import Positive, Real, Table, seconds_in
 
 
 def _none_or_three(value: float) -> float:
-    if value != 0 and value < 3:  # noise alone is there often
+    if value != 0 and value < 3:  # noise alone exceeds it often
         raise ValueError("must be 0 or at least 3")
     return value
 

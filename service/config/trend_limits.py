@@ -24,7 +24,7 @@ def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[Limit, .
     found = {}
     for name, values in axis.model.limits.items():
         own = monitored_as(name, model.monitored)
-        assert own is not None  # a rule of the configuration
+        assert own is not None  # a cross-check ensures it
         i = model.monitored.index(own)
         nominal, p = float(model.theta0[i]), model.parameters[i]
         nominal = nominal if own == name else 1 / nominal

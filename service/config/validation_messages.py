@@ -59,7 +59,7 @@ def findings(errors: Iterable[ErrorDetails]) -> list[Finding]:
 def _follows(error: ErrorDetails) -> bool:
     if error["type"] == "default_factory_not_called":
         return True
-    # Elements that are wrong themselves are not counted by pydantic: a list seems too short.
+    # pydantic does not count invalid elements, so a list may seem too short.
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 

@@ -134,7 +134,7 @@ class Assembler:
             return None
         self._notice(t_us)
         floor = self._floor_us
-        # A sample counter has already told repeated frames from those received in a bunch.
+        # A sample counter has already separated repeated frames from those of a burst.
         if sample_us is None and floor is not None and abs(t_us - floor) < self._interval_us / 2:
             self.drop("repeated", 2)
             return None

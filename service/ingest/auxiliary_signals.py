@@ -16,7 +16,7 @@ class HeldSignal:
     """The last value of one signal on the bus, with the time of its receipt."""
 
     def __init__(self, source: Source, key: FrameKey) -> None:
-        assert source.message is not None  # a rule of the configuration
+        assert source.message is not None  # a cross-check ensures it
         assert source.signal is not None
         self.name, self.key = source.name, key
         self.message, self.signal = source.message, source.signal
@@ -58,7 +58,7 @@ class HeldColumns:
     def _held(self, k: int, time_us: Floats, raw: Floats, most_us: float) -> Floats:
         value, since = self._before[k]
         known = np.isfinite(raw) & np.isfinite(time_us)
-        # Each row's own place, or that of the last known one before it; 0 stands for the blocks before.
+        # Index of the row, or of the last known one before it; 0: in an earlier block.
         place = np.maximum.accumulate(np.where(known, np.arange(1, len(raw) + 1), 0))
         values, times = np.append(value, raw)[place], np.append(since, time_us)[place]
         if len(raw):

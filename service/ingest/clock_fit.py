@@ -181,7 +181,7 @@ class Drift:
         self._next_window(now_us)
         if self._windows and abs(over_us) > self._step_us:
             if not self._was_off:
-                self._was_off = True  # perhaps this machine was held up
+                self._was_off = True  # this machine may have been stalled
                 return
             self._forget()
         self._was_off = False
@@ -212,5 +212,5 @@ class Drift:
         error_us = wanted_us - self.shift_us
         self._may_move_us += most_us
         step_us = min(abs(error_us), int(self._may_move_us))
-        self._may_move_us %= 1  # only what is less than a microsecond is kept for the next time
+        self._may_move_us %= 1  # the fraction of a microsecond is carried over
         self.shift_us += step_us if error_us > 0 else -step_us

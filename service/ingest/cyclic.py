@@ -138,7 +138,7 @@ class CyclicClock(Generic[V]):
             return "repeated"
         if n == held.cycle:
             return self._give(drift, held.received_us, n)
-        return self._time(drift, n)  # when it waited, its receipt says nothing of the clock
+        return self._time(drift, n)  # a frame that waited gives no information on the clock
 
     def _give(self, drift: Drift, received_us: int, n: int) -> int:
         self._line.on()

@@ -39,7 +39,7 @@ class FrameEncoder:
         ingest = Ingest(config, bus)
         self._axes = {axis.id: axis for axis in ingest.axes}
         self._messages = {key: ingest.decoder.message(key) for key in ingest.keys}
-        # A signal that is the motion of another axis goes with that axis.
+        # A signal that is the motion of another axis is sent by that axis.
         own = {(q.key, q.signal) for axis in ingest.axes for q in axis.sampled()}
         self._further = {
             axis.id: [None if (q.key, q.signal) in own else q for q in axis.further_quantities()]

@@ -111,7 +111,7 @@ class MatTable:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            path.open("rb").close()  # says better what is wrong
+            path.open("rb").close()  # gives a better error message
             content = scipy.io.loadmat(path, simplify_cells=True, appendmat=False)
         except OSError as error:
             raise RecordError(f"cannot read {path}: {error.strerror or error}") from None

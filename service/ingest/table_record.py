@@ -142,7 +142,7 @@ class AxisColumns:
         t_us = time_us[index].astype(np.int64)
         later = self._increasing(t_us)
         index = index[later]
-        # A row that is no sample may still hold a signal: of a temperature that was written by itself.
+        # A row without a sample may still hold a signal, such as a temperature in a row of its own.
         held = self._held.take(np.where(timed, time_us, np.nan), rows.columns) if self._held else None
         signals = None if held is None else held[index]
         return index, SampleBlock(t_us[later], torque[index], motion[index], signals=signals)

@@ -53,7 +53,7 @@ class StampMeter:
         if last_us is None:
             return
         passed_us = t_us - last_us
-        if 0.5 < passed_us / self._interval_us < 1.5:  # else lost frames, or a clock that was set
+        if 0.5 < passed_us / self._interval_us < 1.5:  # otherwise frames were lost, or a clock was set
             self._intervals.add(passed_us)
         if passed_us > 0:
             step_us = self._interval_us * max(0.5 / (self._intervals.count + 1), 1e-5)
@@ -76,7 +76,7 @@ class StampMeter:
         if self._intervals.count < _ENOUGH_FOR_MEDIAN:
             return Stamps(clock, scatter_s, fitted_s)
         median_s = self._median_us * 1e-6
-        # By the clock, unless that is far off: it cannot be fitted then.
+        # Measured by the fitted clock, unless the interval is too far off to be fitted.
         clear = fitted_s is None or _far_off(median_s, self._interval_us * 1e-6, scatter_s)
         return Stamps(clock, scatter_s, median_s if clear else fitted_s)
 

@@ -77,7 +77,7 @@ class AxisMonitors:
 
     def _unwrapped(self, samples: Samples) -> Samples:
         """The samples with continuous angles, where those of an axis wrap after each turn."""
-        if samples and not self._resumed:  # a saved state, if there is one, has been restored by now
+        if samples and not self._resumed:  # a saved state has been restored by now
             self._resumed = True
             for axis_id, turns in self._turns.items():
                 if (motion := _motion(self.by_id[axis_id])) is not None:

@@ -30,7 +30,9 @@ def choose(environ: MutableMapping[str, str]) -> Path:
     except OSError as error:
         folder = _folder_of_this_run(folder, error)
     environ[VARIABLE] = str(folder)
-    environ.setdefault("NUMBA_OPT", "2")  # compiles a tenth faster than numba's own 3, into code as fast
+    environ.setdefault(
+        "NUMBA_OPT", "2"
+    )  # compiles a tenth faster than numba's default of 3; the code is as fast
     return folder
 
 
@@ -44,7 +46,7 @@ def fingerprint() -> str:
 
 def _base(environ: MutableMapping[str, str]) -> Path:
     if given := environ.get(VARIABLE):
-        # A parent process of ours has been here: its folder is already below the base.
+        # The parent process has set the folder already.
         return Path(given).parent if Path(given).name.startswith("kernel-") else Path(given)
     return Path(environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~")) / ".cache") / "axiswatch"
 

@@ -65,7 +65,7 @@ _STYLE: dict[Any, Any] = {
 @contextmanager
 def figure(height: float, room: float = 0.04) -> Iterator[Figure]:
     """An empty picture of that height and that room around its panels, inches, in the style of the reports."""
-    # Without pyplot: no window system is looked for, and nothing is left behind.
+    # Without pyplot: it would look for a window system and keep figures in memory.
     import matplotlib as mpl
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine

@@ -89,7 +89,7 @@ def frictions(turning: Drive, values: Mapping[str, float]) -> Iterator[str]:
     for p in turning.parameters:
         if p.unit == "N m s/rad":
             change = turning.matrix("A", {**values, p.name: 2 * values[p.name]}) - turning.matrix("A", values)
-            # Inside the drive a damper takes on one side what it gives on the other.
+            # The torques of a damper inside the drive cancel.
             if np.abs(change @ rest).max() > _CANCELLED * (np.abs(change) @ np.abs(rest)).max():
                 yield p.name
 

@@ -186,7 +186,7 @@ def _migrate(connection: sqlite3.Connection, path: Path, migrations: Sequence[st
 
 
 def _is_damage(error: BaseException) -> bool:
-    # The low byte is the kind of error, the rest says more about it.
+    # The low byte is the kind of error, the rest gives details.
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGE
 
 

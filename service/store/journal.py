@@ -187,7 +187,7 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
         return _insert(connection, entry)
     changed = _columns_of(entry)
     if known.raised_us != e.raised_us:
-        # The first onset and time stand, as a monitor that lost its state raises the same alarm anew.
+        # The first onset and time are kept: a monitor that lost its state raises the same alarm again.
         changed = {name: changed[name] for name in ("updated_us", "ended_us", "size", "size_sd")}
     else:
         del changed["raised_us"]

@@ -14,7 +14,7 @@ _HEADERS = {
     "content-security-policy": f"{_POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'self'",
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
-    # Values change every second, files with the next version: ask again each time.
+    # Values change every second, files with the next version: the browser must not cache them.
     "cache-control": "no-cache",
 }
 

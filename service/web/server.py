@@ -77,7 +77,7 @@ def listen(host: str, port: int) -> socket.socket:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (socket.gaierror, UnicodeError) as error:
         raise CannotListenError(f"cannot listen on {host!r}: no such host; 127.0.0.1 or 0.0.0.0?") from error
-    # A name with both kinds of address, like localhost, gets the one that people type.
+    # A name with IPv4 and IPv6 addresses, like localhost, gets the IPv4 one that people type.
     family, _, _, _, address = min(found, key=lambda entry: entry[0] != socket.AF_INET)
     try:
         return socket.create_server(address, family=family, backlog=128)

@@ -105,7 +105,7 @@ def _crossing(c: Crossing, open_alarms: Sequence[Alarm]) -> Iterator[AlarmEvent]
         yield DetectedAgain(unnamed[0].key, c.time_us)
     elif not any(
         a.doubt in NO_PARAMETER for a in open_alarms
-    ):  # else all estimates drift off: one alarm is enough
+    ):  # otherwise all estimates drift away: one alarm is enough
         yield Raised(
             Alarm(
                 parameter=c.parameter,
@@ -127,7 +127,9 @@ def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[AlarmEvent]
     if not named:
         causes = _causes(e, unnamed[0])
         no_parameter = _doubt(e, causes.best, causes) in NO_PARAMETER
-        if no_parameter or causes.stands_out(e.tolerance):  # else wait for more evidence, or for recovery
+        if no_parameter or causes.stands_out(
+            e.tolerance
+        ):  # otherwise wait for more evidence, or for recovery
             yield _name(unnamed[0], e, causes, alone=True)
     elif unnamed:
         yield from _second_alarm(unnamed[0], named, e)
@@ -161,7 +163,7 @@ def _single_alarm(alarm: Alarm, e: Evidence) -> Iterator[AlarmEvent]:
     i, parameter = e.parameters.index(alarm.parameter), alarm.parameter
     reported: tuple[Cause, ...] | None = None
     doubt: Doubt | None = None
-    if causes.stands_out(e.tolerance):  # else it is about to end
+    if causes.stands_out(e.tolerance):  # otherwise it is about to end
         if causes.probability[i] < DISMISSED and causes.explains(e.tolerance):
             yield _name(alarm, e, causes, alone=True)
             parameter = e.parameters[causes.best]

@@ -76,11 +76,11 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
     if cause == TORQUE_OFFSET:
         return Hypothesis(cause, size, torque=Distortion(offset=size * torque_unit(model, settings)))
     if cause == OUTPUT_NOISE:
-        # Whatever has changed looks like noise at first, while the state of the axis still is that of before.
+        # Any change looks like noise at first, while the state of the axis is still that of before.
         return Hypothesis(cause, size, variance=math.exp(2 * size), weight=_LAST)
     plain: dict[str, Callable[[], Hypothesis]] = {
         TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size))),
-        # That of an encoder is made, and looks almost like a torque constant: named when nothing else will do.
+        # The scale of an encoder is fixed by design, and a change looks almost like one of kT: a last resort.
         OUTPUT_SCALE: lambda: Hypothesis(cause, size, output=Distortion(math.exp(size)), weight=_LAST),
         TORQUE_SIGN: lambda: Hypothesis(cause, torque=Distortion(-1.0)),
         OUTPUT_SIGN: lambda: Hypothesis(cause, output=Distortion(-1.0)),

@@ -286,7 +286,7 @@ class HypothesisBank:
             self._start(0)
             yield CauseEnded(now_us, since, HEALTHY)
             return
-        # Until the state of the axis is no longer that of before, no hypothesis holds, and the least wrong one is sure.
+        # While the state is still that of before the change, none is right, and the least wrong one seems sure.
         early = now_us - since < self._slowest_us
         sure, resort = found[0].probability >= self.sure, found[0].cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):

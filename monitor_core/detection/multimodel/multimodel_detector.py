@@ -190,7 +190,7 @@ def interpret(
         yield from _change(event, open_alarms, quantity)
     elif isinstance(event, CauseIdentified):
         yield from _name(event, open_alarms, quantity)
-    else:  # with the cause ends what was about to be named, as nothing else has changed
+    else:  # an unnamed alarm ends with the cause, as nothing else has changed
         for a in open_alarms:
             if a.raised_us == event.since_us or a.parameter == event.cause:
                 yield Ended(a.key, event.time_us)

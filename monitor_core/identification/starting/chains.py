@@ -115,7 +115,7 @@ def chain_of_modes(p: Floats, a: Floats) -> Chain:
     bordered[1:, 1:] = np.diag((p / top) ** 2)
     T = hessenberg(bordered)[1:, 1:]
     diagonal, beside = np.diag(T), np.abs(np.diag(T, 1))
-    # The null vector: what the springs before a mass do to it, those behind it undo.
+    # The null vector: the springs on both sides of a mass cancel.
     v = np.ones(n)
     for i in range(n - 1):
         before = beside[i - 1] * v[i - 1] if i else 0.0

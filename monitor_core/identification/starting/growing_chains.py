@@ -46,7 +46,7 @@ class Stem(NamedTuple):
 def rigid(measured: Measured) -> tuple[Stem, ...]:
     """One mass."""
     low = 2 * np.pi * measured.frequency_hz[:1]
-    # Where the response is known above the first resonance only, the best weight of a rigid motion may be none.
+    # If the response is known only above the first resonance, the best weight of the rigid motion may be zero.
     a = float(weights(measured, np.zeros(1), low / 2)[0]) or _size(measured)
     problem = bare(1, measured.output)
     response = Response(problem, {"J1": 1 / a, "fm": float(low[0]) / 2 / a})

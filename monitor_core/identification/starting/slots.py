@@ -65,7 +65,7 @@ class Slots:
         rates = np.empty((self.masses, len(self.dampers)))
         for j, name in enumerate(self.dampers):
             rates[:, j] = _decays(_lossless(self._drive, values, {name: 1.0})[0] - A, W, V)
-        # Each damper in units in which all of them damp alike; each mode in units of its own decay.
+        # Scaled: dampers by their effect, modes by their decay.
         unit = 1 / np.maximum(rates.sum(axis=0), 1e-300)
         d = nnls(rates * unit / decay[:, None], np.ones(self.masses))[0]
         d = np.maximum(d, _LITTLE * decay.mean()) * unit

@@ -137,7 +137,7 @@ def _differentiated(rows: list[Row]) -> int:
 MOST_STATES = 60
 """The check takes time with the cube of the states."""
 
-_SEED = 2439  # any will do: a wrong rank needs a coincidence modulo primes near 2^31
+_SEED = 2439  # arbitrary: a wrong rank would need a coincidence modulo primes near 2^31
 
 
 def hidden(ss: StateSpace) -> tuple[str, ...]:
