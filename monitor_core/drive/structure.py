@@ -32,7 +32,7 @@ SINCE_SAMPLE = "angle since the last sample"
 """Name of the state that a mean speed is taken from."""
 DELAY = "delay"
 """Name of the skew between torque and output."""
-_DELAYED = "how much later the torque acts than its sample says"
+_DELAYED = "delay of the torque after its sample"
 
 _OPERATORS = frozenset(" +*/^()")
 

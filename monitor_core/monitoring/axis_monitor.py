@@ -109,7 +109,7 @@ class AxisMonitor:
         self, batch: AxisBatch, lane: int, multimodel: MultiModelDetector | None, source: DetectorName
     ) -> None:
         if source == "multimodel" and multimodel is None:
-            raise ValueError("the alarms are to come from the multi-model detector, but there is none")
+            raise ValueError("the multi-model detector is the alarm source, but does not run")
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
         g, below_nu = batch.state.g[:, :, lane], batch.state.below_nu[:, lane]
         self.cusum = CusumDetector(self.model.monitored, g, batch.thresholds[:, lane], below_nu)

@@ -57,7 +57,7 @@ Find = Annotated[
 Free = Annotated[
     str,
     typer.Option(
-        "--free", metavar="NAMES", help="What will be estimated. Default: all that can be told apart."
+        "--free", metavar="NAMES", help="Parameters to estimate. Default: all that can be distinguished."
     ),
 ]
 As = Annotated[

@@ -41,7 +41,7 @@ Free = Annotated[
     typer.Option(
         "--free",
         metavar="NAMES",
-        help='Only these parameters, "Jm,fm,1/Ja". Default: all that can be told with kT and r held.',
+        help='Only these parameters, "Jm,fm,1/Ja". Default: all that can be identified with kT and r held.',
     ),
 ]
 Fix = Annotated[

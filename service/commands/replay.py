@@ -35,7 +35,7 @@ Page = Annotated[
     typer.Option(
         "--report",
         metavar="FOLDER|FILE.html",
-        help="Also draw it: estimates with their bands, g with h, alarms, what was not learned from.",
+        help="Also draw it: estimates with their bands, g with h, alarms, unused samples.",
     ),
 ]
 

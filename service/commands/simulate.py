@@ -24,7 +24,7 @@ FaultOption = Annotated[
     typer.Option(
         "--fault",
         metavar="PARAMETER=FACTOR",
-        help="What breaks: a parameter gets so many times its value: fm=1.3, 1/Ja=0.8; or, delay=0.0005, the torque "
+        help="The fault: a parameter times a factor: fm=1.3, 1/Ja=0.8; or, delay=0.0005, the torque "
         "acts so many seconds late. May be repeated.",
     ),
 ]

@@ -87,7 +87,7 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
     parts = [t for t in turns if round(t) == 0 or abs(t - round(t)) > _NEARLY]
     if parts:
         message = (
-            f"gravity needs to know where the arm stands, and the angle starts again after {parts[0]:.3g} of its turns:"
+            f"gravity depends on the position of the arm, and the angle wraps after {parts[0]:.3g} of its turns:"
             " send one that goes on"
         )
         yield Finding(("angle", "wrap_period"), message)

@@ -121,9 +121,10 @@ def unsaid(config: Config) -> Iterator[str]:
         names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
         if names:
             yield (
-                f"{robot.name}: {', '.join(names)}: watched as if the other axes stood still: where their pose changes"
-                " the inertia, alarms will tell of that. Let nominal values follow it ([[robot.axis.model.schedule]]),"
-                " watch a reference motion only ([[robot.axis.gate]]), or say"
+                f"{robot.name}: {', '.join(names)}: monitored as if the other axes stood still. Where their pose"
+                " changes the inertia, there will be alarms. Let nominal values follow it"
+                " ([[robot.axis.model.schedule]]),"
+                " monitor a reference motion only ([[robot.axis.gate]]), or say"
                 ' conditions = "others stand still" in [robot.axis.model]'
             )
 

@@ -85,10 +85,10 @@ class AxisConfig(Table):
         default_factory=intervals(10), description="a longer interval restarts the predictor [s]"
     )
     settling_time_s: Annotated[Real, Field(ge=0)] | None = Field(
-        None, description="no estimation for so long after such a start [s]; default from the model"
+        None, description="no estimation for this time after a restart [s]; default from the model"
     )
     torque_delay_s: Real = Field(
-        0.0, ge=0, description="torque acts so much later than its sample [s], at most one interval"
+        0.0, ge=0, description="delay of the torque after its sample [s], at most one interval"
     )
     torque: SignalConfig = Field(description="motor torque; factor and offset make it N m")
     angle: AngleConfig | None = Field(None, description="motor angle; factor and offset make it rad")
@@ -99,10 +99,10 @@ class AxisConfig(Table):
         description="further signals: temperature, mode, angle of another axis, ..., [[robot.axis.signal]]",
     )
     gate: tuple[GateConfig, ...] = Field(
-        (), description="the axis is watched only while all of these are open, [[robot.axis.gate]]"
+        (), description="the axis is monitored only while all of these are open, [[robot.axis.gate]]"
     )
     min_speed: Positive | None = Field(
-        None, description="the axis is not watched while its motor turns more slowly than this [rad/s]"
+        None, description="the axis is not monitored while its motor turns more slowly than this [rad/s]"
     )
     model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
     estimator: EstimatorConfig = Field(default_factory=EstimatorConfig, description="recursive estimator")

@@ -48,7 +48,7 @@ class ModelConfig(Table):
     )
     nominal: dict[str, Real] = Field(
         default_factory=dict,
-        description="value of every parameter of the drive, SI; goes before a drawing's own",
+        description="value of every parameter of the drive, SI; takes precedence over the drawing's",
     )
     nominal_file: FilePath | None = Field(
         None,

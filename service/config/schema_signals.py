@@ -29,7 +29,7 @@ class AngleConfig(SignalConfig):
 
     wrap_period: Positive | None = Field(
         None,
-        description="the signal starts again after so much, in its own unit, before the factor: 360, 65536, 6.2831853",
+        description="period after which the signal wraps, in its own unit, before the factor: 360, 65536, 6.2831853",
     )
     resolution: Positive | None = Field(None, description=_RESOLUTION)
 

@@ -43,7 +43,7 @@ class EstimatorConfig(Table):
     outlier_limit: Annotated[Real, AfterValidator(_none_or_three)] = Field(
         6.0,
         le=1000,
-        description="an innovation beyond so many standard deviations is passed over, if few are; 0: none is",
+        description="an innovation beyond this number of standard deviations is rejected, if these are few; 0: never",
     )
     joint_state: bool | None = Field(
         None,
@@ -98,7 +98,7 @@ class DetectorConfig(Table):
         0.0,
         ge=0,
         le=1e6,
-        description="after an alarm P_ii is at least so many times P(0)_ii: the estimate converges faster; 0: it stays",
+        description="after an alarm P_ii is at least this many times P(0)_ii: faster convergence; 0: P stays",
     )
 
 

@@ -13,7 +13,7 @@ from service.can.user_errors import IngestError
 REASONS = ("not_finite", "absurd", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing")
 """Why values did not become a sample; ``Assembler.dropped`` counts them, and as "missing" whole samples.
 
-not_finite: NaN or infinite.  absurd: more than any motor has ever had.  repeated: the same quantity again within half
+not_finite: NaN or infinite.  absurd: beyond physical limits.  repeated: the same quantity again within half
 an interval.  out_of_order: not after the last sample.  untimed: the sample counter, or the fitted clock, contradicts
 the time of receipt.  unpaired: the partner never came.  late: came after its partner had been given up or paired
 otherwise.  missing: samples that never came, from the interval between two samples.

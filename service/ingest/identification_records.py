@@ -85,7 +85,7 @@ def wanted(text: str) -> Wanted:
     except ValueError:
         raise RecordError(f"{text}: a range is @START:END in seconds, such as @10:60, @10: or @:60") from None
     if start is not None and end is not None and start >= end:
-        raise RecordError(f"{text}: the range ends before it begins")
+        raise RecordError(f"{text}: the range ends before its start")
     return Wanted(Path(found["path"]), start, end)
 
 

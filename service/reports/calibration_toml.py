@@ -51,10 +51,10 @@ _KEYS = ("alpha_1", "alpha_2", "allowance")
 def _rate(calibration: Calibration) -> Iterator[str]:
     most, low, high = calibration.result.tests.between_s
     yield "[false_alarms]"
-    yield f"budget_s = {toml_value(calibration.result.budget_s)}  # no more than one in so long"
+    yield f"budget_s = {toml_value(calibration.result.budget_s)}  # at most one in this time"
     yield f"one_in_s = {toml_value(most)}  # most likely"
     yield f"interval_s = {toml_value([low, high])}  # 90 %"
-    yield f"within_s = {toml_value(calibration.result.within_s)}  # faults are to be found in so long"
+    yield f"within_s = {toml_value(calibration.result.within_s)}  # faults are to be found within this time"
 
 
 def _bank(calibration: Calibration) -> Iterator[Iterator[str]]:

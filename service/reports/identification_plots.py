@@ -72,7 +72,7 @@ def residual_picture(report: IdentificationReport) -> str:
     with figure(2.9) as drawn:
         left, right = drawn.subplots(1, 2)
         _stems(left, e.whiteness, "Errors with earlier errors")
-        _stems(right, e.independence, "Errors with torque so much earlier")
+        _stems(right, e.independence, "Errors with earlier torque")
         return as_svg(drawn, "correlations of the prediction errors, with their limits", "residuals")
 
 

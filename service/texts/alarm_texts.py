@@ -14,7 +14,7 @@ SURE = 0.95
 DOUBTS: dict[Doubt, str] = {
     "several": "more than one parameter has changed, or none of them; nearest is {parameter}: {fact}",
     "model": "the model no longer holds, as if a sensor were wrong; nearest is {parameter}: {fact}",
-    "sign": "the motion does not follow the torque, as if one of them had changed its sign, or were stuck",
+    "sign": "the motion does not follow the torque, as if one of them had changed its sign or were stuck",
     "still": "no motion follows the torque: the sensor or the axis is stuck, or the drive is off",
 }
 

@@ -24,7 +24,7 @@ _DATED_US = 10**15
 def trend_words(name: str, unit: str, t: Trend | None) -> str:
     """fm drifts up by 0.0012 +- 0.0001 N m s/rad per day; or that it is steady, or has changed, or what it may be."""
     if t is None:
-        return f"{name}: too little is known yet to tell a drift"
+        return f"{name}: too little data yet to detect a drift"
     p = t.probability
     drift = p["drift"] + p["both"]
     per_day = f"{_amount(abs(t.slope) * _DAY_S, unit, 2)} ± {_amount(t.slope_sd * _DAY_S, '1', 2)} per day"

@@ -173,7 +173,7 @@ def _axes(axes: tuple[AxisSnapshot, ...], now_us: int) -> Iterator[Metric]:
     yield _counter("samples", "Samples received.", ("axis",), (((a.id,), a.status.samples) for a in axes))
     yield _counter(
         "samples_by_fate",
-        "Samples by what was done with them; starved: too little excitation; gated: excluded by operating "
+        "Samples by their use; starved: too little excitation; gated: excluded by operating "
         "conditions; projected: used, and an estimate was held within its bounds.",
         ("axis", "fate"),
         _by_reason((a.id, a.status.counters) for a in axes),

@@ -124,7 +124,7 @@ class Axis(Body):
         description="operating condition that excluded the last sample, e.g. mode = 2; null: none"
     )
     counters: dict[str, int] = Field(
-        description="number of samples by what was done with them; gated: excluded by operating conditions"
+        description="number of samples by their use; gated: excluded by operating conditions"
     )
     dropped: dict[str, int] = Field(
         description="number of decoded values that did not become a sample, by reason"
@@ -300,7 +300,7 @@ class Alarm(Body):
     raised: Time = Field(description="when the threshold was crossed for the first time, UTC")
     updated: Time = Field(description="when it was crossed for the last time, UTC")
     ended: Time | None = Field(
-        description="when the deviation had been tolerable for three memory lengths, UTC"
+        description="when the deviation had been within its tolerance for three memory lengths, UTC"
     )
     crossings: int = Field(description="number of times a threshold was crossed")
     past: list[PastName] = Field(description="earlier names of the alarm, oldest first")

@@ -64,7 +64,7 @@ def test_courses() -> None:
     for pattern, course in courses.items():
         trend = trend_of(months(rng, 200, course, 0.0005), SIZE, 3600.0)
         assert re.fullmatch(pattern, trend_words("fm", UNIT, trend)), trend_words("fm", UNIT, trend)
-    assert trend_words("fm", UNIT, None) == "fm: too little is known yet to tell a drift"
+    assert trend_words("fm", UNIT, None) == "fm: too little data yet to detect a drift"
 
 
 def test_what_is_not_sure_is_told_with_its_shares() -> None:

@@ -77,7 +77,7 @@ def reason_unavailable(model: AxisModel, settings: Settings) -> str:
         return "its nominal values cannot tell some of the parameters apart"
     gain = settings.gain(len(model.drive.states))
     if not math.isfinite(slowest_time_constant(model, gain, settings.interval_s)):
-        return "its predictor is not stable by itself"
+        return "its predictor is not stable"
     return ""
 
 

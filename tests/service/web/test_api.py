@@ -140,7 +140,7 @@ def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: T
     assert (trend["axis"], trend["interval_s"], trend["lost"]) == ("demo.axis1", 3600.0, 0)
     kT, _, fm = trend["parameters"]
     assert (kT["drift"], kT["limits"], kT["time"]) == (None, [], [])
-    assert kT["words"] == "kT: too little is known yet to tell a drift"
+    assert kT["words"] == "kT: too little data yet to detect a drift"
     assert fm["words"] == "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day"
     assert (fm["drift"]["drift"], fm["drift"]["slope_per_day"]) == (0.97, pytest.approx(2.75e-8 * 86400))
     (limit,) = fm["limits"]
