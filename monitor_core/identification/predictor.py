@@ -23,7 +23,10 @@ from monitor_core.kernel.tables import COULOMB, TORQUE
 
 
 class Errors(NamedTuple):
-    """Of one record: eps (N,) and psi (N, shared + n), zero where nothing was measured; not finite: ``good`` False."""
+    """Errors of one record: eps (N,) and psi (N, shared + n), zero where y was not measured.
+
+    ``good``: all values are finite.
+    """
 
     eps: Floats
     psi: Floats
@@ -33,7 +36,7 @@ class Errors(NamedTuple):
 class Predictor:
     """The predictor of a problem on its records.
 
-    The vector xi is that of ``layout``, followed by the initial state of each record, or what is free of it.
+    The vector xi is that of ``layout``, followed by the free part of the initial state of each record.
 
     Raises:
         ValueError: no record, another output than the drive's, a record in which nothing was measured.
@@ -62,7 +65,7 @@ class Predictor:
         )
 
     def _source_of(self, kind: int) -> int:
-        """What an input of the motion looks at; friction beside an angle or a mean speed at the predictor's speed."""
+        """Source of an input of the motion; friction with an angle or a mean speed uses the predictor's speed."""
         if kind == COULOMB and self.drive.output != "speed":
             return FROM_STATE
         return FROM_RECORD if self.problem.motion == "measured" else FROM_OUTPUT
@@ -74,18 +77,18 @@ class Predictor:
 
     @property
     def own(self) -> int:
-        """How many numbers each record adds to the vector: its initial state, or the angle where it rests."""
+        """Number of entries of the vector for each record: its initial state, or the angle where it rests."""
         initial = self.problem.initial
         return self.n if initial == "free" else int(initial == "rest" and self.drive.output == "angle")
 
     def columns(self, i: int) -> np.ndarray:
-        """Which entries of the vector the columns of record i's psi belong to."""
+        """Indices in the vector of the columns of psi of record i."""
         shared = self.layout.shared
         own = shared + i * self.own + np.arange(self.own)
         return np.concatenate([np.arange(shared), own])
 
     def start(self) -> Floats:
-        """The vector to start from: nominal values, all at rest."""
+        """Start of the vector: nominal values, all at rest."""
         xi = self.layout.start()
         rest = self._rest(self._linear(self.layout.point(xi), self._signal_mean))
         free = self.problem.initial == "free"
@@ -93,7 +96,7 @@ class Predictor:
         return np.concatenate([xi, *own])
 
     def bounds(self) -> tuple[Floats, Floats]:
-        """Of the vector."""
+        """Bounds of the vector."""
         lower, upper = self.layout.bounds()
         endless = np.full(self.own * len(self.series), math.inf)
         return np.concatenate([lower, -endless]), np.concatenate([upper, endless])
@@ -130,7 +133,7 @@ class Predictor:
     def errors(self, xi: Floats) -> list[Errors]:
         """Prediction errors and gradients of all records; not good where theta makes no sense.
 
-        Those of the last vector are kept: where a search ended they are asked for again.
+        The result for the last vector is cached, as it is needed again at the end of a search.
         """
         if not np.array_equal(self._last[0], xi):
             self._last = (xi.copy(), self._errors(xi))
@@ -148,7 +151,7 @@ class Predictor:
         return Errors(np.full(s.u.size, math.inf), np.zeros((s.u.size, self.columns(0).size)), good=False)
 
     def _linear(self, point: Point, signals: Floats) -> Linear:
-        """The drive where the signals have these values; the slopes of varying parameters as further ones."""
+        """The drive at these values of the signals; the slopes of scheduled parameters are further derivatives."""
         values, varying = point.values, self.layout.varying
         if not varying:
             return self._structure.at(values)
@@ -234,7 +237,7 @@ class Predictor:
         return X, dX if self.layout.free_delay else dX[:, :-1]
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
-        """What angle or speed is multiplied by to give the argument of an input (L, m), and derivatives (L, m, q)."""
+        """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""
         scale, dscale = (
             np.array([system.ratio for system in levels]),
             np.array([system.dratio for system in levels]),
@@ -256,14 +259,14 @@ class Predictor:
 
 
 def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
-    """With these inputs alone."""
+    """The system with these inputs only."""
     return system._replace(
         B=system.B[:, which], dB=system.dB[:, which], ratio=system.ratio[which], dratio=system.dratio[which]
     )
 
 
 def _widened(slopes: Floats, q: int) -> Floats:
-    """With zeros for the delay."""
+    """Derivatives with zeros for the delay."""
     out = np.zeros((*slopes.shape[:-1], q))
     out[..., : slopes.shape[-1]] = slopes
     return out

@@ -1,4 +1,4 @@
-"""What is to be estimated: a drive, which of its parameters are free, and how its output is predicted."""
+"""Statement of an identification problem: a drive, its free parameters, and the predictor."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Level = Literal["torque", "slow", "time_constant"]
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What acts on the drive beside the motor torque, from which the gain K of the innovations form follows.
+    """Noise that acts on the drive besides the motor torque; the gain K of the innovations form follows from it.
 
-    Standard deviations; only their ratios to that of the output matter to K, so that one is never free.  Those of
-    ``free`` are start values and are estimated with theta.
+    Standard deviations; only their ratios to that of the output affect K, so that one is never free.  Those of ``free``
+    are start values and are estimated with theta.
 
     Args:
-        torque: of white noise that enters like the torque, held over each interval, N m; None: tried out, and
+        torque: of white noise that enters like the torque, held over each interval, N m; None: chosen by trial, and
             ``slow``, unless 0, starts from the same value.
         slow: of d, N m, where d' = -d / time_constant_s + w enters like the torque, too; 0: no such state.
         time_constant_s: of d.
@@ -139,4 +139,4 @@ class Problem:
 
 
 class IdentificationError(Exception):
-    """Nothing can be identified in this way; the text says why, with the number that shows it."""
+    """The identification is not possible in this way; the text says why, with numbers."""

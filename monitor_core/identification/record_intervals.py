@@ -1,4 +1,4 @@
-"""A record as the compiled predictor takes it: distinct intervals, and levels of the signals that theta depends on."""
+"""A record prepared for the compiled predictor: distinct intervals, and levels of the scheduling signals."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Series:
 
 
 def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
-    """Prepare a record, its torque ``late`` samples later.  Times count to the microsecond, as in the monitor.
+    """Prepare a record, with its torque ``late`` samples later.  Times are rounded to microseconds, as in the monitor.
 
     Raises:
         ValueError: it lacks a signal, or nothing of it was measured; intervals too different for a shift.
@@ -61,7 +61,7 @@ def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
 
 
 def _distinct(rows: Ints) -> tuple[Ints, NDArray[np.int64]]:
-    """The distinct rows in ascending order, and which of them each row is; column by column, most hold one value."""
+    """The distinct rows in ascending order, and the index of each row; column by column, as most hold one value."""
     which, found = np.zeros(len(rows), dtype=np.int64), rows[:1]
     for column in rows.T:
         if (column == column[:1]).all():
@@ -73,7 +73,7 @@ def _distinct(rows: Ints) -> tuple[Ints, NDArray[np.int64]]:
 
 
 def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:
-    """Mean values (L, s) and which of them (N,) applies; a value that was not measured is the one before."""
+    """Mean values (L, s) and their index (N,); a missing value is replaced by the one before."""
     if not signals:
         return np.zeros((1, 0)), np.zeros(N, dtype=np.int64)
     filled = np.stack([_filled(signal) for signal in signals], axis=1)
@@ -91,7 +91,7 @@ def _filled(signal: Floats) -> Floats:
 
 
 def _part(column: Floats) -> Ints:
-    """Which of its distinct values, or which part of its range if they are too many."""
+    """Index of its distinct value, or of the part of its range if there are too many values."""
     found, which = np.unique(column, return_inverse=True)
     if found.size <= MOST_LEVELS:
         return np.asarray(which, dtype=np.int64)

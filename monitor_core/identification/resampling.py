@@ -106,7 +106,7 @@ def is_regular(record: Record) -> bool:
 
 
 def _grid(record: Record) -> float:
-    """The interval of the record, s, to more digits than a median has that is rounded to microseconds."""
+    """The interval of the record, s, with more digits than a median of rounded times has."""
     h = record.interval_s
     steps = np.rint((record.t - record.t[0]) / h)
     better = record.duration_s / steps[-1]
@@ -115,7 +115,7 @@ def _grid(record: Record) -> float:
 
 
 def _filtered(record: Record, values: Floats, t: Floats, parts: int) -> tuple[Floats, Bools]:
-    """Values (M,) at the times t, and where they can be relied on; each new interval is ``parts`` of a finer grid."""
+    """Values (M,) at the times t, and where they are reliable; each new interval is ``parts`` of a finer grid."""
     known = np.isfinite(values)
     interval = float(t[1] - t[0])
     if np.count_nonzero(known) < 2:

@@ -50,7 +50,7 @@ class _Part(NamedTuple):
 
 
 class Rigid(NamedTuple):
-    """What a record says of the drive as one mass."""
+    """A record explained by one rigid mass."""
 
     inertia: float
     """kg m^2, with its standard deviation"""
@@ -100,7 +100,7 @@ def rigid_fit(record: Record, speed_scale: float = 1.0, shortest_s: float = 0.0)
     Args:
         record: torque and angle or speed; it is cut at gaps.
         speed_scale: rad/s, of Coulomb friction.
-        shortest_s: windows are at least so long; motions faster than a third of it do not get through.
+        shortest_s: minimum length of a window; motions faster than a third of it are suppressed.
     """
     pieces = segments(record, _GAP * record.interval_s)
     parts = [_part(piece) for piece in pieces if np.count_nonzero(piece.measured) > 1]
@@ -141,7 +141,7 @@ def _fit(parts: Sequence[_Part], window: int, speed_scale: float) -> Rigid | Non
 
 
 def _part(segment: Record) -> _Part:
-    """On a regular grid: the mean torque is exact, and between its samples the motion is all but straight."""
+    """The record on a regular grid: the mean torque is exact, and the motion is almost straight between samples."""
     t = np.linspace(segment.t[0], segment.t[-1], len(segment))
     y = np.interp(t, segment.t[segment.measured], segment.y[segment.measured])
     u = mean_torque(segment, t)

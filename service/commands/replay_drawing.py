@@ -22,10 +22,10 @@ from service.reports.replay_result import Replayed, ReplayedAxis
 
 
 class Drawing:
-    """Looks on while records are run, and writes the page.
+    """Collects the courses while records are run, and writes the page.
 
     Raises:
-        typer.Exit: the page could not be written where it is wanted.
+        typer.Exit: the page could not be written.
     """
 
     def __init__(self, where: Path, monitors: Mapping[str, AxisMonitor]) -> None:
@@ -33,7 +33,7 @@ class Drawing:
         self._courses = {axis_id: Course(monitor) for axis_id, monitor in monitors.items()}
 
     def see(self, axis_id: str, block: SampleBlock, trace: AxisTrace) -> None:
-        """What the detectors did at samples of an axis."""
+        """Add the results of the detectors at samples of an axis."""
         self._courses[axis_id].take(block.t_us, trace.estimator, trace.crossings, trace.multimodel)
 
     def write(self, report: Report, config: Path, records: Sequence[Path]) -> None:

@@ -1,4 +1,4 @@
-"""What a replay found: alarms and final estimates, as tables and as JSON."""
+"""Results of a replay: alarms and final estimates, as tables and as JSON."""
 
 import json
 import math
@@ -25,7 +25,7 @@ Json = dict[str, Any]
 
 
 class Report:
-    """Collects what happens during a replay."""
+    """Collects the results of a replay."""
 
     def __init__(self, config: Config, monitors: AxisMonitors) -> None:
         self.config, self.monitors = config, monitors
@@ -38,12 +38,12 @@ class Report:
         """Unit and nominal value of whatever an alarm may name, by axis and name"""
 
     def add(self, changes: Iterable[AxisAlarm]) -> None:
-        """Alarms that were raised, updated or ended."""
+        """Add alarms that were raised, updated or ended."""
         for change in changes:
             self._alarms[change.axis_id, change.alarm.key] = change
 
     def add_dropped(self, record: Record) -> None:
-        """What the record lost, and how the times of its samples were."""
+        """Add the drops of a record and its time stamps."""
         for axis_id, counts in record.axis_dropped.items():
             _count(self.dropped.setdefault(axis_id, {}), counts.items())
         for bus, counts in record.bus_dropped.items():
@@ -54,11 +54,11 @@ class Report:
         self.stamps.update(record.axis_stamps)
 
     def dropped_of(self, axis_id: str) -> dict[str, int]:
-        """What never reached the monitor of an axis, by reason."""
+        """Drops before the monitor of an axis, by reason."""
         return {**self.dropped[axis_id], **self.monitors.dropped(axis_id)}
 
     def quantity(self, axis_id: str, name: str) -> Quantity:
-        """Of a parameter, with the nominal value of now, or of another cause."""
+        """Unit and present nominal value of a parameter, or of another cause."""
         known = self.monitors.by_id[axis_id].status().parameters
         now = next((Quantity(p.unit, p.nominal) for p in known if p.name == name), None)
         return now or self.quantities[axis_id, name]
@@ -69,7 +69,7 @@ class Report:
 
 
 def as_json(report: Report) -> str:
-    """All of it; numbers that are not finite are null, times are ISO 8601 UTC."""
+    """All results; numbers that are not finite are null, times are ISO 8601 UTC."""
     content = {
         "axes": [_axis(report, axis.id) for axis in report.config.axes],
         "frames_dropped": report.frames_dropped,
@@ -91,14 +91,14 @@ def tables(report: Report) -> Iterator[Table]:
 
 
 def doubts(report: Report) -> Iterator[str]:
-    """What cannot be told of the axes, in words."""
+    """What could not be determined of the axes, in words."""
     for axis in report.config.axes:
         for words in report.monitors.by_id[axis.id].status().confounded:
             yield f"{axis.id}: {words}"
 
 
 def trends(report: Report) -> Iterator[str]:
-    """What the slow courses say, of axes whose records are long enough, in words."""
+    """Long-term trends of axes with records that are long enough, in words."""
     for axis in report.config.axes:
         for p in report.monitors.trends.for_axis(axis.id):
             if p.trend is not None:
@@ -111,19 +111,19 @@ def _reached(p: ParameterTrend) -> Iterator[str]:
 
 
 def stamp_remarks(report: Report) -> Iterator[str]:
-    """What the time stamps say about the configuration, in words."""
+    """Recommendations for the configuration from the time stamps, in words."""
     for axis in report.config.axes:
         yield from remarks_of(report, axis)
 
 
 def remarks_of(report: Report, axis: NamedAxis) -> Iterable[str]:
-    """What the time stamps of one axis say."""
+    """Recommendations from the time stamps of one axis."""
     stamps = report.stamps.get(axis.id)
     return () if stamps is None else remarks(axis.id, axis.config.sample_interval_s, stamps)
 
 
 def _samples(status: AxisStatus) -> str:
-    """How many there were, and of how many operating conditions forbade the use."""
+    """Number of samples, and of those that operating conditions excluded."""
     gated = status.counters["gated"]
     return f"{status.samples}, {gated} gated" if gated else str(status.samples)
 

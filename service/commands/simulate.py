@@ -57,7 +57,7 @@ def factors(options: list[str]) -> dict[str, float]:
 
 
 def in_words(changes: Mapping[str, float]) -> str:
-    """What breaks: fm x 1.3."""
+    """The fault in words: fm x 1.3."""
     parts = (f"torque {1000 * v:g} ms late" if k == DELAY else f"{k} x {v:g}" for k, v in changes.items())
     return ", ".join(parts)
 

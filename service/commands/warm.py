@@ -1,4 +1,4 @@
-"""``axiswatch warm``: compile all numeric code in advance of the first start."""
+"""``axiswatch warm``: compiles all numeric code before the first start."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def warm() -> None:
 
 
 def compile_offline() -> None:
-    """Compile what ``excite`` and ``identify`` call: a small experiment is planned, simulated and identified."""
+    """Compile the code of ``excite`` and ``identify``: a small experiment is planned, simulated and identified."""
     experiment = _plan_experiment()
     for output in _OUTPUTS:
         _identify(experiment, output)

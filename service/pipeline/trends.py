@@ -14,7 +14,7 @@ from service.store.array_files import Arrays
 
 
 class SavedPart(NamedTuple):
-    """What is saved separately: its name, what it belongs to, and its arrays."""
+    """A part of a history that is saved separately: its name, its key, and its arrays."""
 
     name: str
     key: str
@@ -35,7 +35,7 @@ class Trends:
     Args:
         axes: as configured.
         models: their models.
-        keys: what their histories belong to.
+        keys: identities of their histories.
     """
 
     def __init__(self, axes: Sequence[NamedAxis], models: Sequence[AxisModel], keys: Sequence[str]) -> None:
@@ -56,7 +56,7 @@ class Trends:
                 self._waiting |= dict.fromkeys((axis_id, i) for i in monitor.due())
 
     def update(self, most: int | None = None) -> list[AxisAlarm]:
-        """Compute at most so many of the trends whose histories have grown (a few hundredths of a second each).
+        """Compute at most ``most`` of the trends whose histories have grown (a few hundredths of a second each).
 
         Returns the alarms about limits that were raised, updated or ended.
         """
@@ -67,11 +67,11 @@ class Trends:
         return changed
 
     def for_axis(self, axis_id: str) -> tuple[ParameterTrend, ...]:
-        """The trends of an axis, as they were computed last."""
+        """The trends of an axis, as last computed."""
         return tuple(self._axes[axis_id].monitor.trends)
 
     def adopt(self, open_alarms: Iterable[AxisAlarm], now_us: int) -> list[AxisAlarm]:
-        """Alarms about limits that are open in the journal; returns those that end, as their limit is gone."""
+        """Adopt alarms about limits that are open in the journal; returns those that end, as their limit is gone."""
         forecasts: dict[str, list[AxisAlarm]] = {}
         for axis_alarm in open_alarms:
             if axis_alarm.alarm.kind == "forecast" and axis_alarm.axis_id in self._axes:
@@ -83,7 +83,7 @@ class Trends:
         ]
 
     def to_save(self) -> Iterator[SavedPart]:
-        """What has to be saved: gathered entries always, completed entries where there are new ones."""
+        """The parts to save: open entries always, completed entries where there are new ones."""
         for axis_id, (names, monitor, key) in self._axes.items():
             histories = zip(names, monitor.histories, strict=True)
             gathered: Arrays = {name: history.open_to_array() for name, history in histories}
@@ -95,18 +95,18 @@ class Trends:
                     yield SavedPart(_completed(axis_id, names[i]), key, entries)
 
     def saved(self) -> None:
-        """What ``to_save`` gave is on the disk."""
+        """The parts of ``to_save`` are on the disk."""
         self._saved = {axis_id: list(a.monitor.closed) for axis_id, a in self._axes.items()}
 
     def to_load(self) -> Iterator[tuple[str, SavedPart]]:
-        """Names and keys of all parts that there may be, with the axis."""
+        """Names and keys of all possible parts, with the axis."""
         for axis_id, (names, _, key) in self._axes.items():
             for name in names:
                 yield axis_id, SavedPart(_completed(axis_id, name), key, {}, name)
             yield axis_id, SavedPart(_gathered(axis_id), key, {})
 
     def restore(self, found: Mapping[str, Arrays]) -> Iterator[tuple[str, str]]:
-        """Continue from the parts that were found, by name; returns the names that cannot be used, and why."""
+        """Continue from the found parts, by name; returns the names that cannot be used, and why."""
         useless = list(self._restored(found))
         self.saved()
         for axis_id, name, reason in useless:

@@ -1,4 +1,4 @@
-"""Compile the kernel in advance, in processes of their own, into the cache that the daemon loads it from."""
+"""Compiles the kernel in advance, in separate processes, into the cache of the daemon."""
 
 import os
 import subprocess
@@ -51,9 +51,9 @@ def compile_all() -> None:
 
 
 class CacheFiller:
-    """Compiles the kernel into its cache in processes of their own, one for each missing shape, side by side.
+    """Compiles the kernel into its cache in separate processes, one for each missing shape, in parallel.
 
-    The memory that the compiler has used stays with its process: 100 MB that the daemon would keep for good.
+    The memory of the compiler ends with its process: 100 MB that the daemon would otherwise keep.
     """
 
     def __init__(self) -> None:

@@ -36,7 +36,7 @@ BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2
 
 
 class ProcessingTime:
-    """Histogram of the time that the worker takes for a block."""
+    """Histogram of the processing time of a block."""
 
     def __init__(self) -> None:
         self._counts = [0] * (len(BOUNDS_S) + 1)
@@ -58,8 +58,8 @@ class Worker:
     Args:
         config: the whole configuration.
         pipeline: decoding and monitors, restored.
-        buses: where frames come from.
-        recording: where they are also written to.
+        buses: sources of frames.
+        recording: file that frames are recorded to.
         alarms: the way to the journal.
         checkpointer: the way to the checkpoints.
         compiled: done when the kernel is ready; until then frames wait in their queues.
@@ -103,11 +103,11 @@ class Worker:
         """The newest snapshot; readers take it in one assignment."""
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Process the frames that still wait, save the monitors, end the thread."""
+        """Process the waiting frames, save the monitors, end the thread."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -124,7 +124,7 @@ class Worker:
             self._on_failure()
 
     def _tick(self) -> bool:
-        """One block; whether frames may still wait."""
+        """Process one block; returns whether frames may still wait."""
         busy = self._compiled.done() and self._block()
         self.snapshot = self._snapshot()
         self._checkpointer.save_if_due()
@@ -146,7 +146,7 @@ class Worker:
         return len(frames)
 
     def _finish(self) -> None:
-        """The frames that still wait, then the last checkpoint."""
+        """Process the waiting frames, then save the last checkpoint."""
         if self._compiled.done():
             while self._block():
                 pass

@@ -1,4 +1,4 @@
-"""Pictures of a calibration: fault size against delay, and against the probability of detection, by each detector."""
+"""Plots of a calibration: fault size against delay, and against the probability of detection, for each detector."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COLOURS = (LINE, SIMULATED)
 
 
 def power_picture(calibration: Calibration, name: str, number: int) -> str:
-    """Of the faults of one parameter: how many are found in time, and how soon."""
+    """Faults of one parameter: probability of detection in time, and delay."""
     with figure(_HEIGHT) as drawn:
         left, right = drawn.subplots(1, 2)
         for result, colour in zip(calibration.detectors, _COLOURS, strict=False):
@@ -39,7 +39,7 @@ def power_picture(calibration: Calibration, name: str, number: int) -> str:
 
 
 def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, colour: str) -> None:
-    """What one detector finds; where it finds nothing in what was looked at, there is no delay."""
+    """Curves of one detector; there is no delay where it detects nothing."""
     mine = sorted(
         (trial for trial in result.caught if trial.fault.parameter == name),
         key=lambda trial: trial.fault.size,

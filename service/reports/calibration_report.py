@@ -58,7 +58,7 @@ _SELDOM = 0.05
 
 
 def promises(calibration: Calibration) -> Iterator[str]:
-    """False alarms of each detector, in one sentence; why there is no multi-model detector."""
+    """False-alarm rate of each detector in one sentence; or why there is no multi-model detector."""
     for detector in calibration.detectors:
         yield f"The {DETECTORS[detector.detector]}, {part(calibration, detector)}: {detector.promise}."
     if calibration.result.bank is None:
@@ -66,7 +66,7 @@ def promises(calibration: Calibration) -> Iterator[str]:
 
 
 def part(calibration: Calibration, trial: DetectorResult) -> str:
-    """What a detector will do with these thresholds."""
+    """The role of a detector with these thresholds."""
     return f"which {_VERB[trial.detector][trial.detector != calibration.alarms]}"
 
 
@@ -95,7 +95,7 @@ def hypothesis_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
 
 
 def smallest_titles(calibration: Calibration) -> tuple[str, ...]:
-    """Up and down by each detector, in the order in which they are told."""
+    """Up and down by each detector, in order."""
     return (
         "",
         *(
@@ -107,7 +107,7 @@ def smallest_titles(calibration: Calibration) -> tuple[str, ...]:
 
 
 def smallest_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
-    """One for each parameter: the smallest changes that each detector finds in time."""
+    """One for each parameter: the smallest changes that each detector detects in time."""
     for name in calibration.result.model.monitored:
         yield (
             name,
@@ -120,14 +120,14 @@ def _smallest(size: float | None) -> str:
 
 
 def fault_titles(calibration: Calibration, result: DetectorResult) -> tuple[str, ...]:
-    """Over the columns of ``fault_rows``; the last is the delay of the other detector."""
+    """Titles of the columns of ``fault_rows``; the last is the delay of the other detector."""
     named = "named" if result.detector == "multimodel" else "named first"
     others = (f"{_SHORT[detector.detector]}: median" for detector in _others(calibration, result))
     return ("fault", "how", "found in time", "median delay", "in 9 of 10 by", *others, named)
 
 
 def fault_rows(calibration: Calibration, result: DetectorResult) -> Iterator[tuple[str, ...]]:
-    """One for each fault, as a detector found it."""
+    """One for each fault, as detected by a detector."""
     beside = _others(calibration, result)
     for k, trial in enumerate(result.caught):
         yield (
@@ -142,7 +142,7 @@ def fault_rows(calibration: Calibration, result: DetectorResult) -> Iterator[tup
 
 
 def _others(calibration: Calibration, result: DetectorResult) -> list[DetectorResult]:
-    """Which found the same faults."""
+    """The other detectors with trials of the same faults."""
     return [
         detector
         for detector in calibration.detectors
@@ -155,7 +155,7 @@ def _seconds(delay: float) -> str:
 
 
 def _names(trial: TrialResult) -> str:
-    """What its alarms were called, the most frequent first; what was seldom is counted together."""
+    """Names of its alarms, the most frequent first; rare ones are counted together."""
     counts = sorted(((trial.first.count(name), name) for name in set(trial.first) if name), reverse=True)
     total = sum(n for n, _ in counts)
     often = [(n, name) for n, name in counts if n == counts[0][0] or n >= _SELDOM * total]
@@ -165,13 +165,13 @@ def _names(trial: TrialResult) -> str:
 
 
 def confusion_titles(result: DetectorResult) -> tuple[str, ...]:
-    """Over the columns."""
+    """Titles of the columns."""
     names = next(iter(result.confusion().values()), {})
     return ("fault in", *(name or "none yet" for name in names))
 
 
 def confusion_rows(result: DetectorResult) -> Iterator[tuple[str, ...]]:
-    """One for each parameter: how its faults, of all sizes, were called."""
+    """One for each parameter: names of the alarms of its faults, of all sizes."""
     for name, row in result.confusion().items():
         total = sum(row.values())
         yield (name, *(percent(n / total) if total else "" for n in row.values()))

@@ -1,4 +1,4 @@
-"""A planned experiment as a picture: its course within the limits, its spectrum, what it will tell."""
+"""Plot of a planned experiment: its motion within the limits, its spectrum, its predicted accuracy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pictures of an identification: measured against predicted, tests of the errors, Bode plot."""
+"""Plots of an identification: measurement and prediction, tests of the errors, Bode plot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The content of all reports of an identification: the result, the records it is from, and how it was made."""
+"""Content of all reports of an identification: the result, its records, and its provenance."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class IdentificationReport:
                 yield purpose, source, trace
 
     def _next_step(self) -> str:
-        """What to do about a search that does not end."""
+        """Advice if the search has not converged."""
         moving = self.result.estimate.moving[:_MOST_NAMED]
         if not moving:
             return ": give a longer record with more motion"
@@ -106,7 +106,7 @@ def number(value: float | None, sd: float | None = None) -> str:
 
 
 def relative(row: ParameterRow) -> str:
-    """The standard deviation as part of the value, where that makes sense."""
+    """The standard deviation relative to the value, where that makes sense."""
     return "about 0" if row.is_about_zero else percent(row.relative_sd)
 
 
@@ -123,7 +123,7 @@ class Tested(NamedTuple):
 
 
 def residual_words(report: IdentificationReport) -> Iterator[Tested]:
-    """The two tests of the prediction errors; output error need not be white."""
+    """The two tests of the prediction errors; those of output error need not be white."""
     e = report.result.estimate
     white, p = e.whiteness.p_value >= 1 - LEVEL, e.whiteness.p_value
     if e.problem.predictor == "innovations":
@@ -159,7 +159,7 @@ def slope_words(report: IdentificationReport) -> Iterator[str]:
 
 
 class MassesRow(NamedTuple):
-    """One row of masses in the comparison, in words; ``wanted``: the records ask for it."""
+    """One number of masses in the comparison, in words; ``wanted``: the records support it."""
 
     masses: str
     cost: str

@@ -1,4 +1,4 @@
-"""One simulated axis: the drive, a gentle position controller, a test signal, sensors with noise."""
+"""A simulated axis: the drive, a soft position controller, a test signal, sensors with noise."""
 
 import math
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ _SWING, _SWING_PERIOD_S = 2.0, 20.0  # rad, s
 
 
 class Reading(NamedTuple):
-    """What the controller sends of one sample."""
+    """Values of one sample that the controller sends."""
 
     torque: float  # N m
     motion: float  # rad or rad/s
@@ -68,10 +68,10 @@ class ControlledAxis:
         self._follows_every = max(1, round(FOLLOW_S / self.interval_s))
 
     def break_down(self, fault: Mapping[str, float]) -> None:
-        """From now on parameters have so many times their value: {"fm": 1.3, "1/Ja": 0.8}.
+        """Multiply parameters by factors from now on: {"fm": 1.3, "1/Ja": 0.8}.
 
-        They may be those of the drive, or those that were drawn and of which the drive has its own merged.  The delay
-        of the torque is no factor: from now on it is so many seconds.
+        They may be parameters of the drive, or drawn ones of which the drive has merged ones.  The delay of the torque
+        is given in seconds instead of a factor.
 
         Raises:
             KeyError: the drive has no such parameter.
@@ -90,9 +90,9 @@ class ControlledAxis:
         self._given, self._delay_s = given, delay_s
 
     def sample(self, k: int, others: Mapping[str, float] = MappingProxyType({})) -> Reading:
-        """Sample k: what is measured and commanded now; then the drive moves on to the next one.
+        """Sample k: the measured and commanded values now; then the drive moves to the next one.
 
-        ``others`` is what the other axes of the robot send of their motion, by name.
+        ``others`` are the motions of the other axes of the robot as sent, by name.
         """
         signals = self._conditions.signals(k * self.interval_s, others) if self._conditions else ()
         if self._conditions and k % self._follows_every == 0:
@@ -104,7 +104,7 @@ class ControlledAxis:
         return reading
 
     def _moved(self) -> float:
-        """What the sensor shows: the angle, the speed, or its mean since the last sample."""
+        """Measured motion: the angle, the speed, or its mean since the last sample."""
         if self._output == "angle":
             return self._drive.angle
         way, self._angle_before = self._drive.angle - self._angle_before, self._drive.angle
@@ -119,7 +119,7 @@ class ControlledAxis:
         return float(held + test)
 
     def _move(self, torque: float) -> None:
-        """One interval: the torque before acts until the delay is over."""
+        """Move over one interval: the previous torque acts until the delay is over."""
         if self._delay_s > 0:
             self._drive.step(self._torque_before, self._delay_s)
         if self._delay_s < self.interval_s:

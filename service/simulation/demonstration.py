@@ -1,4 +1,4 @@
-"""The demo's axes with another drive: torque, noises and what is watched follow from it."""
+"""The axes of the demo with another drive: torque, noises and monitored parameters follow from it."""
 
 import math
 from collections.abc import Sequence
@@ -34,10 +34,10 @@ def with_drive(axis: AxisConfig, name: str, model: str | None, monitor: Sequence
         axis: of the demo; it measures the angle.
         name: of the library, or of a file.
         model: which of the models of the file.
-        monitor: what to watch; empty for what can be told apart.
+        monitor: parameters to monitor; empty for those that can be distinguished.
 
     Raises:
-        ModelError: it is no drive, has not all its values, or nothing of it can be watched.
+        ModelError: it is no drive, lacks values, or none of its parameters can be monitored.
     """
     found = model_called(name, model, "angle")
     engine = _engine(name, found)
@@ -55,10 +55,10 @@ def with_drive(axis: AxisConfig, name: str, model: str | None, monitor: Sequence
 
 
 def watching(axis: AxisConfig, monitor: Sequence[str]) -> AxisConfig:
-    """The axis with other parameters watched.
+    """The axis with other monitored parameters.
 
     Raises:
-        KeyError, ValueError: one of them cannot be.
+        KeyError, ValueError: one of them is not possible.
     """
     model = axis.model.model_copy(update={"monitor": tuple(monitor)})
     estimator = axis.estimator.model_copy(update={"initial_p": {}})
@@ -70,7 +70,7 @@ def watching(axis: AxisConfig, monitor: Sequence[str]) -> AxisConfig:
 
 
 def usual_fault(axis: AxisConfig) -> str:
-    """The watched parameter that breaks where nobody says which: a friction if there is one, else the first."""
+    """The default faulty parameter among the monitored ones: a friction if there is one, otherwise the first."""
     braking = set(
         frictions(drive_of(axis, "speed"), AxisModel(drive_of(axis), given_values(axis), ()).nominal)
     )

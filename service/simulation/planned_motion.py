@@ -1,6 +1,6 @@
-"""How a simulated axis is moved: a controller and a test signal of the size that its drive needs.
+"""Motion of a simulated axis: a controller and a test signal scaled to its drive.
 
-Everything comes from the frequency response of the drive at its nominal values, so it holds for any drive.
+Everything is computed from the frequency response of the drive at its nominal values, so it holds for any drive.
 """
 
 import math
@@ -36,7 +36,7 @@ class Motion(NamedTuple):
     weights: tuple[Weight, ...] = ()
 
     def holding(self, angle: float) -> float:
-        """The torque [N m] that bears all weights at this angle [rad]."""
+        """Torque [N m] that balances all weights at this angle [rad]."""
         return sum(
             w.torque * (math.cos if w.kind == COSINE else math.sin)(w.ratio * angle) for w in self.weights
         )

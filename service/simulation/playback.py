@@ -1,4 +1,4 @@
-"""Putting a record onto a bus, at the speed of its own times."""
+"""Playback of a record on a bus, with its own timing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NAP_S = 0.05
 
 
 class PlayFrame(NamedTuple):
-    """A frame to be sent so long after the first."""
+    """A frame to be sent at a time after the first one."""
 
     offset_s: float
     bus: str
@@ -35,7 +35,7 @@ class PlayFrame(NamedTuple):
 
 
 def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
-    """The frames of a record: those of a CAN log as they are, those of a table by the DBC.
+    """The frames of a record: those of a CAN log unchanged, those of a table encoded by the DBC.
 
     Raises:
         RecordError: the record cannot be read, or a value does not fit into its signal.
@@ -47,7 +47,7 @@ def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
 
 
 def encode_table(record: Record, config: Config) -> Iterator[PlayFrame]:
-    """The frames that carry the samples of a record; sample counters go with the time.
+    """The frames that carry the samples of a record; sample counters follow the time.
 
     Raises:
         RecordError: a cell is no number, the file is damaged, or a value does not fit into its signal.
@@ -98,7 +98,7 @@ def play_frames(
 
 
 def _wait(wait_s: float, stop: threading.Event) -> None:
-    """Wait so long, or until ``stop`` is set; it may take a nap to see that."""
+    """Wait for that time, or until ``stop`` is set."""
     if wait_s > _NAP_S:
         stop.wait(wait_s)
     elif wait_s > 0:

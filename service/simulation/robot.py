@@ -1,4 +1,4 @@
-"""The simulated robot: all axes of a configuration, sample by sample, and what breaks in it."""
+"""The simulated robot: all axes of a configuration, sample by sample, with faults."""
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from service.simulation.axis import ControlledAxis, Reading
 
 
 class Fault(NamedTuple):
-    """Parameters of an axis change by these factors after so long."""
+    """Parameters of an axis change by these factors at a time."""
 
     axis_id: str
     factors: Mapping[str, float]
@@ -37,7 +37,7 @@ class SimulatedRobot:
     Args:
         config: the configuration.
         seed: of noise and test signals.
-        faults: what breaks, and when.
+        faults: the faults and their times.
 
     Raises:
         FaultError: a fault of an axis or a parameter that does not exist, or with an impossible value.
@@ -53,7 +53,7 @@ class SimulatedRobot:
             _try_out(fault, config)
 
     def moments(self, happened: Callable[[Fault], None] = lambda _: None) -> Iterator[Moment]:
-        """Samples in the order of time, without end; ``happened`` is told of each fault."""
+        """Endless samples in the order of time; ``happened`` is called for each fault."""
         waiting = list(self._faults)
         groups = [(0.0, interval_s, 0) for interval_s in sorted({a.interval_s for a in self._axes.values()})]
         while True:
@@ -67,7 +67,7 @@ class SimulatedRobot:
             heapq.heappush(groups, ((k + 1) * interval_s, interval_s, k + 1))
 
     def _sample(self, axis: ControlledAxis, k: int) -> Reading:
-        """The sample; what it says of the motion is there for the other axes, as it is on the bus."""
+        """The sample; its motion is available to the other axes, as it is on the bus."""
         named = self._named[axis.id]
         sent, motion = self._sent[named.robot], named.config.motion
         reading = axis.sample(k, sent)

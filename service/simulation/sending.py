@@ -1,4 +1,4 @@
-"""The simulated robot in real time, onto open buses."""
+"""The simulated robot in real time on open buses."""
 
 import threading
 import time
@@ -55,7 +55,7 @@ def run_robot(
     happened: Callable[[Fault], None] = lambda _: None,
     duration_s: float | None = None,
 ) -> int:
-    """Send the samples of a robot on a schedule that does not drift; how many frames.
+    """Send the samples of a robot on a schedule that does not drift; returns the number of frames.
 
     It ends when ``stop`` is set, or after ``duration_s``.
 
@@ -76,11 +76,11 @@ def run_robot(
 
 
 class RobotThread:
-    """A robot that runs beside the daemon; a fault of it stops the daemon.
+    """A robot that runs in parallel to the daemon; an error of it stops the daemon.
 
     Args:
-        config: whose axes and buses.
-        fault: what breaks.
+        config: of its axes and buses.
+        fault: the fault to simulate.
         stop: ends it, and is set when it fails.
 
     Raises:
@@ -94,14 +94,14 @@ class RobotThread:
         self._error: BaseException | None = None
 
     def start(self) -> None:
-        """Begin to move and to send."""
+        """Start to move and to send."""
         self._thread.start()
 
     def join(self) -> None:
         """Wait for the end.
 
         Raises:
-            BusError, IngestError: what ended it, if it failed.
+            BusError, IngestError: the error that ended it, if it failed.
         """
         if self._thread.ident is not None:
             self._thread.join()

@@ -1,4 +1,4 @@
-"""The operating conditions of a simulated axis: what its further signals are, and what they do to the drive."""
+"""Operating conditions of a simulated axis: its auxiliary signals, and their effect on the drive."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ _BACK = {"cos": math.acos, "sin": math.asin, "square": math.sqrt}
 
 
 class SimulatedConditions:
-    """Signals with which the gates of an axis are open, and the drive that follows them.
+    """Signals that keep the gates of an axis open, and parameters that follow them.
 
-    A signal of another axis is what that axis sends.  One that is followed swings through its range, others rest.
+    A signal of another axis is the motion that this axis sends.  A signal of a schedule swings through its range,
+    others are constant.
     """
 
     def __init__(self, axis: NamedAxis) -> None:
@@ -33,7 +34,7 @@ class SimulatedConditions:
         self._operating = Operating(self._model, replace(conditions, gates=(), min_speed=0.0))
 
     def signals(self, time_s: float, others: Mapping[str, float]) -> tuple[float, ...]:
-        """The signals at that time; ``others`` is what the other axes of the robot send of their motion, by name."""
+        """The signals at that time; ``others`` are the motions of the other axes of the robot as sent, by name."""
         phase = math.sin(2 * math.pi * time_s / PERIOD_S)
         return tuple(
             middle + swing * phase
@@ -45,7 +46,7 @@ class SimulatedConditions:
     def followed(
         self, signals: tuple[float, ...], values: Mapping[str, float]
     ) -> Iterator[tuple[str, float]]:
-        """The parameters that follow the signals, where all but them have these values."""
+        """The parameters that follow the signals, with these values at the references."""
         shift, _ = self._operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([signals]))
         for name, moved, unit in zip(self._model.monitored, shift[0], self._model.unit, strict=True):
             base, inverse = split_name(name)

@@ -1,7 +1,8 @@
-"""What to watch of a drive, where nobody has said it: few parameters that the demo's motion tells apart.
+"""Default choice of monitored parameters for the demo: a few that its motion distinguishes.
 
-Asked for are, in this order, the torque constant, the reciprocal of the last inertia, and the first friction that
-brakes a steady rotation.  One is taken if so many samples of the demo determine it well enough beside those taken.
+Candidates are, in this order, the torque constant, the reciprocal of the last inertia, and the first friction that
+brakes a steady rotation.  A candidate is chosen if a number of samples of the demo determine it well enough beside the
+others.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -48,7 +49,7 @@ def watchable(
 
 
 def candidates(model: AxisModel, turning: Drive) -> Iterator[tuple[str, str]]:
-    """(name to monitor, parameter of the drive) of all that is asked for and there, with a value that is not zero."""
+    """(name to monitor, parameter of the drive) of all candidates that exist and are not zero."""
     drive = model.drive
     found = [
         ("", torque_constant(drive)),
@@ -62,7 +63,7 @@ def candidates(model: AxisModel, turning: Drive) -> Iterator[tuple[str, str]]:
 
 
 def torque_constant(drive: Drive) -> str | None:
-    """The parameter that only the motor torque is multiplied by."""
+    """The parameter that multiplies only the motor torque."""
     inside, outside = list[str](), set[str]()
     for term in drive.terms:
         names = [name for name, _ in term.powers]
@@ -74,7 +75,7 @@ def torque_constant(drive: Drive) -> str | None:
 
 
 def last_inertia(drive: Drive) -> str | None:
-    """The inertia that was drawn last, or what it has been merged into."""
+    """The inertia that was drawn last, or the parameter that it is merged into."""
     known = {p.name for p in drive.parameters}
     for p in reversed(drive.drawn or drive.parameters):
         if p.unit == "kg m^2":
@@ -95,7 +96,7 @@ def frictions(turning: Drive, values: Mapping[str, float]) -> Iterator[str]:
 
 
 def _sensitivity(model: AxisModel, name: str, omega: Floats) -> Floats:
-    """By how much of itself the response changes (L,), complex, when the parameter grows by itself."""
+    """Relative change of the response (L,), complex, for a relative change of the parameter."""
     changed = {**model.nominal, name: model.nominal[name] * (1 + _STEP)}
     before, after = (stiffness(m, omega)[0] for m in (model, replace(model, nominal=changed)))
     return np.asarray((before - after) / after / _STEP)

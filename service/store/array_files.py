@@ -1,4 +1,4 @@
-"""Arrays as bytes and back: the npz format of numpy, without pickles, so that reading can execute nothing."""
+"""Arrays as bytes and back: the npz format of numpy, without pickles, so that reading cannot execute code."""
 
 import io
 import zipfile
@@ -29,7 +29,7 @@ def pack(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
 
 
 def unpack(data: bytes) -> Arrays:
-    """What ``pack`` packed.
+    """The arrays that ``pack`` packed.
 
     Raises:
         UnreadableError: the bytes are damaged, or hold pickles.

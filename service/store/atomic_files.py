@@ -1,4 +1,4 @@
-"""Files that others read while they are written."""
+"""Atomic writing of files that others read."""
 
 import os
 import tempfile
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Write the whole text or nothing: whoever reads the file sees the old or the new one, never a part.
+    """Write the whole text or nothing: a reader sees the old or the new file, never a part.
 
     Raises:
         OSError: it cannot be written.
@@ -27,7 +27,7 @@ def replace_text(path: Path, text: str) -> None:
 
 
 def _umask() -> int:
-    """What new files may not have; it can only be read by setting it."""
+    """Permissions that new files must not have; they can only be read by setting them."""
     mask = os.umask(0o022)
     os.umask(mask)
     return mask

@@ -1,4 +1,4 @@
-"""Checkpoints: the last state of every monitor, kept with a key that says what it belongs to."""
+"""Checkpoints: the last state of every monitor, with a key for the model and settings that it belongs to."""
 
 import hashlib
 import sqlite3
@@ -69,7 +69,7 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class QuarantinedCheckpoint:
-    """A saved state that cannot be used: it is kept in a table of its own, for inspection."""
+    """A saved state that cannot be used: it is kept in a separate table, for inspection."""
 
     axis: str
     at_us: int
@@ -91,7 +91,7 @@ class Checkpoints:
         self.messages = self._db.messages
 
     def save(self, axis: str, key: str, arrays: Mapping[str, NDArray[np.generic]], at_us: int) -> None:
-        """Save the state of one axis in place of its last one."""
+        """Save the state of one axis, replacing its last one."""
         self.save_many([AxisState(axis, key, arrays)], at_us)
 
     def save_many(self, states: Iterable[AxisState], at_us: int) -> None:
@@ -107,8 +107,7 @@ class Checkpoints:
     def load(self, axis: str, key: str, now_us: int) -> Checkpoint | QuarantinedCheckpoint | None:
         """The last state of an axis, or None when there is none.
 
-        One that is damaged, or belongs to another key, is quarantined at time ``now_us``,
-        and the answer says why.
+        A state that is damaged, or belongs to another key, is quarantined at time ``now_us``, and the answer says why.
         """
         with self._db.write() as connection:
             row = connection.execute(_LAST, (axis,)).fetchone()
@@ -144,7 +143,7 @@ def _row(state: AxisState, at_us: int) -> _Row:
 
 
 def _checksum(axis: str, key: bytes, at_us: int, data: bytes) -> bytes:
-    """Over the whole row, so that no part of it can be taken for another's."""
+    """Over the whole row, so that no part can be exchanged with that of another row."""
     head = repr((axis, hashlib.sha256(key).hexdigest(), at_us))
     return hashlib.sha256(head.encode() + data).digest()
 

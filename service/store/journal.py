@@ -1,4 +1,4 @@
-"""The alarm journal: every alarm is on the disk before anyone is shown it."""
+"""The alarm journal: every alarm is written to the disk before it is shown."""
 
 import json
 import math
@@ -55,7 +55,7 @@ MIGRATIONS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedAlarm(Alarm):
-    """An episode in the journal.  Times in microseconds since 1970; nominal and size in ``unit``."""
+    """An alarm in the journal.  Times in microseconds since 1970; nominal and size in ``unit``."""
 
     id: int
     axis: str
@@ -81,7 +81,7 @@ _LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
 
 
 class Entry(NamedTuple):
-    """An episode of an axis, to be recorded."""
+    """An alarm of an axis, to be recorded."""
 
     axis: str
     unit: str
@@ -104,7 +104,7 @@ class Journal:
         self.messages = self._db.messages
 
     def record(self, axis: str, unit: str, nominal: float, episode: Alarm) -> int:
-        """Insert an alarm, or bring the open one of its axis, parameter and direction up to date.
+        """Insert an alarm, or update the open one of its axis, parameter and direction.
 
         Returns its id; it is on the disk then.
         """
@@ -145,7 +145,7 @@ class Journal:
         limit: int = 100,
         offset: int = 0,
     ) -> tuple[list[RecordedAlarm], int]:
-        """Alarms that fit all that is given, the last raised first, and how many there are without the limit.
+        """Alarms that match all given conditions, the last raised first, and their number without the limit.
 
         Args:
             axis: of this axis.
@@ -153,8 +153,8 @@ class Journal:
             active: True: not ended; False: ended.
             since_us: raised at this time or later.
             until_us: raised before this time.
-            limit: at most so many.
-            offset: without the first so many.
+            limit: at most this number.
+            offset: number of alarms to skip.
         """
         equal: dict[str, _Value] = {"axis = ?": axis, "parameter = ?": parameter}
         within: dict[str, _Value] = {"raised_us >= ?": since_us, "raised_us < ?": until_us}
@@ -199,11 +199,11 @@ def _record(connection: sqlite3.Connection, entry: Entry) -> int:
 
 
 def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None:
-    """The alarm that the episode belongs to: this very episode, or else an open one of the same name.
+    """The alarm that the entry belongs to: the same alarm, or else an open one of the same name.
 
-    A forecast is another thing than a change of the same parameter, and belongs to no alarm but itself.  So does an
-    episode that has ended, so that repeating its record cannot end a later alarm, nor does one
-    that has been named: another one of that name is about to end.
+    A forecast is something else than a change of the same parameter, and belongs only to itself.  So does an alarm that
+    has ended, so that recording it again cannot end a later one, and an alarm that has been renamed: another one of
+    that name is about to end.
     """
     e = entry.alarm
     parameter, direction = e.first
@@ -239,7 +239,7 @@ def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
 
 
 def _columns_of(entry: Entry) -> dict[str, _Value]:
-    """What may change from record to record; crossings only grow."""
+    """The columns that may change between records; crossings only grow."""
     e = entry.alarm
     own: dict[str, _Value] = {"axis": entry.axis, "unit": entry.unit, "nominal": entry.nominal}
     shared = [name for name in _NAMES if name not in {"id", "crossings", *own, *_LISTS}]

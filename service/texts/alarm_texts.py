@@ -1,4 +1,4 @@
-"""What an alarm says, in one sentence."""
+"""An alarm in one sentence."""
 
 import math
 from typing import Protocol
@@ -20,7 +20,7 @@ DOUBTS: dict[Doubt, str] = {
 
 
 class Told(Protocol):
-    """An episode, or an alarm of the journal."""
+    """Interface of an alarm, open or from the journal."""
 
     @property
     def parameter(self) -> str:
@@ -36,11 +36,11 @@ class Told(Protocol):
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """The likeliest first."""
+        """The most likely first."""
 
     @property
     def doubt(self) -> Doubt:
-        """Why it may be none of them."""
+        """Why none of them may be the cause."""
 
     @property
     def kind(self) -> Kind:
@@ -52,11 +52,11 @@ class Told(Protocol):
 
     @property
     def updated_us(self) -> int:
-        """When this was so."""
+        """Time of the last update."""
 
 
 def episode_words(e: Told, nominal: float, unit: str) -> str:
-    """An alarm in words, as sure as it is: "something has changed, at first sight fm: fm is .."."""
+    """An alarm in words, with its certainty: "something has changed, at first sight fm: fm is .."."""
     if e.reaches:
         fact = alarm_words(e.parameter, e.size, nominal, unit)
         return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
@@ -70,13 +70,13 @@ def episode_words(e: Told, nominal: float, unit: str) -> str:
 
 
 def _alike(parameter: str, causes: tuple[Cause, ...]) -> str:
-    """That other causes would make the same data."""
+    """Other causes that would produce the same data."""
     alike = next((cause.alike for cause in causes if cause.parameter == parameter), ())
     return f"; {' or '.join(alike)} would look the same" if alike else ""
 
 
 def _which(causes: tuple[Cause, ...]) -> str:
-    """Nothing where the cause is sure, else "kT or fm, 60:40; "."""
+    """Empty where the cause is certain, otherwise "kT or fm, 60:40; "."""
     if not causes or causes[0].probability >= SURE:
         return ""
     likely = causes[:3]
@@ -104,7 +104,7 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
 
 
 def _skew(size: float, nominal: float) -> str:
-    """Torque and motion no longer go together in time: a matter of the bus, or of the drive's current loop."""
+    """Torque and motion are no longer synchronous: because of the bus, or of the current loop of the drive."""
     now = nominal + size
     if nominal:
         way, acts = "later than usual" if size > 0 else "earlier than usual", _ms(now)
@@ -119,7 +119,7 @@ def _ms(seconds: float) -> str:
 
 
 def _digits(value: float) -> str:
-    """Two significant digits, as a size is hardly ever known better; all of a whole number."""
+    """Two significant digits, as a size is hardly ever known better; all digits of a whole number."""
     if not math.isfinite(value):
         return "?"
     return f"{value:.0f}" if value >= 10 else f"{value:.2g}"

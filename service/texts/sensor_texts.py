@@ -1,4 +1,4 @@
-"""Faults of sensors, which the multi-model detector may name, as an operator would say them."""
+"""Faults of sensors, which the multi-model detector may name, in the words of an operator."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -36,13 +36,13 @@ _FIXED: Mapping[str, str] = MappingProxyType(
 
 
 def sensor_words(cause: str, size: float, unit: str, amount: Amount) -> str | None:
-    """A fault of a sensor in words; None: the cause is none.
+    """A fault of a sensor in words; None: the cause is no sensor fault.
 
     Args:
         cause: its name.
         size: of the change, in ``unit``; NaN where it has none.
         unit: "1" for a ratio.
-        amount: how numbers are written.
+        amount: formats numbers.
     """
     sentences: Mapping[str, Callable[[], str]] = {
         TORQUE_SCALE: lambda: (

@@ -1,4 +1,4 @@
-"""Times at the border: microseconds since 1970 inside, ISO 8601 in UTC outside."""
+"""Times at the interfaces: microseconds since 1970 inside, ISO 8601 in UTC outside."""
 
 import time
 from datetime import UTC, datetime, timedelta
@@ -18,10 +18,10 @@ def iso(t_us: int) -> str:
 
 
 def maybe_iso(t_us: int | None) -> str | None:
-    """``iso``, or None for a time that has not come."""
+    """``iso``, or None for a time that is not known."""
     return None if t_us is None else iso(t_us)
 
 
 def microseconds(moment: datetime | None) -> int | None:
-    """Microseconds since 1970 of a moment that knows its time zone."""
+    """Microseconds since 1970 of a datetime with a time zone."""
     return None if moment is None else (moment - _EPOCH) // _MICROSECOND

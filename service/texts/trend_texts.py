@@ -1,4 +1,4 @@
-"""What a slow course says, in a sentence: whether it drifts, when it reaches a limit, never without an interval."""
+"""A long-term trend in a sentence: whether it drifts and when it reaches a limit, always with an interval."""
 
 from datetime import UTC, datetime
 
@@ -22,7 +22,7 @@ _DATED_US = 10**15
 
 
 def trend_words(name: str, unit: str, t: Trend | None) -> str:
-    """fm drifts up by 0.0012 +- 0.0001 N m s/rad per day; or that it is steady, or has changed, or what it may be."""
+    """fm drifts up by 0.0012 +- 0.0001 N m s/rad per day; or that it is steady, has changed, or is undecided."""
     if t is None:
         return f"{name}: too little data yet to detect a drift"
     p = t.probability
@@ -103,5 +103,5 @@ def _round(value: float) -> str:
 
 
 def _amount(value: float, unit: str, digits: int = 4) -> str:
-    """Four digits of a level or a limit, two of what is known less well."""
+    """Four digits of a level or a limit, two digits of an uncertain value."""
     return f"{value:.{digits}g}" if unit == "1" else f"{value:.{digits}g} {unit}"

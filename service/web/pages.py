@@ -1,4 +1,4 @@
-"""The page at /, the documentation at /docs and their files: nothing comes from other hosts."""
+"""The page at /, the documentation at /docs and their files, without requests to other hosts."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def files() -> StaticFiles:
 
 
 class SecurityHeaders:
-    """Adds headers to every answer that forbid the browser all that the pages do not need."""
+    """Adds headers to every answer that forbid the browser everything that the pages do not need."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

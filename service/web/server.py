@@ -1,4 +1,4 @@
-"""uvicorn in the calling thread, until a stop event."""
+"""Runs uvicorn in the calling thread, until a stop event."""
 
 import asyncio
 import contextlib
@@ -15,11 +15,11 @@ _POLL_S = 0.1
 
 
 class CannotListenError(Exception):
-    """The address cannot be listened to; the text says which, why, and what to do."""
+    """The address is not available; the text says which, why, and what to do."""
 
 
 class _Server(uvicorn.Server):
-    """Leaves signals to the program: the stop event ends it."""
+    """A server that leaves signals to the program: the stop event ends it."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -36,7 +36,7 @@ def serve(
         host: name or address of this machine to listen on.
         port: 0 takes a free one.
         ready: gets the actual port.
-        stop: ends it from any thread; requests under way get three seconds.
+        stop: ends it from any thread; running requests get three seconds.
 
     Raises:
         CannotListenError: the port is taken, or the address is not one of this machine.
