@@ -338,7 +338,7 @@ def test_check_tells_the_conditions_and_what_is_taken_for_granted(folder: Path) 
     said = check(folder, text())
     for words in ("fm follows temperature", "kT follows cos(speed2)", "only while mode is 3 or 4", "above 5"):
         assert words in said
-    assert "demo: second: watched as if the other axes stood still" in said
+    assert "demo: second: monitored as if the other axes stood still" in said
 
 
 @pytest.mark.parametrize(
@@ -356,9 +356,9 @@ def test_check_tells_the_conditions_and_what_is_taken_for_granted(folder: Path) 
     ],
 )
 def test_who_says_nothing_is_noted(folder: Path, content: str, names: str) -> None:
-    assert f"Note: demo: {names}: watched as if" in check(folder, content)
+    assert f"Note: demo: {names}: monitored as if" in check(folder, content)
 
 
 def test_a_robot_of_one_axis_is_not_noted(folder: Path) -> None:
     alone = BASE[: BASE.index('[[robot.axis]]\nname = "second"')]
-    assert "watched as if" not in check(folder, alone)
+    assert "monitored as if" not in check(folder, alone)

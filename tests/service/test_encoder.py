@@ -272,7 +272,7 @@ def test_gravity_needs_to_know_where_the_arm_stands(
     with pytest.raises(ConfigErrors) as caught:
         load(text, {})
     assert [p.key for p in caught.value.problems] == ["robot[1].axis[1].angle.wrap_period"]
-    assert "gravity needs to know where the arm stands" in str(caught.value.problems[0])
+    assert "gravity depends on the position of the arm" in str(caught.value.problems[0])
 
 
 @pytest.mark.parametrize(

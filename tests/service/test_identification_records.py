@@ -86,7 +86,7 @@ def test_a_file_that_is_called_like_a_range(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"), [("a.csv@5:2", "ends before it begins"), ("a.csv@1.2.3:", "a range is @START")]
+    ("text", "problem"), [("a.csv@5:2", "ends before its start"), ("a.csv@1.2.3:", "a range is @START")]
 )
 def test_ranges_that_are_none(text: str, problem: str) -> None:
     with pytest.raises(RecordError, match=f"^{re.escape(text)}: .*{problem}"):

@@ -95,7 +95,7 @@ def test_json_before_a_record_takes_no_record(here: Path) -> None:
     [
         (("none.csv",), "cannot read none.csv: No such file"),
         (("robot.toml",), "no such kind of record"),
-        (("healthy.csv@5:2",), "ends before it begins"),
+        (("healthy.csv@5:2",), "ends before its start"),
         (("healthy.csv@100:200",), "healthy.csv"),
         (("healthy.csv@3:3.1",), "refused: healthy.csv: only 21 measured samples"),
         (("healthy.csv", "--validate", "none.csv"), "cannot read none.csv"),

@@ -241,7 +241,7 @@ def test_a_fleet_does_what_its_axes_do(seed: int) -> None:
     alone.update(SampleBlock(*rec))
     assert state(fleet.monitors[1]) == state(alone)
     assert fleet.monitors[0].multimodel is None
-    with pytest.raises(ValueError, match="there is none"):
+    with pytest.raises(ValueError, match="is the alarm source, but does not run"):
         Fleet([MODEL], [settings], alarm_sources={0: "multimodel"})
 
 
