@@ -15,7 +15,18 @@ ROOT = Path(__file__).resolve().parent.parent
 # --- monitor_core: arrays in, arrays out --------------------------------------------------------------
 
 PURE = {"numpy", "scipy", "numba", "llvmlite", "operator", "monitor_core"} | {
-    *("__future__", "ast", "abc", "collections", "contextlib", "dataclasses", "difflib", "enum", "fractions"),
+    *(
+        "__future__",
+        "ast",
+        "abc",
+        "collections",
+        "contextlib",
+        "copy",
+        "dataclasses",
+        "difflib",
+        "enum",
+        "fractions",
+    ),
     *("functools", "heapq", "importlib", "itertools", "json", "math", "re", "types", "typing"),
 }
 SYMBOLIC = {"sympy", "pymoca"}  # in monitor_core/modeling only

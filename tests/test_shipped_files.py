@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pymoca import ast
 
-from monitor_core.modeling.modelica.declarations import parse
-from monitor_core.modeling.modelica.standard_library import library
-from monitor_core.modeling.modelica.syntax import ClassDef, Source
+from monitor_core.modeling.modelica.library import library
+from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / "config"
@@ -122,18 +122,18 @@ def test_image_keeps_its_compiled_kernel_where_no_volume_hides_it() -> None:
     assert made < lines.index("USER axiswatch") < lines.index("RUN axiswatch warm")
 
 
-def components(package: ClassDef) -> dict[str, dict[str, tuple[str, str]]]:
+def components(package: ast.Class) -> dict[str, dict[str, tuple[list[str], str]]]:
     """Parameters and connectors of every class of a package, with their types."""
     return {
-        name: {c.name: (c.variability, str(c.type)) for c in model.components.values()}
+        name: {c.name: (c.prefixes, str(c.type)) for c in model.symbols.values()}
         for name, model in package.classes.items()
     }
 
 
 def test_openmodelica_gets_the_components_that_the_program_knows() -> None:
     file = CONFIG / "modelica" / "AxisWatch.mo"
-    (package,) = parse(Source(file.name, file.read_text(encoding="utf-8"))).classes
-    shipped, known = components(package), components(library()["AxisWatch"])
+    (package,) = parse(Source(file.name, file.read_text(encoding="utf-8"))).classes.values()
+    shipped, known = components(package), components(library().classes["AxisWatch"])
     del shipped["CoulombFriction"]["w"]  # a variable of its own
     assert shipped == known
 
@@ -154,9 +154,9 @@ def boxes(text: str) -> list[Box]:
 @pytest.mark.parametrize("file", sorted((CONFIG / "drives").glob("*.mo")), ids=lambda file: file.stem)
 def test_drawings_open_well_in_openmodelica(file: Path) -> None:
     text = file.read_text(encoding="utf-8")
-    (model,) = parse(Source(file.name, text)).classes
+    (model,) = parse(Source(file.name, text)).classes.values()
     placed = boxes(text)
-    assert len(placed) == len([c for c in model.components.values() if c.variability != "parameter"])
+    assert len(placed) == len([s for s in model.symbols.values() if not is_parameter(s)])
     assert not [(a, b) for i, a in enumerate(placed) for b in placed[:i] if overlap(a, b)]
     extent = re.search(r"Diagram\(coordinateSystem\(extent = \{\{(.*?), (.*?)\}, \{(.*?), (.*?)\}\}", text)
     assert extent

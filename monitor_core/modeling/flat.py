@@ -113,19 +113,3 @@ class FlatModel:
     sensors: tuple[FlatSensor, ...]
     equations: tuple[FlatEquation, ...]
     origin: Origin = field(default_factory=Origin)
-    components: tuple[FlatComponent, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class FlatComponent:
-    """A drawn component, for messages: kind ("inertia", "spring", ...), its flanges and their nodes.
-
-    ``nodes``: the names of the connection sets that its flanges belong to, in the order flange_a, flange_b.
-    ``parameters``: role ("J", "c", "d", "ratio") -> expression.
-    """
-
-    name: str
-    kind: str
-    nodes: tuple[str, ...]
-    parameters: Mapping[str, Laurent]
-    origin: Origin = field(default_factory=Origin)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from monitor_core.drive.structure import Quantity
-from monitor_core.modeling.flat import FlatComponent, FlatInput, FlatParameter, FlatSensor
+from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
 
 Entries = Mapping[tuple[int, int], Laurent]
@@ -61,4 +61,3 @@ class StateSpace:
     definitions: tuple[Definition, ...]
     report: Report
     notes: tuple[str, ...]
-    components: tuple[FlatComponent, ...] = ()

@@ -11,7 +11,7 @@ from monitor_core.modeling.components import Fragment, fragment, join
 from monitor_core.modeling.components.connections import End, Joint, connect
 from monitor_core.modeling.drawing.drawn_components import Fixed, Part, parts_of
 from monitor_core.modeling.drawing.parameter_table import Entry, entries, parameters
-from monitor_core.modeling.flat import FlatComponent, FlatModel, ModelError, Origin
+from monitor_core.modeling.flat import FlatModel, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 
 GROUND = "ground"
@@ -56,7 +56,6 @@ class Drawing:
             sensors=joined.sensors,
             equations=joined.equations + connect(_joints(parts), flanges),
             origin=self.origin,
-            components=tuple(_flat_component(part, read[part.name]) for part in parts),
         )
 
     def _grounded(self) -> list[Part]:
@@ -143,11 +142,6 @@ def _joints(parts: Sequence[Part]) -> Iterator[Joint]:
             ends.setdefault(node, []).append(End(f"{part.name}.{flange}"))
     for node, at in ends.items():
         yield Joint(node, tuple(at), Origin(f"node {node}"))
-
-
-def _flat_component(part: Part, read: Sequence[Entry]) -> FlatComponent:
-    nodes = part.nodes * (len(part.kind.flanges) // len(part.nodes))
-    return FlatComponent(part.name, part.kind.name, nodes, _expressions(read), part.origin)
 
 
 def _expressions(read: Sequence[Entry]) -> dict[str, Laurent]:

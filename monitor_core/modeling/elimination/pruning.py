@@ -100,7 +100,6 @@ def _state_space(
             counts.equations, counts.variables, counts.states, counts.left + len(reduction.sensors)
         ),
         notes=_notes(reduction, kept, acting, definitions, occurring),
-        components=flat.components,
     )
 
 

@@ -1,14 +1,8 @@
 """Modelica texts (drawn in OpenModelica, or written by hand) to the flat model of a drive.
 
-text -> parse tree (parsing, with pymoca's grammar) -> classes (declarations, syntax) -> names (names, lookup)
--> tree of instances (instantiation, changes) -> values of parameters (values), connections (connecting), components of
-the library (leaves) -> flat model (flattening)
-
-Why pymoca is only the parser here.  Its flattener (tried: pymoca 0.12, with a small rotational library) gives the right
-equations of a plain drive.  But it accepts silently what means another drive: a component whose condition is false
-stays, an array of components becomes one component, algorithms and text behind the last class vanish.  Its tree holds
-neither conditions nor line numbers.  So these texts could be refused, with name and line, only by a second walk over
-the parse tree; and its own errors name no line (an unknown flange is a KeyError).
+text -> pymoca's syntax tree, with places (parsing) -> the tree of all classes, names checked (names) -> pymoca's
+instance and flat class -> values of parameters (values), components of the library (library, leaves), signals
+(signals) -> flat model (flattening, flat_parameters)
 """
 
 from __future__ import annotations
@@ -16,14 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin
-from monitor_core.modeling.modelica.choice import choose
-from monitor_core.modeling.modelica.component_conditions import truth
-from monitor_core.modeling.modelica.declarations import parse
-from monitor_core.modeling.modelica.flattening import Flattening
-from monitor_core.modeling.modelica.instantiation import Instantiation
-from monitor_core.modeling.modelica.names import Names, root_of
-from monitor_core.modeling.modelica.syntax import Source
-from monitor_core.modeling.modelica.values import Values
+from monitor_core.modeling.modelica.flattening import flatten
+from monitor_core.modeling.modelica.names import check_names, choose, tree_of
+from monitor_core.modeling.modelica.parsing import Source, parse
 
 __all__ = ["Source", "read"]
 
@@ -41,16 +30,9 @@ def read(sources: Sequence[Source], model: str | None = None) -> FlatModel:
     if not sources:
         raise ModelError("no Modelica text is given")
     try:
-        return _read(sources, model)
+        root = tree_of([parse(source) for source in sources])
+        check_names(root)
+        return flatten(root, choose(root, sources, model))
     except RecursionError:
-        raise ModelError("is nested too deeply to be read", Origin(file=sources[0].name)) from None
-
-
-def _read(sources: Sequence[Source], model: str | None) -> FlatModel:
-    texts = [parse(source) for source in sources]
-    names = Names(root_of(texts))
-    values = Values(names)
-    instance = Instantiation(names, lambda condition: truth(condition, values)).model(
-        choose(texts, names, model)
-    )
-    return Flattening(instance, values).flat()
+        problem = "is nested too deeply to be read, or a class contains itself"
+        raise ModelError(problem, Origin(file=sources[0].name)) from None

@@ -43,6 +43,8 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
             f"{error} cannot be divided by, being no single product: give the whole a name of its own",
             origin,
         ) from None
+    if symbol not in ("*", "/", "^"):
+        raise ModelError(f'"{symbol}" is not supported: only + - * / ^ and der(...) are', origin)
     raise ModelError(f'"{symbol}" of variables: equations must be linear, with constant coefficients', origin)
 
 

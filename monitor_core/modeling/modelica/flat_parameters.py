@@ -11,10 +11,9 @@ from monitor_core.modeling.components.units import Use, infer
 from monitor_core.modeling.drawing.parameter_table import is_positive
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modelica.instances import Instance
 from monitor_core.modeling.modelica.leaves import Part
-from monitor_core.modeling.modelica.syntax import Number
-from monitor_core.modeling.modelica.values import Values
+from monitor_core.modeling.modelica.parsing import is_parameter
+from monitor_core.modeling.modelica.values import Values, plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,31 +31,33 @@ class Entry:
 
 
 def flat_parameters(
-    model: Instance,
+    values: Values,
+    comments: Mapping[str, str],
     parts: Sequence[Part],
     equations: Iterable[FlatEquation],
-    values: Values,
     known: Mapping[str, str],
 ) -> tuple[FlatParameter, ...]:
     """All parameters that occur in the equations, in the order of their declaration.
 
-    ``known``: units that are declared, or that the user's own equations determine.
+    ``comments``: by path, in the user's words.  ``known``: units that are declared, or that the user's own equations
+    determine.
 
     Raises:
         ModelError: contradicting units; a value that makes no sense (an inertia of zero).
     """
     occurring = {name for e in equations for c in e.terms.values() for name in c.names}
-    written = {i.path: i for i in model.tree() if i.base == "Real" and i.is_parameter and i.path in occurring}
-    declared = {path: known.get(path, "") for path in written}
+    written = [n for n in values.places if n in occurring and is_parameter(values.symbols[n])]
+    declared = {name: known.get(name, "") for name in written}
+    for name, unit in declared.items():
+        if unit:
+            parse(unit, values.place(name))  # refused where it is written
     units = infer([use for part in parts for use in part.uses], declared)
     _check_values(parts, values)
     entries = _entries(parts)
-    of_tables = sorted(occurring - written.keys())  # of bearings
+    of_tables = sorted(occurring - set(written))  # of bearings
     return tuple(
-        _parameter(
-            name, written.get(name), units.get(name, ""), values.nominal.get(name), entries.get(name, [])
-        )
-        for name in (*written, *of_tables)
+        _parameter(n, values, comments.get(n, ""), units.get(n, ""), entries.get(n, []))
+        for n in (*written, *of_tables)
     )
 
 
@@ -70,31 +71,18 @@ def _entries(parts: Iterable[Part]) -> dict[str, list[Entry]]:
     return {name: sorted(all_, key=lambda e: e.value != Laurent.symbol(name)) for name, all_ in found.items()}
 
 
-def _parameter(
-    name: str, written: Instance | None, unit: str, value: float | None, entries: Sequence[Entry]
-) -> FlatParameter:
-    meaning = written.declaration.comment if written is not None and written.declaration is not None else ""
+def _parameter(name: str, values: Values, meaning: str, unit: str, entries: Sequence[Entry]) -> FlatParameter:
+    symbol, value = values.symbols.get(name), values.nominal.get(name)
     if entries and not meaning:
         alone = entries[0].value == Laurent.symbol(name)
         meaning = entries[0].place if alone else f"in the {entries[0].place}: {entries[0].value}"
-    positive = _declared_positive(written) or is_positive(name, ((e.role, e.value) for e in entries), value)
-    origin = _origin(name, written, entries[0].part if entries else None)
-    return FlatParameter(name, unit, meaning, value, positive, origin)
-
-
-def _declared_positive(written: Instance | None) -> bool:
-    """``Real kT(min = 1e-3)``: a least value above zero."""
-    change = written.attributes.get("min") if written is not None else None
-    least = change.value.expression if change is not None and change.value is not None else None
-    return isinstance(least, Number) and least.value > 0
-
-
-def _origin(name: str, written: Instance | None, part: Part | None) -> Origin:
-    """Where its value is written, else where it is declared, else its component."""
-    if written is not None:
-        bound = written.binding
-        return replace(bound.origin if bound is not None else written.origin, component=name)
-    return replace(part.origin, component=name) if part is not None else Origin(name)
+    least = plain(symbol.min) if symbol is not None else None
+    positive = (isinstance(least, int | float) and least > 0) or is_positive(
+        name, ((e.role, e.value) for e in entries), value
+    )
+    origin = entries[0].part.origin if symbol is None and entries else Origin()
+    place = values.place(name) if symbol is not None else replace(origin, component=name)
+    return FlatParameter(name, unit, meaning, value, positive, place)
 
 
 def _check_values(parts: Iterable[Part], values: Values) -> None:

@@ -1,159 +1,225 @@
-"""From the tree of instances to the flat model."""
+"""From pymoca's flat class to the flat model: library components, connections, the user's own equations.
+
+pymoca instantiates, resolves all names and modifications, and flattens.  The components of the library have no
+equations there: theirs are those of component_kinds.py, which drawings in Python share.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
+
+from pymoca import ast
+from pymoca.tree import InstanceClass, InstanceSymbol, ModelicaError, flatten_instance, instantiate
 
 from monitor_core.kernel.tables import ONE
-from monitor_core.modeling.components.connections import connect
+from monitor_core.modeling.components.connections import End, Joint, connect
 from monitor_core.modeling.components.fragments import Fragment, join
 from monitor_core.modeling.components.linear import Linear
 from monitor_core.modeling.flat import (
     CONSTANT,
-    FlatComponent,
     FlatEquation,
     FlatInput,
     FlatModel,
     FlatVariable,
     ModelError,
+    Origin,
 )
-from monitor_core.modeling.modelica.connecting import Wiring
 from monitor_core.modeling.modelica.flat_parameters import flat_parameters, own_units, variable_unit
-from monitor_core.modeling.modelica.instances import Instance, Scope, about, unit_of
-from monitor_core.modeling.modelica.leaves import Part, bearing_joint, parts
-from monitor_core.modeling.modelica.signal_connections import is_given, measured_torque, outputs
-from monitor_core.modeling.modelica.standard_library import BEARING
-from monitor_core.modeling.modelica.syntax import Connect, Equation
-from monitor_core.modeling.modelica.values import Values
+from monitor_core.modeling.modelica.leaves import Part, Placed, bearing_joint, parts
+from monitor_core.modeling.modelica.library import BEARING, LEAVES, Leaf
+from monitor_core.modeling.modelica.parsing import is_parameter, place_of
+from monitor_core.modeling.modelica.signals import Signals
+from monitor_core.modeling.modelica.values import Values, plain
 
 
-@dataclass
-class Flattening:
-    """The parts of a model collected so far."""
+def flatten(root: ast.Tree, model: ast.Class) -> FlatModel:
+    """The flat model of a class.
 
-    model: Instance
-    values: Values
-    wiring: Wiring = field(default_factory=Wiring)
-    own: list[FlatEquation] = field(default_factory=list)
-    parts: list[Part] = field(default_factory=list)
+    Raises:
+        ModelError: equations that are not linear, impossible connections, contradicting parameters.
+    """
+    try:
+        instance = instantiate(root, model.full_name)
+        flat = flatten_instance(instance, expand_connect=False)
+    except (ModelicaError, NotImplementedError, KeyError, AssertionError, AttributeError) as error:
+        raise ModelError(f"pymoca cannot flatten it: {error}", place_of(model, model.name)) from None
+    return _Flattening(root, model, instance, flat).flat_model()
 
-    def flat(self) -> FlatModel:
-        """The flat model.
 
-        Raises:
-            ModelError: equations that are not linear, impossible connections, contradicting parameters.
-        """
-        instances = list(self.model.tree())
-        for instance in instances:
-            self._gather(instance)
+class _Flattening:
+    """The parts of a model, collected from the instance and its flat class."""
+
+    def __init__(
+        self, root: ast.Tree, model: ast.Class, instance: InstanceClass, flat: InstanceClass
+    ) -> None:
+        self.model, self.flat = model, flat
+        self.places: dict[str, Origin] = {}
+        self.comments: dict[str, str] = {}
+        self.placed: list[Placed] = []
+        self.flanges: list[str] = []
+        self._visit(instance, "", place_of(model))
+        self.values = Values(flat.symbols, self.places, root)
+        self.parts: list[Part] = []
+        self.joints: list[Joint] = []
+        for placed in self.placed:
+            found = list(parts(placed, self.values))
+            self.parts += found
+            if placed.leaf.kind == BEARING:
+                self.joints.append(bearing_joint(placed, found))
+        kinds = {p.path: p.leaf.kind for p in self.placed} | {p.name: p.kind for p in self.parts}
+        self.signals = Signals(_causality(instance), kinds, self.places)
+        self.own: list[FlatEquation] = []
+        self.equalities: list[FlatEquation] = []
+        for equation in flat.equations:
+            self._add(equation)
+
+    def _visit(self, cls: InstanceClass, prefix: str, place: Origin) -> None:
+        """All components inside, with their places; what the library declares is where its user stands."""
+        for name, symbol in cls.symbols.items():
+            path = f"{prefix}{name}"
+            written = place_of(symbol.ast_ref, path)
+            self.places[path] = written if written.file else replace(place, component=path)
+            if written.file:
+                self.comments[path] = re.sub(r'"\s*\+\s*"', "", symbol.ast_ref.comment)
+            kind = symbol.type
+            if not isinstance(kind, InstanceClass):
+                continue
+            if kind.type == "connector" and _is_flange(kind):
+                self.flanges.append(path)
+            leaf = _leaf(kind)
+            if leaf is not None:
+                self.placed.append(Placed(path, leaf, self.places[path]))
+            self._visit(kind, f"{path}.", self.places[path])
+        for base in cls.extends:
+            if isinstance(base, InstanceClass) and base.name not in ("Real", "Integer", "Boolean", "String"):
+                self._visit(base, prefix, place)
+
+    def _add(self, equation: ast.Equation) -> None:
+        if isinstance(equation, ast.ConnectClause):
+            self._connect(equation)
+            return
+        place = place_of(equation)
+        if not place.file:  # the value of a variable, as an equation
+            place = self.places.get(str(equation.left), place_of(self.model))
+        difference = self.values.linear(equation.left, place) - self.values.linear(equation.right, place)
+        self.own.append(FlatEquation(difference.terms, place))
+
+    def _connect(self, clause: ast.ConnectClause) -> None:
+        left, right, place = str(clause.left), str(clause.right), place_of(clause)
+        flanges = [name in self.flanges for name in (left, right)]
+        for name, flange in zip((left, right), flanges, strict=True):
+            if not flange and name not in self.flat.symbols:
+                problem = f"{name} cannot be connected: a flange must have an angle phi and a flow tau"
+                raise ModelError(problem, place)
+        if flanges[0] != flanges[1]:
+            kinds = [
+                f"{n} is a {'flange' if f else 'signal'}" for n, f in zip((left, right), flanges, strict=True)
+            ]
+            raise ModelError(f"{' and '.join(kinds)}: they cannot be connected", place)
+        if flanges[0]:
+            ends = (End(left, not clause._left_inner), End(right, not clause._right_inner))
+            self.joints.append(Joint(left, ends, place))
+        elif self.signals.connect(left, right):
+            equal = Linear.variable(left) - Linear.variable(right)
+            self.equalities.append(FlatEquation(equal.terms, place))
+
+    def flat_model(self) -> FlatModel:
+        """Everything together, checked."""
         library = join(part.fragment() for part in self.parts)
-        torque = measured_torque(self.model, self.wiring, self.own)
+        torque = self.signals.measured_torque(self.own)
         inputs = [*([torque] if torque is not None else []), *library.inputs]
-        flanges = [i.path for i in instances if i.is_flange]
-        flanges += [v.name.removesuffix(".phi") for v in library.variables if v.name.endswith(".flange.phi")]
+        flanges = [
+            *self.flanges,
+            *(v.name[: -len(".phi")] for v in library.variables if v.name.endswith("flange.phi")),
+        ]
         equations = (
             *library.equations,
             *self.own,
-            *self.wiring.equalities,
-            *connect(self.wiring.joints, dict.fromkeys(flanges)),
+            *self.equalities,
+            *connect(self.joints, dict.fromkeys(flanges)),
         )
         if any((CONSTANT, 0) in e.terms for e in self.own) and all(i.name != CONSTANT for i in inputs):
             inputs.append(FlatInput(CONSTANT, ONE))
-        units = own_units(self.own, _declared_units(instances, library))
-        given = {i.path for i in instances if is_given(i)}
-        variables = tuple(v for v in _variables(instances, library, inputs, units) if v.name not in given)
-        _check(variables, inputs, equations, self.model)
-        kinds = {part.name: part.kind for part in self.parts}
+        units = own_units(self.own, self._declared_units(library))
+        known = {i.name for i in inputs} | self.signals.given()
+        variables = tuple(v for v in self._variables(library, units) if v.name not in known)
+        _check(variables, inputs, equations, place_of(self.model, self.model.name))
         return FlatModel(
-            name=self.model.cls.name,
-            parameters=flat_parameters(self.model, self.parts, equations, self.values, units),
+            name=self.model.name,
+            parameters=flat_parameters(self.values, self.comments, self.parts, equations, units),
             variables=variables,
             inputs=tuple(inputs),
-            sensors=outputs(self.model, library.sensors, kinds, self.wiring),
+            sensors=self.signals.outputs(library.sensors),
             equations=equations,
-            origin=self.model.origin,
-            components=tuple(self._components()),
+            origin=place_of(self.model, self.model.name),
         )
 
-    # --- one instance ----------------------------------------------------------------------------------
+    def _variables(self, library: Fragment, units: Mapping[str, str]) -> Iterator[FlatVariable]:
+        """Those of the library, and those that the user declared."""
+        yield from library.variables
+        known = {v.name for v in library.variables}
+        for name, symbol in self.flat.symbols.items():
+            if is_parameter(symbol) or name in known or ast.is_enumeration(symbol.type):
+                continue
+            if symbol.type.name != "Real":
+                raise ModelError(f"a variable of type {symbol.type.name} is not supported", self.places[name])
+            yield FlatVariable(name, variable_unit(units.get(name, "")), origin=self.places[name])
 
-    def _gather(self, instance: Instance) -> None:
-        for statement, scope in instance.statements:
-            if isinstance(statement, Connect):
-                self.wiring.add(statement, scope)
-            elif isinstance(statement, Equation):
-                self.own.append(self._equation(statement, scope))
-            else:
-                problem = (
-                    f"{statement.what} is not supported: write linear equations and connect(...) one by one"
-                )
-                raise ModelError(problem, scope.origin(statement.line))
-        if instance.base == "Real" and not instance.is_parameter and instance.binding is not None:
-            self.own.append(self._declared(instance))
-        if instance.leaf is not None:
-            found = list(parts(instance, self.values))
-            self.parts.extend(found)
-            if instance.leaf.kind == BEARING:
-                joint = bearing_joint(instance, found)
-                self.wiring.joints.append(joint)
-                for end in joint.ends[1:]:
-                    self.wiring.nodes.join(joint.ends[0].flange, end.flange)
-
-    def _equation(self, equation: Equation, scope: Scope) -> FlatEquation:
-        difference = self.values.linear(equation.left, scope) - self.values.linear(equation.right, scope)
-        return FlatEquation(difference.terms, scope.origin(equation.line))
-
-    def _declared(self, variable: Instance) -> FlatEquation:
-        bound = variable.binding
-        assert bound is not None
-        with about(variable.path):
-            value = self.values.linear(bound.expression, bound.scope)
-        return FlatEquation((Linear.variable(variable.path) - value).terms, variable.origin)
-
-    # --- for pictures ----------------------------------------------------------------------------------
-
-    def _components(self) -> Iterator[FlatComponent]:
-        grounds = {self.wiring.nodes.root(flange) for p in self.parts if p.kind == "fixed" for flange in p.at}
-        for part in self.parts:
-            leaders = [self.wiring.nodes.root(flange) for flange in part.at]
-            nodes = tuple("ground" if leader in grounds else leader for leader in leaders)
-            yield FlatComponent(part.name, part.kind, nodes, part.parameters, part.origin)
+    def _declared_units(self, library: Fragment) -> dict[str, str]:
+        """Of parameters and variables; angle and torque of a flange by its definition."""
+        symbols = self.flat.symbols.items()
+        units = {name: str(plain(s.unit) or "") for name, s in symbols if s.type.name == "Real"}
+        units.update((v.name, v.unit) for v in library.variables)
+        for flange in self.flanges:
+            units.update({f"{flange}.phi": "rad", f"{flange}.tau": "N m"})
+        return units
 
 
-def _variables(
-    instances: Iterable[Instance], library: Fragment, inputs: Iterable[FlatInput], units: Mapping[str, str]
-) -> Iterator[FlatVariable]:
-    """Those of the library, and those that the user declared."""
-    known = {i.name for i in inputs}
-    for variable in library.variables:
-        if variable.name not in known:
-            yield variable
-    known |= {v.name for v in library.variables}
-    for instance in instances:
-        if instance.base in ("", "enumeration") or instance.is_parameter or instance.path in known:
+def _is_flange(connector: InstanceClass) -> bool:
+    members = {name: "flow" in symbol.prefixes for name, symbol in _symbols(connector)}
+    return members == {"phi": False, "tau": True}
+
+
+def _symbols(cls: InstanceClass) -> Iterator[tuple[str, InstanceSymbol]]:
+    yield from cls.symbols.items()
+    for base in cls.extends:
+        if isinstance(base, InstanceClass):
+            yield from _symbols(base)
+
+
+def _causality(model: InstanceClass) -> dict[str, str]:
+    """Causality ("input", "output") of the signals of the model itself, of which some are connectors."""
+    found: dict[str, str] = {}
+    for name, symbol in _symbols(model):
+        if is_parameter(symbol):
             continue
-        if instance.base != "Real":
-            raise ModelError(f"a variable of type {instance.base} is not supported", instance.origin)
-        unit = variable_unit(units.get(instance.path, ""))
-        yield FlatVariable(instance.path, unit, origin=instance.origin)
+        sorts = [p for p in symbol.prefixes if p in ("input", "output")]
+        kind: object = symbol.type
+        while not sorts and isinstance(kind, InstanceClass):
+            sorts = [getattr(kind.ast_ref, "causality", "")]
+            kind = kind.extends[0] if kind.extends and not sorts[0] else None
+            sorts = [sort for sort in sorts if sort]
+        if sorts:
+            found[name] = sorts[0]
+    return found
 
 
-def _declared_units(instances: Iterable[Instance], library: Fragment) -> dict[str, str]:
-    """Of parameters and variables; angle and torque of a flange by its definition."""
-    units = {i.path: unit_of(i) for i in instances if i.base == "Real"}
-    units.update((v.name, v.unit) for v in library.variables)
-    for flange in instances:
-        if flange.is_flange:
-            units.update({flange.inside("phi"): "rad", flange.inside("tau"): "N m"})
-    return units
+def _leaf(cls: InstanceClass) -> Leaf | None:
+    """The component of the library that a class is, or that it extends."""
+    name = cls.ast_ref.full_name if cls.ast_ref is not None else ""
+    if name in LEAVES:
+        return LEAVES[name]
+    bases = (_leaf(base) for base in cls.extends if isinstance(base, InstanceClass))
+    return next((leaf for leaf in bases if leaf is not None), None)
 
 
 def _check(
     variables: Iterable[FlatVariable],
     inputs: Iterable[FlatInput],
     equations: tuple[FlatEquation, ...],
-    model: Instance,
+    origin: Origin,
 ) -> None:
     """Every variable has an equation, there are as many of both, and no input is differentiated."""
     occurring = {name for equation in equations for name, _ in equation.terms}
@@ -171,7 +237,7 @@ def _check(
     if len(equations) != len(unknowns):
         missing = "one or more are missing" if len(equations) < len(unknowns) else "there are too many"
         problem = f"{len(equations)} equations for {len(unknowns)} variables: {missing}"
-        raise ModelError(problem, model.origin)
+        raise ModelError(problem, origin)
 
 
 def _unused(variable: str) -> str:

@@ -1,187 +1,368 @@
-"""The class that a name means: enclosing scopes, imports, inherited classes, the library."""
+"""Names of a Modelica text: the tree of all classes, the class that is the drive, and a check of every name.
+
+pymoca looks names up while it instantiates, and its errors have no lines.  The check here comes before: it finds
+unknown classes, parameters and variables where they are written.
+"""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import NoReturn
+from typing import Any
+
+from pymoca import ast
+from pymoca.parser import ModelicaFile
+from pymoca.tree import NameLookupError, find_name
 
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.standard_library import ANY, library
-from monitor_core.modeling.modelica.syntax import ClassDef, Extends, Name, Text
+from monitor_core.modeling.modelica.arithmetic import FUNCTIONS
+from monitor_core.modeling.modelica.library import SOURCES, library
+from monitor_core.modeling.modelica.parsing import Source, is_parameter, place_of
+
+_LIBRARY = ("Modelica", "AxisWatch")
+_MODELS = ("model", "block", "class")
+_BUILTIN = ("Real", "Integer", "Boolean", "String")
 
 
-def root_of(texts: Sequence[Text]) -> ClassDef:
-    """The nameless package that contains everything: the library, and the classes of the texts.
-
-    A text's own Modelica or AxisWatch package is ignored: these are the library's.
+def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
+    """The library and the classes of the texts; a text's own Modelica or AxisWatch package is ignored.
 
     Raises:
         ModelError: a class is defined twice.
     """
-    root = ClassDef("", "package", "", 0)
-    root.classes.update(library())
-    for text in sorted(texts, key=lambda t: len(t.within)):
-        if text.within[:1] not in _LIBRARY:
-            package = _package(root, text.within)
-            for new in text.classes:
+    root = copy.deepcopy(library())
+    for file in sorted(files, key=lambda f: len(f.within)):
+        path: tuple[str, ...] = file.within[0].to_tuple() if file.within else ()
+        if path[:1] and path[0] in _LIBRARY:
+            continue
+        package: ast.Class = root
+        for name in path:
+            package = package.classes.setdefault(name, ast.Class(name=name, type="package"))
+        for name, new in file.classes.items():
+            if path or name not in _LIBRARY:
                 _add(package, new)
+    root.update_parent_refs()
     return root
 
 
-_LIBRARY = (("Modelica",), ("AxisWatch",))
-
-
-def _package(root: ClassDef, path: tuple[str, ...]) -> ClassDef:
-    where = root
-    for name in path:
-        if name not in where.classes:
-            where.classes[name] = ClassDef(name, "package", "", 0, where)
-        where = where.classes[name]
-    return where
-
-
-def _add(package: ClassDef, new: ClassDef) -> None:
-    if not package.path and (new.name,) in _LIBRARY:
-        return
+def _add(package: ast.Class, new: ast.Class) -> None:
     old = package.classes.get(new.name)
-    if old is not None:
+    if old is not None and hasattr(old, "line"):
         where = f"in {old.file}, line {old.line}" if old.file else "in the library"
-        raise ModelError(
-            f"{new.sort} {new.name} exists already {where}", Origin(file=new.file, line=new.line)
-        )
+        raise ModelError(f"{new.type} {new.name} exists already {where}", place_of(new))
+    if old is not None:  # a package that only a text within it has named so far
+        new.classes.update(old.classes)
     package.classes[new.name] = new
-    new.parent = package
 
 
-class Names:
-    """Looks up classes.  Results are cached; the classes must not change after that."""
+def own_classes(cls: ast.Class) -> list[ast.Class]:
+    """The user's classes inside, at any depth."""
+    return [inner for inner in descendants(cls) if getattr(inner, "file", "")]
 
-    def __init__(self, root: ClassDef) -> None:
-        self.root = root
-        self._found: dict[tuple[ClassDef, tuple[str, ...]], ClassDef | None] = {}
-        self._searching: set[ClassDef] = set()
 
-    def find(self, scope: ClassDef, name: Name, origin: Origin) -> ClassDef:
-        """The class that a name written inside of ``scope`` means.
+# --- the drive -------------------------------------------------------------------------------------------
 
-        Raises:
-            ModelError: there is none; the text lists similar names.
-        """
-        found = self.search(scope, name.parts)
-        if found is None:
-            self._unknown(scope, name, origin)
-        return found
 
-    def search(self, scope: ClassDef, parts: tuple[str, ...]) -> ClassDef | None:
-        """As ``find``; None where there is none."""
-        key = (scope, parts)
-        if key in self._found:
-            return self._found[key]
-        first = next(filter(None, (self._visible(s, parts[0]) for s in outwards(scope))), None)
-        first = first or self.root.classes.get(parts[0]) or self._anything_imported(scope, parts[0])
-        found = self._within(first, parts[1:])
-        if not self._searching:  # else what is inherited may have been passed over
-            self._found[key] = found
-        return found
+def choose(root: ast.Tree, sources: Sequence[Source], model: str | None) -> ast.Class:
+    """The class of that name, otherwise the only model that no other class of the texts uses or extends.
 
-    def bases(self, cls: ClassDef) -> Iterator[tuple[Extends, ClassDef]]:
-        """The base classes, each with the clause that names it.
+    Raises:
+        ModelError: there is none, or several.
+    """
+    classes = own_classes(root)
+    models = [c for c in classes if c.type in _MODELS]
+    if not models:
+        empty = all(not source.text.strip() for source in sources)
+        problem = "the text is empty" if empty else 'there is no model in it: "model Name ... end Name;"'
+        raise ModelError(problem, Origin(file=", ".join(source.name for source in sources)))
+    chosen = _only(models, classes) if model is None else _named(root, model, models)
+    if chosen.partial:
+        problem = f"model {chosen.name} is partial: only a model that extends it can be read"
+        raise ModelError(problem, place_of(chosen, chosen.name))
+    return chosen
 
-        Raises:
-            ModelError: a base class is unknown.
-        """
+
+def _named(root: ast.Tree, model: str, models: Sequence[ast.Class]) -> ast.Class:
+    found = _found(root, model)
+    same = [found] if isinstance(found, ast.Class) else [c for c in models if c.name == model]
+    if len(same) != 1 or same[0] not in models:
+        last = similar(model.split(".")[-1], {c.name for c in models})
+        near = did_you_mean([c.full_name for c in models if c.name in last])
+        known = listed((c.full_name for c in models), "; there is")
+        raise ModelError(f"there is no model {model}{near}{known}", Origin(file=models[0].file))
+    return same[0]
+
+
+def _only(models: Sequence[ast.Class], classes: Sequence[ast.Class]) -> ast.Class:
+    used = {id(other) for c in classes for other in _used_by(c)}
+    free = [c for c in models if id(c) not in used and not c.partial]
+    if len(free) == 1:
+        return free[0]
+    if len(models) == 1:
+        return models[0]
+    names = ", ".join(c.full_name for c in free or models)
+    if free:
+        problem = f"several models could be the drive; say which: {names}"
+    else:
+        problem = f"every model is partial, or used by another one; say which is the drive: there is {names}"
+    raise ModelError(problem, Origin(file=models[0].file))
+
+
+def _used_by(cls: ast.Class) -> Iterator[ast.Class]:
+    for name in (*(s.type for s in cls.symbols.values()), *(e.component for e in cls.extends)):
+        found = _found(cls, name)
+        if isinstance(found, ast.Class) and found is not cls:
+            yield found
+
+
+# --- the check -------------------------------------------------------------------------------------------
+
+
+def check_names(root: ast.Tree) -> None:
+    """Check classes, modifications and the names in equations of all of the user's classes; drop pictures.
+
+    Raises:
+        ModelError: one is not known, or is not of the right sort.
+    """
+    for cls in own_classes(root):
+        cls.extends = [e for e in cls.extends if "Icons" not in e.component.to_tuple()]
         for extends in cls.extends:
-            origin = Origin(str(cls), cls.file, extends.line)
-            yield extends, self.find(cls, extends.base, origin)
-
-    def _within(self, cls: ClassDef | None, parts: tuple[str, ...]) -> ClassDef | None:
-        for part in parts:
-            if cls is None:
-                return None
-            cls = self._member(cls, part) or self._any(cls, part)
-        return cls
-
-    @staticmethod
-    def _any(cls: ClassDef, name: str) -> ClassDef | None:
-        if str(cls) in ANY and not name.startswith(("Boolean", "Integer")):
-            return cls.classes[ANY[str(cls)]]
-        return None
-
-    def _visible(self, scope: ClassDef, name: str) -> ClassDef | None:
-        return self._member(scope, name) or self._imported(scope, name)
-
-    def _member(self, cls: ClassDef, name: str) -> ClassDef | None:
-        if name in cls.classes:
-            return cls.classes[name]
-        return self._inherited(cls, name)
-
-    def _inherited(self, cls: ClassDef, name: str) -> ClassDef | None:
-        if cls in self._searching or not cls.extends:
-            return None
-        self._searching.add(cls)
-        try:
-            for extends in cls.extends:
-                base = self.search(cls, extends.base.parts)
-                found = self._member(base, name) if base is not None else None
-                if found is not None:
-                    return found
-        finally:
-            self._searching.discard(cls)
-        return None
-
-    def _imported(self, scope: ClassDef, name: str) -> ClassDef | None:
-        for clause in scope.imports:
-            found = None
-            if clause.alias == name:
-                found = self._within(self.root, clause.path)
-            elif clause.alias == "*":
-                package = self._within(self.root, clause.path)
-                found = self._member(package, name) if package is not None else None
-            if found is not None:
-                return found
-        return None
-
-    def _anything_imported(self, scope: ClassDef, name: str) -> ClassDef | None:
-        """By ``import Modelica.Blocks.Sources.*``, where every name means something; so this comes last."""
-        stars = [c.path for s in outwards(scope) for c in s.imports if c.alias == "*"]
-        packages = filter(None, (self._within(self.root, path) for path in stars))
-        return next(filter(None, (self._any(package, name) for package in packages)), None)
-
-    def _unknown(self, scope: ClassDef, name: Name, origin: Origin) -> NoReturn:
-        lost = next((c for s in outwards(scope) for c in s.imports if c.alias == name.parts[0]), None)
-        package = self.search(scope, name.parts[:-1]) if len(name.parts) > 1 else None
-        of_library = not package.file if package is not None else name.parts[0] == "Modelica"
-        problem = f"class {name} is not {'supported' if of_library else 'known'}"
-        if package is not None and package.classes:
-            near = did_you_mean(similar(name.parts[-1], package.classes))
-            problem += near + listed(package.classes, "; there is")
-        elif lost is not None:
-            problem += f": its import (line {lost.line}) of {'.'.join(lost.path)} finds nothing"
-        else:
-            problem += did_you_mean(self._like(name.parts[-1]))
-        raise ModelError(problem, origin)
-
-    def _like(self, name: str) -> list[str]:
-        """Full names of components whose last part is written nearly the same."""
-        known = [c for c in descendants(self.root) if c.sort in ("model", "block", "class", "connector")]
-        near = similar(name, {c.name for c in known})
-        return [str(c) for last in near for c in known if c.name == last]
+            base = _class(root, cls, extends.component, place_of(extends, cls.name))
+            _check_modifications(base, extends.class_modification, place_of(extends, cls.name))
+            for name in _members(base).keys() & cls.symbols.keys():
+                problem = f"{name} is declared in {cls.name} and in its base class {base.name}"
+                raise ModelError(problem, place_of(cls.symbols[name], name))
+    for cls in own_classes(root):
+        _check_bases(cls)
+        _check_contents(cls, [cls], "")
+        for symbol in cls.symbols.values():
+            _check_component(root, cls, symbol)
+        for equation in cls.equations:
+            place = place_of(equation)
+            ends = (equation.left, equation.right)
+            if isinstance(equation, ast.ConnectClause):
+                for end in ends:
+                    _check_connector(cls, end, place)
+            else:
+                _check_variables(cls, ends, place)
 
 
-def outwards(scope: ClassDef) -> Iterator[ClassDef]:
-    """The class itself, and those around it."""
-    where: ClassDef | None = scope
-    while where is not None:
-        yield where
-        where = where.parent
+def _check_bases(cls: ast.Class) -> None:
+    path, where = [cls.full_name], cls
+    while where.extends:
+        where = _found(where, where.extends[0].component)
+        if not isinstance(where, ast.Class):
+            return
+        path.append(where.full_name)
+        if where is cls:
+            raise ModelError(f"{cls.name} extends itself: {' -> '.join(path)}", place_of(cls, cls.name))
+        if where.full_name in path[:-1]:
+            return
 
 
-def descendants(cls: ClassDef) -> Iterator[ClassDef]:
+def _check_contents(cls: ast.Class, around: Sequence[ast.Class], path: str) -> None:
+    for symbol in cls.symbols.values():
+        found, name = _found(cls, symbol.type), f"{path}{symbol.name}"
+        if found in around:
+            raise ModelError(f"{found.name} contains itself, as {name}", place_of(symbol, name))
+        if getattr(found, "file", ""):
+            _check_contents(found, [*around, found], f"{name}.")
+
+
+def _check_component(root: ast.Tree, cls: ast.Class, symbol: ast.Symbol) -> None:
+    place = place_of(symbol, symbol.name)
+    found = _class(root, cls, symbol.type, place)
+    if found.type in ("package", "function"):
+        raise ModelError(f"{found.name} is a {found.type}, not the class of a component", place)
+    if found.partial:
+        raise ModelError(f"{found.name} is partial: use a model that extends it", place)
+    if found.full_name.startswith(f"{SOURCES}."):
+        symbol.class_modification = ast.ClassModification()  # any shape is the measured torque
+    _check_modifications(found, symbol.class_modification, place, cls)
+
+
+def _class(root: ast.Tree, cls: ast.Class, name: ast.ComponentRef, place: Origin) -> ast.Class:
+    found = _found(cls, name)
+    if isinstance(found, ast.Class):
+        return found
+    *path, last = name.to_tuple()
+    package = _found(cls, ".".join(path)) if path else None
+    of_library = name.to_tuple()[0] in _LIBRARY
+    problem = f"class {name} is not {'supported' if of_library else 'known'}"
+    if isinstance(package, ast.Class) and package.classes:
+        problem += did_you_mean(similar(last, package.classes)) + listed(package.classes, "; there is")
+    else:
+        known = [c for c in descendants(root) if c.type in (*_MODELS, "connector")]
+        near = similar(last, {c.name for c in known})
+        problem += did_you_mean([c.full_name for n in near for c in known if c.name == n])
+    raise ModelError(problem, place)
+
+
+def descendants(cls: ast.Class) -> Iterator[ast.Class]:
     """All classes inside, at any depth."""
     for inner in cls.classes.values():
         yield inner
         yield from descendants(inner)
+
+
+def _members(cls: ast.Class, deep: int = 20) -> dict[str, ast.Symbol]:
+    """The components of a class, its own and inherited ones."""
+    members: dict[str, ast.Symbol] = {}
+    for extends in cls.extends if deep else ():
+        base = _found(cls, extends.component)
+        if isinstance(base, ast.Class):
+            members |= _members(base, deep - 1)
+    return members | dict(cls.symbols)
+
+
+def _is_simple(cls: ast.Class, deep: int = 20) -> bool:
+    """A number, truth value, text or enumeration: what is in brackets are its attributes."""
+    bases = [_found(cls, e.component) for e in cls.extends] if deep else []
+    inherited = any(isinstance(b, ast.Class) and _is_simple(b, deep - 1) for b in bases)
+    return cls.name in _BUILTIN or ast.is_enumeration(cls) or inherited
+
+
+def _check_modifications(
+    cls: ast.Class, changes: ast.ClassModification | None, place: Origin, scope: ast.Class | None = None
+) -> None:
+    """The names in brackets behind a component or a base class; ``scope``: where values are looked up."""
+    seen: set[tuple[str, ...]] = set()
+    for argument in changes.arguments if changes is not None else ():
+        change = argument.value
+        at = place if not hasattr(change, "line") else place_of(change, place.component)
+        name = change.component.to_tuple()
+        values = [m for m in change.modifications if not isinstance(m, ast.ClassModification)]
+        if name in seen and values:
+            raise ModelError(f"{'.'.join(name)} is given twice", at)
+        seen |= {name} if values else set()
+        inner, changed = _modified(cls, name, at)
+        if values and changed is not None and changed.final:
+            raise ModelError(f"{'.'.join(name)} is final and cannot be changed from outside", at)
+        if values and changed is not None and not is_parameter(changed):
+            # pymoca would look its value up inside of the component
+            raise ModelError(f"{'.'.join(name)} is a variable: write its value as an equation", at)
+        if values and scope is not None:
+            _check_variables(scope, values, at)
+        if values and inner is not None and not _is_simple(inner) and name == ("value",):
+            raise ModelError(
+                f"a value for all of {at.component} is not supported: give its parameters one by one", at
+            )
+        for modification in change.modifications:
+            if isinstance(modification, ast.ClassModification) and inner is not None:
+                _check_modifications(inner, modification, at, scope)
+
+
+def _modified(
+    cls: ast.Class, name: Sequence[str], place: Origin
+) -> tuple[ast.Class | None, ast.Symbol | None]:
+    """What a modification changes, and its class; none for an attribute of a number."""
+    symbol: ast.Symbol | None = None
+    for k, part in enumerate(name):
+        if part == "value" and k == 0 and len(name) == 1:
+            return cls, None
+        if _is_simple(cls):
+            if part not in (*ast.Symbol.ATTRIBUTES, "stateSelect"):
+                near = did_you_mean(similar(part, ast.Symbol.ATTRIBUTES))
+                raise ModelError(f"Real {'.'.join(name[:k]) or place.component} has no {part}{near}", place)
+            return None, None
+        members = _members(cls)
+        if part not in members:
+            near = did_you_mean(similar(part, members))
+            raise ModelError(f"{cls.name} has no {part}{near}{listed(members, '; there is')}", place)
+        symbol = members[part]
+        found = _found(symbol.parent or cls, symbol.type)
+        if not isinstance(found, ast.Class):
+            return None, symbol
+        cls = found
+    return cls, symbol
+
+
+def _check_variables(cls: ast.Class, nodes: Iterable[Any], place: Origin) -> None:
+    """Every name in expressions is that of a component or constant."""
+    for node in nodes:
+        if isinstance(node, ast.Expression):
+            _check_variables(cls, node.operands, place)
+            if not isinstance(node.operator, str):
+                _check_function(node.operator, place)
+        elif isinstance(node, ast.Array):
+            _check_variables(cls, node.values, place)
+        elif isinstance(node, ast.ComponentRef) and node.name != "time":
+            _check_variable(cls, node, place)
+
+
+def _check_function(name: ast.ComponentRef, place: Origin) -> None:
+    if str(name).removeprefix("Modelica.Math.") not in FUNCTIONS:
+        known = ", ".join(sorted(FUNCTIONS))
+        raise ModelError(f"function {name} is not supported; known are der, {known}", place)
+
+
+def _check_variable(cls: ast.Class, name: ast.ComponentRef, place: Origin) -> None:
+    if _has_subscripts(name):
+        raise ModelError(f"{name}[..]: arrays are not supported", place)
+    first, *rest = name.to_tuple()
+    members = _members(cls)
+    where: ast.Class | None = None
+    if first in members:
+        found: Any = members[first]
+        for part in rest:
+            where = _found(found.parent or cls, found.type)
+            inside = _members(where) if isinstance(where, ast.Class) else {}
+            if part not in inside:
+                near = did_you_mean(similar(part, inside))
+                raise ModelError(f"{found.name} has no {part}{near}{listed(inside, '; there is')}", place)
+            found = inside[part]
+    elif _found(cls, name) is None:
+        near = did_you_mean(similar(first, members)) if not rest else ""
+        raise ModelError(f"{name} is not known in {cls.name}{near}", place)
+
+
+def _check_connector(cls: ast.Class, end: ast.ComponentRef, place: Origin) -> None:
+    """An end of connect(..): a connector of the class, or of one of its components."""
+    members, names = _members(cls), end.to_tuple()
+    if len(names) > 2:
+        raise ModelError(f"{end} is too deep inside: connect a connector of {names[0]} itself", place)
+    where = cls
+    for part in names:
+        if part not in members:
+            ends = [n for n, s in members.items() if _is_connector(s, where)]
+            near = did_you_mean(similar(part, ends or members))
+            known = listed(ends or members, "; there is")
+            raise ModelError(f"{end} cannot be connected: {where.name} has no {part}{near}{known}", place)
+        symbol = members[part]
+        found = _found(symbol.parent or where, symbol.type)
+        source = isinstance(where, ast.Class) and where.full_name.startswith(f"{SOURCES}.")
+        members, outer = (_members(found), where) if isinstance(found, ast.Class) else ({}, where)
+        where = found if isinstance(found, ast.Class) else where
+    if _has_subscripts(end) and not source:
+        raise ModelError(f"{end}[..]: arrays are not supported", place)
+    if not _is_connector(symbol, outer):
+        inside = [f"{end}.{n}" for n, s in members.items() if _is_connector(s, where)]
+        instead = f": connect {' or '.join(inside)}" if inside else ""
+        kind = "a parameter" if "parameter" in symbol.prefixes else f"of class {symbol.type.to_tuple()[-1]}"
+        raise ModelError(f"{end} is {kind}, not a connector{instead}", place)
+
+
+def _has_subscripts(name: ast.ComponentRef) -> bool:
+    return any(i is not None for indices in name.indices for i in indices) or any(
+        map(_has_subscripts, name.child)
+    )
+
+
+def _is_connector(symbol: ast.Symbol, cls: ast.Class) -> bool:
+    found = _found(symbol.parent or cls, symbol.type)
+    signal = bool({"input", "output"} & set(symbol.prefixes))
+    return signal or (isinstance(found, ast.Class) and found.type == "connector")
+
+
+def _found(scope: ast.Class, name: ast.ComponentRef | str) -> Any:
+    """What a name means in a class; None where it means nothing."""
+    if str(name) in _BUILTIN:  # pymoca's class Real has a component of that name
+        return scope.root.classes[str(name)]
+    try:
+        return find_name(scope, name)
+    except (NameLookupError, RecursionError):
+        return None
 
 
 def similar(name: str, known: Iterable[str]) -> list[str]:

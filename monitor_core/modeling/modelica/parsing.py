@@ -1,32 +1,162 @@
-"""From text to parse tree, by pymoca's grammar; a syntax error becomes one sentence with its line."""
+"""From text to pymoca's syntax tree.  Syntax errors become one sentence with their line.
+
+pymoca's tree has no line numbers, and it drops silently what means another drive: conditions of components, array
+dimensions, algorithms.  So each node gets its file and line here (``place_of``), and what is dropped is refused by
+name.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
+from pymoca import ast
+from pymoca.generated.ModelicaLexer import ModelicaLexer
+from pymoca.generated.ModelicaParser import ModelicaParser
+from pymoca.parser import ASTListener, ErrorListener, ModelicaFile, ModelicaSyntaxError, antlr4
+
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.syntax import Source
 
 
-def parse_tree(source: Source) -> Any:
-    """The parse tree of a text (a ``stored_definition`` of pymoca's ANTLR grammar).
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A Modelica text; ``name`` is the file as the user is shown it, "" for the library."""
 
-    pymoca's own tree is not used: it drops conditions, array arguments, prefixes and the text behind the last class.
+    name: str
+    text: str
+
+
+def parse(source: Source) -> ModelicaFile:
+    """The classes of a text, and the package that it is ``within``.
 
     Raises:
-        ModelError: a syntax error, with its line and the offending text.
+        ModelError: a syntax error, or something that is not supported, with its line.
     """
-    from pymoca.generated.ModelicaLexer import ModelicaLexer
-    from pymoca.generated.ModelicaParser import ModelicaParser
-    from pymoca.parser import antlr4  # pymoca's own dependency
+    listener = _Listener(source.name)
+    try:
+        antlr4.ParseTreeWalker().walk(listener, _parse_tree(source))
+    except ModelicaSyntaxError as error:
+        raise ModelError(str(error.msg), Origin(file=source.name, line=error.lineno or 0)) from None
+    assert listener.file_node is not None
+    return listener.file_node
 
+
+def place_of(node: object, component: str = "") -> Origin:
+    """File and line of a node; none for nodes that pymoca made itself."""
+    return Origin(component, getattr(node, "file", ""), getattr(node, "line", 0))
+
+
+def is_parameter(symbol: ast.Symbol) -> bool:
+    """Whether a symbol is constant in time."""
+    return not {"parameter", "constant"}.isdisjoint(symbol.prefixes)
+
+
+_REFUSED = {
+    "Algorithm_sectionContext": "an algorithm",
+    "Equation_ifContext": "an if-equation",
+    "Equation_forContext": "a for-loop",
+    "Equation_whenContext": "a when-equation",
+    "Equation_functionContext": "a function call as an equation",
+    "Expression_ifContext": "an if-expression",
+    "Element_redeclarationContext": '"redeclare"',
+    "Element_replaceableContext": '"replaceable"',
+    "Replaceable_elementContext": '"replaceable"',
+    "Class_spec_derContext": "a class of this form",
+    "Class_spec_extendsContext": "a class of this form",
+    "Named_argumentsContext": "a call with named arguments",
+}
+"""Rules of the grammar that a drive must not use: pymoca ignores them, or they have no place in a linear drive."""
+
+_ONE_BY_ONE = ": write linear equations and connect(...) one by one"
+_WANTED = ": write the model with the class that is wanted"
+_INSTEAD = {
+    "Algorithm_sectionContext": ": write its linear equations out",
+    "Equation_ifContext": _ONE_BY_ONE,
+    "Equation_forContext": _ONE_BY_ONE,
+    "Equation_whenContext": _ONE_BY_ONE,
+    "Equation_functionContext": _ONE_BY_ONE,
+    "Element_redeclarationContext": _WANTED,
+    "Element_replaceableContext": _WANTED,
+    "Replaceable_elementContext": _WANTED,
+}
+
+
+class _Listener(ASTListener):  # type: ignore[misc]
+    """pymoca's builder of the syntax tree, with places, and with refusals."""
+
+    def __init__(self, file: str) -> None:
+        super().__init__()
+        self._file = file
+        self._names: dict[int, set[str]] = {}
+
+    def enterEveryRule(self, ctx: Any) -> None:
+        rule = type(ctx).__name__
+        if rule in _REFUSED:
+            self._refuse(f"{_REFUSED[rule]} is not supported{_INSTEAD.get(rule, '')}", ctx)
+
+    def exitEveryRule(self, ctx: Any) -> None:
+        node = self.ast.get(ctx)
+        if isinstance(node, ast.Node) and not hasattr(node, "line"):
+            node.file, node.line = self._file, ctx.start.line
+
+    def exitComposition(self, ctx: Any) -> None:
+        if any(
+            child.getText() == "external" for child in ctx.children or () if not hasattr(child, "children")
+        ):
+            self._refuse("an external function is not supported", ctx)
+        super().exitComposition(ctx)
+
+    def exitClass_definition(self, ctx: Any) -> None:
+        super().exitClass_definition(ctx)
+        node, end = self.ast[ctx], ctx.class_specifier().IDENT
+        idents = end() if isinstance(end(), list) else [end()]
+        if idents[-1].getText() != idents[0].getText():
+            problem = (
+                f'{node.type} {node.name} (line {ctx.start.line}) ends with "end {idents[-1].getText()};": '
+                f'"end {node.name};" is expected'
+            )
+            raise ModelError(problem, Origin(file=self._file, line=ctx.stop.line))
+        names = self._names.setdefault(id(self.class_node), set())
+        if node.name in names:
+            self._refuse(f"{node.name} is declared twice", ctx)
+        names.add(node.name)
+
+    def exitClass_spec_base(self, ctx: Any) -> None:
+        super().exitClass_spec_base(ctx)
+        self.class_node.causality = (
+            ctx.base_prefix().getText()
+        )  # "input" of: connector RealInput = input Real
+
+    def exitComponent_declaration(self, ctx: Any) -> None:
+        super().exitComponent_declaration(ctx)
+        name = self.ast[ctx].name
+        if ctx.condition_attribute() is not None:
+            self._refuse(
+                "a component with a condition is not supported: leave it out, or write it without", ctx, name
+            )
+        if self._file and (
+            ctx.declaration().array_subscripts() or ctx.parentCtx.parentCtx.array_subscripts()
+        ):
+            self._refuse("arrays are not supported: write the components one by one", ctx, name)
+
+    def exitRegular_element(self, ctx: Any) -> None:
+        super().exitRegular_element(ctx)
+        if ctx.INNER() is not None or ctx.OUTER() is not None:
+            self._refuse('"inner" and "outer" are not supported: connect the components instead', ctx)
+
+    def _refuse(self, problem: str, ctx: Any, component: str = "") -> None:
+        raise ModelError(problem, Origin(component, self._file, ctx.start.line))
+
+
+def _parse_tree(source: Source) -> Any:
+    """The parse tree of a text (a ``stored_definition`` of pymoca's ANTLR grammar)."""
     # The grammar wants a new line behind a last comment; some editors begin a file with a byte order mark.
     lexer = ModelicaLexer(antlr4.InputStream(source.text.removeprefix("\ufeff") + "\n"))
     tokens = antlr4.CommonTokenStream(lexer)
     parser = ModelicaParser(tokens)
-    listener = _listener(source)
+    listener = _FirstError(source.name)
     for recognizer in (lexer, parser):
         recognizer.removeErrorListeners()
         recognizer.addErrorListener(listener)
@@ -69,18 +199,16 @@ def _closing(words: list[str], start: int) -> int:
 _CLOSING = {"(": ")", "{": "}", "[": "]"}
 
 
-def _listener(source: Source) -> Any:
-    from pymoca.parser import ErrorListener
+class _FirstError(ErrorListener):  # type: ignore[misc]
+    """Stops at the first syntax error."""
 
-    class Listener(ErrorListener):  # type: ignore[misc]
-        """Stops at the first error."""
+    def __init__(self, file: str) -> None:
+        self._file = file
 
-        def syntaxError(self, recognizer: Any, token: Any, line: int, *details: Any) -> None:
-            _, text, _ = details  # column, message, exception
-            problem, line = _problem(recognizer, token, line, text)
-            raise ModelError(problem, Origin(file=source.name, line=line))
-
-    return Listener()
+    def syntaxError(self, recognizer: Any, token: Any, line: int, *details: Any) -> None:
+        _, text, _ = details  # column, message, exception
+        problem, line = _problem(recognizer, token, line, text)
+        raise ModelError(problem, Origin(file=self._file, line=line))
 
 
 def _problem(recognizer: Any, token: Any, line: int, text: str) -> tuple[str, int]:

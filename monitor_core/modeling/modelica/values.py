@@ -1,8 +1,13 @@
-"""What expressions are worth: Laurent sums in free parameters, and sums of variables with such coefficients."""
+"""Values of expressions: Laurent sums in free parameters, and sums of variables with such factors."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pymoca import ast
+from pymoca.tree import InstanceSymbol, find_name
 
 from monitor_core.modeling.components.linear import Linear, der
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
@@ -14,186 +19,162 @@ from monitor_core.modeling.modelica.arithmetic import (
     operation,
     without_variables,
 )
-from monitor_core.modeling.modelica.instances import Instance, Scope, about
-from monitor_core.modeling.modelica.lookup import component, constant_outside
-from monitor_core.modeling.modelica.names import Names
-from monitor_core.modeling.modelica.syntax import (
-    Array,
-    Call,
-    ClassDef,
-    Component,
-    Expression,
-    Literal,
-    Name,
-    Number,
-    Operation,
-    Other,
-)
+from monitor_core.modeling.modelica.parsing import is_parameter, place_of
 
 
+def is_given(value: object) -> bool:
+    """Whether an attribute of a symbol has a value."""
+    return value is not None and not (isinstance(value, ast.Primary) and value.value is None)
+
+
+def plain(value: object) -> object:
+    """The number, truth value or text of an attribute; None for anything else."""
+    found = value.value if isinstance(value, ast.Primary) else value
+    return found if isinstance(found, bool | int | float | str) else None
+
+
+@dataclass
 class Values:
     """Evaluates expressions.
 
     A parameter with a value that is a number stays a parameter, that number its nominal value, unless it is final or
     a constant; a parameter with a value in terms of others is replaced by it.
+
+    ``symbols``: of the flat class, by path.  ``places``: where each is declared.  ``root``: the tree of all classes,
+    for constants of packages.  ``nominal``: the values found so far.
     """
 
-    def __init__(self, names: Names) -> None:
-        self.names = names
-        self.nominal: dict[str, float] = {}
-        self._known: dict[Instance, Laurent] = {}
-        self._constants: dict[tuple[ClassDef, str], Laurent] = {}
-        self._busy: list[tuple[object, str, Origin]] = []
+    symbols: Mapping[str, ast.Symbol]
+    places: Mapping[str, Origin]
+    root: ast.Tree
+    nominal: dict[str, float] = field(default_factory=dict)
+    _known: dict[str, Laurent] = field(default_factory=dict)
+    _busy: list[str] = field(default_factory=list)
 
-    # --- parameters ------------------------------------------------------------------------------------
+    def place(self, name: str) -> Origin:
+        """Where the value of a parameter is written, else where it is declared, else its component."""
+        value, declared = self.symbols[name].value, self.places[name]
+        written = Origin() if isinstance(value, InstanceSymbol) else place_of(value, name)
+        return written if written.file else replace(declared, component=name)
 
-    def parameter(self, instance: Instance) -> Laurent:
+    def parameter(self, name: str) -> Laurent:
         """The value of a parameter in terms of the free ones.
 
         Raises:
             ModelError: it depends on itself, or in a way that is no Laurent sum; a constant without a value.
         """
-        if instance not in self._known:
-            with_value = instance.binding is not None
-            value = self._bound(instance) if with_value else Laurent.symbol(instance.path)
-            if not with_value and instance.variability == "constant":
-                raise ModelError("a constant needs a value", instance.origin)
-            self._known[instance] = self._free(instance, value)
-        return self._known[instance]
+        if name not in self._known:
+            if name in self._busy:
+                ring = [*self._busy[self._busy.index(name) :], name]
+                raise ModelError(
+                    f"its value depends on itself: {' -> '.join(ring)}", self.place(self._busy[-1])
+                )
+            self._busy.append(name)
+            self._known[name] = self._value(name)
+            self._busy.pop()
+        return self._known[name]
 
-    def _bound(self, instance: Instance) -> Laurent:
-        bound = instance.binding
-        assert bound is not None
-        self._enter(instance, instance.path, bound.origin)
-        with about(instance.path):
-            value = self.constant(bound.expression, bound.scope)
-        self._busy.pop()
-        return value
-
-    def _free(self, instance: Instance, value: Laurent) -> Laurent:
-        folded = instance.final or instance.variability == "constant" or instance.base == "Integer"
+    def _value(self, name: str) -> Laurent:
+        symbol = self.symbols[name]
+        if not is_given(symbol.value):
+            if "constant" in symbol.prefixes:
+                raise ModelError("a constant needs a value", self.place(name))
+            return Laurent.symbol(name)
+        value = self.constant(symbol.value, self.place(name))
+        folded = symbol.final or "constant" in symbol.prefixes or symbol.type.name == "Integer"
         if folded or not value.is_number:
             return value
-        self.nominal[instance.path] = number_of(value, _written_at(instance))
-        return Laurent.symbol(instance.path)
+        self.nominal[name] = number_of(value, self.place(name))
+        return Laurent.symbol(name)
 
-    def _enter(self, key: object, name: str, origin: Origin) -> None:
-        """Notes what is being evaluated, and where its value is written."""
-        keys = [busy for busy, _, _ in self._busy]
-        if key in keys:
-            ring = self._busy[keys.index(key) :]
-            loop = " -> ".join([*(n for _, n, _ in ring), name])
-            _, last, where = ring[-1]
-            raise ModelError(f"its value depends on itself: {loop}", replace(where, component=last))
-        self._busy.append((key, name, origin))
-
-    # --- expressions -----------------------------------------------------------------------------------
-
-    def constant(self, expression: Expression, scope: Scope) -> Laurent:
+    def constant(self, node: Any, origin: Origin) -> Laurent:
         """The value of an expression without variables.
 
         Raises:
             ModelError: a variable occurs in it, or it is no Laurent sum.
         """
-        value = self.linear(expression, scope)
+        value = self.linear(node, origin)
         found = without_variables(value)
         if found is None:
             names = ", ".join(sorted(name for name, _ in value.terms if name != CONSTANT))
-            problem = f"a parameter cannot depend on a variable: {names}"
-            raise ModelError(problem, scope.origin(expression.line))
+            raise ModelError(f"a parameter cannot depend on a variable: {names}", origin)
         return found
 
-    def linear(self, expression: Expression, scope: Scope) -> Linear:
+    def linear(self, node: Any, origin: Origin) -> Linear:
         """The value of an expression that is linear in the variables.
 
         Raises:
-            ModelError: it is not; something in it is not supported; a name is unknown.
+            ModelError: it is not; something in it is not supported.
         """
-        match expression:
-            case Number(value=number):
-                return constant(Laurent.number(number))
-            case Name():
-                return self._name(expression, scope)
-            case Operation(symbol=symbol, operands=operands):
-                values = [self.linear(operand, scope) for operand in operands]
-                return operation(symbol, values, scope.origin(expression.line))
-            case Call(function="der", arguments=(argument,)):
-                value = self.linear(argument, scope)
+        match node:
+            case ast.Primary(value=value):
+                return self.linear(value, origin)
+            case bool() | str():
+                shown = f'"{node}"' if isinstance(node, str) else str(node).lower()
+                raise ModelError(f"{shown} stands where a number is wanted", origin)
+            case int() | float():
+                if not abs(node) < float("inf"):
+                    raise ModelError("a number is too large to calculate with", origin)
+                return constant(Laurent.number(node))
+            case InstanceSymbol():
+                return self._name(node.full_instance_name.partition(".")[2], node, origin)
+            case ast.ComponentRef():
+                if any(index is not None for indices in node.indices for index in indices):
+                    raise ModelError(f"{node}[..]: arrays are not supported", origin)
+                return self._name(str(node), None, origin)
+            case ast.Expression(operator="der", operands=[argument]):
+                value = self.linear(argument, origin)
                 return der(Linear({s: c for s, c in value.terms.items() if s[0] != CONSTANT}))
-            case Call():
-                return self._call(expression, scope)
-            case Literal(value=text):
-                raise ModelError(
-                    f"{_text(text)} stands where a number is wanted", scope.origin(expression.line)
-                )
-            case Array():
-                raise ModelError("arrays are not supported", scope.origin(expression.line))
-            case Other(what=what):
-                raise ModelError(
-                    f"{what} is not supported: only numbers, names, + - * / ^ and der(...) are",
-                    scope.origin(expression.line),
-                )
+            case ast.Expression(operator=str() as symbol, operands=operands):
+                return operation(symbol.removeprefix("."), [self.linear(o, origin) for o in operands], origin)
+            case ast.Expression():
+                return self._call(node, origin)
+            case ast.Array() | list():
+                raise ModelError("arrays are not supported", origin)
+        raise ModelError("only numbers, names, + - * / ^ and der(...) are supported", origin)
 
-    def _call(self, call: Call, scope: Scope) -> Linear:
-        function = FUNCTIONS.get(call.function.removeprefix("Modelica.Math."))
-        origin = scope.origin(call.line)
+    def _call(self, call: ast.Expression, origin: Origin) -> Linear:
+        name = str(call.operator)
+        function = FUNCTIONS.get(name.removeprefix("Modelica.Math."))
         if function is None:
-            known = ", ".join(sorted(FUNCTIONS))
-            raise ModelError(f"function {call.function} is not supported; known are der, {known}", origin)
-        arguments = [without_variables(self.linear(argument, scope)) for argument in call.arguments]
+            raise ModelError(
+                f"function {name} is not supported; known are der, {', '.join(sorted(FUNCTIONS))}", origin
+            )
+        arguments = [without_variables(self.linear(argument, origin)) for argument in call.operands]
         numbers = [argument for argument in arguments if argument is not None]
         if len(numbers) < len(arguments):
-            problem = (
-                f"{call.function} of a variable: equations must be linear{_INSTEAD.get(call.function, '')}"
-            )
-            raise ModelError(problem, origin)
-        free = sorted({name for number in numbers for name in number.names})
+            instead = ", and gravity is AxisWatch.Gravity" if name in ("sin", "cos") else ""
+            raise ModelError(f"{name} of a variable: equations must be linear{instead}", origin)
+        free = sorted({n for number in numbers for n in number.names})
         if free:
             raise ModelError(
-                f"{call.function} of a parameter ({', '.join(free)}) is no Laurent sum: "
-                f"make {call.function}(...) a parameter of its own",
+                f"{name} of a parameter ({', '.join(free)}) is no Laurent sum: "
+                f"make {name}(...) a parameter of its own",
                 origin,
             )
         try:
-            value = float(function(*(number_of(number, origin) for number in numbers)))
-            return constant(Laurent.number(value))
+            return constant(Laurent.number(float(function(*(number_of(n, origin) for n in numbers)))))
         except (ValueError, TypeError, OverflowError):
-            raise ModelError(f"{call.function} has no value here", origin) from None
+            raise ModelError(f"{name} has no value here", origin) from None
 
-    def _name(self, name: Name, scope: Scope) -> Linear:
-        found = component(name, scope)
-        if found is None:
-            declared = constant_outside(name, scope, self.names)
-            return constant(self._constant(*declared, scope.origin(name.line)))
-        origin = scope.origin(name.line)
-        if found.base not in ("Real", "Integer"):
-            raise ModelError(f"{name} is of type {found.base or found.cls.name}, not a number", origin)
-        if name.subscripts:
-            raise ModelError("arrays are not supported", origin)
-        return constant(self.parameter(found)) if found.is_parameter else Linear.variable(found.path)
+    def _name(self, name: str, found: ast.Symbol | None, origin: Origin) -> Linear:
+        if name == "time":
+            raise ModelError("equations cannot depend on time", origin)
+        symbol = self.symbols.get(name)
+        if symbol is None:
+            return constant(self._outside(name, found, origin))
+        if symbol.type.name not in ("Real", "Integer"):
+            raise ModelError(f"{name} is of type {symbol.type.name}, not a number", origin)
+        return constant(self.parameter(name)) if is_parameter(symbol) else Linear.variable(name)
 
-    def _constant(self, owner: ClassDef, declared: Component, origin: Origin) -> Laurent:
-        name = f"{owner}.{declared.name}"
-        if declared.variability != "constant" or declared.value is None:
-            raise ModelError(
-                f"{name} is not a constant with a value: only those can be used from inside", origin
-            )
-        key = (owner, declared.name)
-        if key not in self._constants:
-            self._enter(key, name, Origin(name, owner.file, declared.line))
-            outside = Instance(str(owner), owner, Origin(name, owner.file, declared.line))
-            self._constants[key] = self.constant(declared.value, Scope(outside, owner))
-            self._busy.pop()
-        return self._constants[key]
-
-
-_INSTEAD = dict.fromkeys(("sin", "cos"), ", and gravity is AxisWatch.Gravity")
-
-
-def _written_at(parameter: Instance) -> Origin:
-    where = parameter.binding.origin if parameter.binding is not None else parameter.origin
-    return replace(where, component=parameter.path)
-
-
-def _text(value: str | bool) -> str:
-    return f'"{value}"' if isinstance(value, str) else str(value).lower()
+    def _outside(self, name: str, found: ast.Symbol | None, origin: Origin) -> Laurent:
+        """A constant of a package."""
+        symbol = found.ast_ref if isinstance(found, InstanceSymbol) else find_name(self.root, name)
+        if isinstance(symbol, ast.Symbol) and "constant" in symbol.prefixes and name not in self._busy:
+            for change in symbol.class_modification.arguments if symbol.class_modification else ():
+                if str(change.value.component) == "value":
+                    self._busy.append(name)
+                    value = self.constant(change.value.modifications[0], origin)
+                    self._busy.pop()
+                    return value
+        raise ModelError(f"{name} is not a number, and not a constant with a value", origin)

@@ -31,7 +31,6 @@ from monitor_core.modeling.drawing import (
     from_tables,
 )
 from monitor_core.modeling.flat import FlatModel, ModelError
-from monitor_core.modeling.laurent import Laurent
 from tests.core.modeling.drawings import TABLES, two_mass
 from tests.core.modeling.trees import PRIME, Tree, modulo, solve, trees
 
@@ -124,18 +123,8 @@ def test_ground_is_fixed_once() -> None:
     spring = Spring("spring", "arm", "ground")
     for more in ([], [Fixed("wall", "ground")], [Fixed("ground", "ground")]):
         flat = Drawing("arm", [Inertia("arm", "arm"), spring, *more]).flat()
-        assert [c.kind for c in flat.components].count("fixed") == 1
-        assert ("wall" in [c.name for c in flat.components]) == (more != [] and more[0].name == "wall")
-
-
-def test_components_for_pictures() -> None:
-    flat = two_mass().flat()
-    drawn = {
-        c.name: (c.kind, c.nodes, {role: str(v) for role, v in c.parameters.items()}) for c in flat.components
-    }
-    assert drawn["motor"] == ("inertia", ("shaft", "shaft"), {"J": "Jm"})
-    assert drawn["belt"] == ("spring-damper", ("shaft", "load"), {"c": "k", "d": "d"})
-    assert drawn["torque"] == ("torque", ("shaft",), {"kT": "kT"})
+        fixed = [v.name for v in flat.variables if v.name in ("ground.flange.phi", "wall.flange.phi")]
+        assert fixed == [f"{more[0].name if more else 'ground'}.flange.phi"]
 
 
 # --- parameters ------------------------------------------------------------------------------------------
@@ -248,8 +237,3 @@ def test_the_example_at_the_top_of_the_file_is_right() -> None:
     names = {**vars(drawing_module)}
     exec(textwrap.dedent(code), names)
     assert names["flat"] == two_mass().flat()
-
-
-def test_parameters_of_a_component_are_what_was_written() -> None:
-    (mass,) = Drawing("arm", [Inertia("arm", "a", J="m*l^2")]).flat().components
-    assert mass.parameters == {"J": Laurent.symbol("m") * Laurent.symbol("l", 2)}

@@ -96,11 +96,3 @@ def test_with_the_angle_an_integrator_of_the_motor_speed_is_added(
     assert {place: value for place, value in ss.A.items() if max(place) >= 5} == (
         {(5, 2): Laurent.number(1)} if output == "angle" else {}
     )
-
-
-def test_springs_are_stretched_towards_the_motor() -> None:
-    flat = three_mass().flat()
-    springs = {c.name: c.nodes for c in flat.components if c.kind == "spring-damper"}
-    assert springs == {"gearbox_spring": ("gearbox", "gear"), "arm_spring": ("arm", "gearbox")}
-    (gear,) = (c for c in flat.components if c.kind == "ideal-gear")
-    assert (gear.nodes, dict(gear.parameters)) == (("motor", "gear"), {"ratio": Laurent.symbol("r", -1)})

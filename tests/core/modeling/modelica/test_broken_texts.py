@@ -18,8 +18,8 @@ package Lib
   partial model Shaft extends Modelica.Mechanics.Rotational.Interfaces.PartialTwoFlanges; end Shaft;
   model Arm
     extends Shaft; import R = Modelica.Mechanics.Rotational.Components;
-    parameter Mass J = two/4; parameter Real k = 10; parameter Boolean loaded = not false;
-    R.Inertia mass(J = J); R.SpringDamper spring(c = 2*k^2/k, d = 0.1); R.Inertia load(J = J) if loaded;
+    parameter Mass J = two/4; parameter Real k = 10; parameter Boolean loaded = true;
+    R.Inertia mass(J = J); R.SpringDamper spring(c = 2*k^2/k, d = 0.1); R.Inertia load(J = J);
   equation
     connect(flange_a, spring.flange_a); connect(spring.flange_b, mass.flange_a);
     connect(mass.flange_b, flange_b); connect(mass.flange_b, load.flange_a);

@@ -1,4 +1,4 @@
-"""Connections: inside and outside, passed through, switched off, with connectors of the user's own."""
+"""Connections: inside and outside, passed through, with connectors of the user's own."""
 
 from __future__ import annotations
 
@@ -61,42 +61,3 @@ def test_the_models_own_flange_is_free() -> None:
     assert stiffness_of(
         f"{ARM}; {A} out;", "connect(out, arm.flange_b); connect(arm.flange_a, motor.flange_b);"
     )
-
-
-@pytest.mark.parametrize(
-    ("declarations", "expected"),
-    [
-        (f"parameter Boolean loaded = true; {ARM} if loaded;", 8),
-        (f"parameter Boolean loaded = false; {ARM} if loaded;", 5),
-        (f"{ARM} if not loaded; parameter Boolean loaded = false;", 8),
-        (f"parameter Integer n = 2; {ARM} if n > 1;", 8),
-        (f"parameter Integer n = 2; {ARM} if n <= 1 or n == 3;", 5),
-        (f"parameter Integer n = 2; {ARM} if n <> 1 and n >= 2 and n < 3;", 8),
-        (f"constant Boolean a = b; constant Boolean b = not false; {ARM} if a;", 8),
-    ],
-)
-def test_components_under_a_condition(declarations: str, expected: int) -> None:
-    assert stiffness_of(declarations, "connect(motor.flange_b, arm.flange_a);", expected=expected)
-
-
-def test_a_condition_may_come_from_outside() -> None:
-    wheel = f"""model Wheel
-      extends {INTERFACES}.PartialTwoFlanges; parameter Boolean heavy = false;
-      {ARM} if heavy; {COMPONENTS}.Inertia other(J = 3) if not heavy and false;
-    equation connect(flange_a, flange_b); connect(flange_a, arm.flange_a); end Wheel; """
-    joint = "connect(w.flange_a, motor.flange_b);"
-    assert stiffness_of("Wheel w(heavy = true);", joint, wheel)
-    assert stiffness_of("Wheel w;", joint, wheel, expected=5)
-    assert stiffness_of("parameter Boolean h = true; Wheel w(heavy = h);", joint, wheel)
-
-
-def test_nodes_for_pictures() -> None:
-    model = flat(
-        drive(f"{COMPONENTS}.Damper d(d = 1); {COMPONENTS}.Fixed g;",
-              "connect(d.flange_a, motor.flange_b); connect(g.flange, d.flange_b);")
-    )  # fmt: skip
-    nodes = {c.name: c.nodes for c in model.components}
-    assert nodes["d"] == (nodes["motor"][1], "ground")
-    assert nodes["torque"] == (nodes["motor"][0],)
-    assert nodes["motor"][0] != nodes["motor"][1] == nodes["encoder"][0]
-    assert nodes["g"] == ("ground",)

@@ -16,8 +16,9 @@ PARAMETERS = "parameter Real fc = 0.3; parameter Real fm = 0.02; parameter Real 
 def friction(table: str) -> dict[str, Laurent]:
     text = drive(f"{PARAMETERS} {COMPONENTS}.BearingFriction bearing(tau_pos = {table});",
                  "connect(bearing.flange_a, motor.flange_b);")  # fmt: skip
-    parts = [c for c in flat(text).components if c.name.startswith("bearing")]
-    return {role: value for c in parts for role, value in c.parameters.items()}
+    roles = {("bearing.coulomb.direction", 0): "fc", ("bearing.w", 0): "d"}
+    laws = [e.terms for e in flat(text).equations if any(name.endswith("flange.tau") for name, _ in e.terms)]
+    return {role: -law[symbol] for law in laws for symbol, role in roles.items() if symbol in law}
 
 
 @pytest.mark.parametrize(

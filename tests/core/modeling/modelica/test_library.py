@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import pytest
+from pymoca.tree import InstanceClass, flatten_class
 
 from monitor_core.modeling.components import KINDS, fragment
 from monitor_core.modeling.components.units import parse as dimension
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modelica.declarations import parse
-from monitor_core.modeling.modelica.instances import Instance
-from monitor_core.modeling.modelica.instantiation import Instantiation
-from monitor_core.modeling.modelica.names import Names, descendants, root_of
-from monitor_core.modeling.modelica.standard_library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE
-from monitor_core.modeling.modelica.syntax import Source
+from monitor_core.modeling.modelica.library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE, library
+from monitor_core.modeling.modelica.names import descendants, tree_of
+from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
 
-NAMES = Names(root_of([]))
 OWN = {name: leaf for name, leaf in LEAVES.items() if leaf.kind not in (BEARING, SIGNAL_SOURCE)}
 
 
-def instance(name: str) -> Instance:
-    text = parse(Source("t.mo", f"model T {name} c; end T;"))
-    names = Names(root_of([text]))
-    found = names.search(names.root, ("T",))
-    assert found is not None
-    return Instantiation(names, lambda _: True).model(found).members["c"]
+def component(name: str) -> InstanceClass:
+    """A model with one component c of that class, flattened."""
+    return flatten_class(tree_of([parse(Source("t.mo", f"model T {name} c; end T;"))]), "T")
 
 
 @pytest.mark.parametrize("name", OWN)
@@ -33,35 +27,30 @@ def test_same_variables(name: str) -> None:
     kind = KINDS[OWN[name].kind]
     parameters = {role.name: Laurent.symbol(role.name) for role in kind.roles}
     brought = {v.name for v in fragment(kind, "c", parameters, Origin()).variables}
-    declared = {i.path for i in instance(name).tree() if i.base == "Real" and not i.is_parameter}
-    assert declared == brought
+    assert {n for n, s in component(name).symbols.items() if not is_parameter(s)} == brought
 
 
 @pytest.mark.parametrize("name", OWN)
 def test_same_parameters(name: str) -> None:
     leaf, kind = OWN[name], KINDS[OWN[name].kind]
     assert {*leaf.roles, *leaf.fixed} == {role.name for role in kind.roles}
-    members = instance(name).members
-    assert set(leaf.roles.values()) <= set(members)
+    symbols = component(name).symbols
     for role, member in leaf.roles.items():
-        attributes = members[member].attributes
+        assert is_parameter(symbols[f"c.{member}"])
         if kind.role(role).unit and kind.name != "gain":
-            unit = attributes["unit"].value
-            assert unit is not None
-            text = getattr(unit.expression, "value", None)
-            assert dimension(str(text)) == dimension(kind.role(role).unit)
+            assert dimension(str(symbols[f"c.{member}"].unit)) == dimension(kind.role(role).unit)
 
 
 @pytest.mark.parametrize("name", OWN)
 def test_same_connectors(name: str) -> None:
-    kind, members = KINDS[OWN[name].kind], instance(name).members
-    assert {n for n, m in members.items() if m.is_flange} == set(kind.flanges)
-    signals = {n: m.causality for n, m in members.items() if m.is_connector and not m.is_flange}
-    assert signals == {**dict.fromkeys(kind.signals_in, "input"), **dict.fromkeys(kind.signals_out, "output")}
+    kind, symbols = KINDS[OWN[name].kind], component(name).symbols
+    flows = {n.split(".")[1] for n, s in symbols.items() if "flow" in s.prefixes}
+    assert flows == set(kind.flanges)
+    assert {f"c.{end}" for end in (*kind.signals_in, *kind.signals_out)} <= set(symbols)
 
 
 def test_every_refused_setting_exists_somewhere() -> None:
-    declared = {name for leaf in LEAVES for name in instance(leaf).members}
+    declared = {n.split(".")[1] for leaf in LEAVES for n in component(leaf).symbols}
     assert set(REFUSED) <= declared
 
 
@@ -71,8 +60,8 @@ def test_every_kind_of_component_has_a_name_but_viscous_friction() -> None:
 
 
 def test_all_units_of_the_librarys_types_can_be_read() -> None:
-    types = [c for c in descendants(NAMES.root) if c.sort == "type"]
+    types = [c for c in descendants(library()) if c.type == "type" and hasattr(c, "line")]
     assert len(types) > 50
     for each in types:
-        text = getattr(each.extends[0].modifications[0].value, "value", None)
-        dimension(str(text))
+        (unit,) = each.extends[0].class_modification.arguments
+        dimension(str(unit.value.modifications[0].value))

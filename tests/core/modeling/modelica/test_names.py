@@ -90,7 +90,7 @@ def test_several_texts_with_within() -> None:
     assert values(model) == ONE
     assert {p.name: (p.origin.file, p.origin.line) for p in model.parameters} == {
         "motor.J": ("a.mo", 3),
-        "arm.J": ("b.mo", 2),
+        "arm.J": ("a.mo", 5),
     }
 
 

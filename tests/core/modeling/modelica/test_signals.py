@@ -30,7 +30,7 @@ end Actuator; """
         (f"{U} u; {U} spare;", "connect(u, torque.tau);", "u", 1),
         (f"{U} spare;", "", "torque.tau", 1),
         (f"{GAIN} g(k = 3); {U} u;", "connect(u, g.u); connect(g.y, torque.tau);", "u", 3),
-        (f"{GAIN} g(k = 3, u = u); {U} u;", "connect(g.y, torque.tau);", "u", 3),
+        (f"{GAIN} g(k = 3); {U} u;", "g.u = u; connect(g.y, torque.tau);", "u", 3),
         (f"{STEP} s(height = 2, startTime = 1, foo = 4);", "connect(s.y, torque.tau);", "s.y", 1),
         ("Modelica.Blocks.Sources.CombiTimeTable t(table = [0, 1; 2, 3]);", "connect(t.y[1], torque.tau);", "t.y", 1),
         (f"{STEP} s; {GAIN} g(k = 3);", "connect(s.y, g.u); connect(g.y, torque.tau);", "s.y", 3),

@@ -55,12 +55,11 @@ def test_parameters_keep_name_value_unit_meaning_and_place() -> None:
     assert [p.origin for p in flat.parameters][:2] == [Origin("Jm", "two.mo", 5), Origin("fm", "two.mo", 6)]
 
 
-def test_inputs_sensors_and_components() -> None:
+def test_inputs_sensors_and_angles() -> None:
     flat = read([Source("two.mo", TWO_MASS)])
     assert flat.name == "TwoMass"
     assert [(i.name, i.kind) for i in flat.inputs] == [("u", TORQUE), ("bearing.coulomb.direction", COULOMB)]
     assert [(s.name, s.angle, s.quantity) for s in flat.sensors] == [
         ("encoder", "encoder.flange.phi", "speed")
     ]
-    assert [c.kind for c in flat.components if len(c.nodes) == 2] == ["inertia", "spring-damper", "inertia"]
     assert {v.name for v in flat.variables if v.prefer} == {"motor.phi", "arm.phi"}

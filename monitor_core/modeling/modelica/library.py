@@ -9,14 +9,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
-from monitor_core.modeling.modelica.declarations import parse
-from monitor_core.modeling.modelica.syntax import ClassDef, Source
+from pymoca import ast
+from pymoca.parser import file_to_tree
+
+from monitor_core.modeling.modelica.parsing import Source, parse
 
 ROTATIONAL = "Modelica.Mechanics.Rotational"
 SOURCES = "Modelica.Blocks.Sources"
 
-ANY: Mapping[str, str] = {SOURCES: "Source", "Modelica.Icons": "Icon", f"{ROTATIONAL}.Icons": "Icon"}
-"""Packages in which every name means the same class: the signals' shapes and the pictures do not matter."""
+_SHAPES = (
+    *("Clock", "CombiTimeTable", "Constant", "ContinuousClock", "Cosine", "ExpSine", "Exponentials"),
+    *("KinematicPTP", "KinematicPTP2", "LogFrequencySweep", "Pulse", "Ramp", "RealExpression", "SawTooth"),
+    *("Sinc", "Sine", "SineVariableFrequencyAndAmplitude", "Step", "TimeTable", "Trapezoid"),
+)
+"""Sources of signals: their shapes do not matter, since the signal is the measured torque."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +59,12 @@ LEAVES: Mapping[str, Leaf] = {
     f"{SOURCES}.Source": Leaf(SIGNAL_SOURCE),
 }
 
-REFUSED: Mapping[str, str] = {
-    "useSupport": "a housing that moves is not supported: leave useSupport at false",
-    "useHeatPort": "heat is not modelled: leave useHeatPort at false",
-    "peak": "only peak = 1 is supported: static friction is not higher than sliding friction here",
+REFUSED: Mapping[str, tuple[bool | int, str]] = {
+    "useSupport": (False, "a housing that moves is not supported: leave useSupport at false"),
+    "useHeatPort": (False, "heat is not modelled: leave useHeatPort at false"),
+    "peak": (1, "only peak = 1 is supported: static friction is not higher than sliding friction here"),
 }
-"""Parameters of library components that may only have the value that they have here: why."""
+"""Parameters of library components that may only have this value: why."""
 
 _UNITS: Mapping[str, str] = {
     "Angle": "rad",
@@ -110,7 +116,6 @@ package Modelica
     constant Real R2D = 57.29577951308232 "degrees per rad";
     constant Real g_n(unit = "m/s2") = 9.80665;
   end Constants;
-  package Icons partial class Icon end Icon; end Icons;
   package Blocks
     package Interfaces
       connector RealInput = input Real;
@@ -123,7 +128,7 @@ package Modelica
       block Gain parameter Real k; Interfaces.RealInput u; Interfaces.RealOutput y; end Gain;
     end Math;
     package Sources
-      block Source Interfaces.RealOutput y; end Source;
+      block Source Interfaces.RealOutput y; end Source; %(shapes)s
     end Sources;
   end Blocks;
   package Mechanics package Rotational
@@ -155,8 +160,7 @@ package Modelica
       end PartialCompliantWithRelativeStates;
       partial model PartialAbsoluteSensor Flange_a flange; end PartialAbsoluteSensor;
     end Interfaces;
-    package Icons partial class Icon end Icon; end Icons;
-    package Bases "without equations: those are in component_kinds.py"
+      package Bases "without equations, as the components: those are in component_kinds.py"
       partial model Compliant
         extends Interfaces.PartialTwoFlanges; Units.SI.Angle phi_rel; Units.SI.Torque tau;
       end Compliant;
@@ -220,17 +224,12 @@ package AxisWatch
     Modelica.Mechanics.Rotational.Interfaces.Flange_b flange; parameter Modelica.Units.SI.Torque tau0;
   end TorqueOffset;
 end AxisWatch;
-type StateSelect = enumeration(never, avoid, default, prefer, always);
 """
 
 
 @cache
-def library() -> Mapping[str, ClassDef]:
-    """The top-level classes of the library, and the predefined types; the same objects every time, never changed."""
+def library() -> ast.Tree:
+    """The library's classes, parsed once: copy them before anything is added."""
     types = " ".join(f'type {name} = Real(unit = "{unit}");' for name, unit in _UNITS.items())
-    parsed = parse(Source("", _TEXT % {"types": types})).classes
-    predefined = [ClassDef(name, "predefined", "", 0) for name in PREDEFINED]
-    return {c.name: c for c in (*parsed, *predefined)}
-
-
-PREDEFINED = ("Real", "Integer", "Boolean", "String")
+    shapes = " ".join(f"block {name} = Source;" for name in _SHAPES)
+    return file_to_tree(parse(Source("", _TEXT % {"types": types, "shapes": shapes})))
