@@ -15,9 +15,10 @@ class Undecidable(LookupError):  # noqa: N818 - it ends a cross-check, nobody se
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Context of reading tables: relative paths start at ``folder``."""
+    """Context of reading tables: relative paths start at ``folder``; files of thresholds may be ignored."""
 
     folder: Path
+    thresholds: bool = True
 
 
 class Table(BaseModel):

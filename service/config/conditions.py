@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 from monitor_core.drive import FUNCTIONS, Conditions, Follow, Gate, Term
 from monitor_core.wording import did_you_mean
-from service.config.nominal import nominal_file_of
+from service.config.nominal_file import ScheduleTable, nominal_file_of
 from service.config.positions import Keys
-from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
+from service.config.schema import AxisConfig, NamedAxis
+from service.config.schema_model import ScheduleConfig
 from service.config.schema_signals import GateConfig, Source
 
 
@@ -41,18 +42,12 @@ def varying_of(axis: AxisConfig) -> tuple[Varying, ...]:
     Raises:
         Undecidable: the file cannot be used.
     """
-    return (*_of_file(axis), *_of_configuration(axis))
-
-
-def _of_file(axis: AxisConfig) -> Iterator[Varying]:
     found = nominal_file_of(axis)
-    for v in found.schedule if found else ():
-        yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, ("model", "nominal_file"))
-
-
-def _of_configuration(axis: AxisConfig) -> Iterator[Varying]:
-    for k, v in enumerate(axis.model.schedule):
-        yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, ("model", "schedule", k))
+    written: list[tuple[Keys, ScheduleTable | ScheduleConfig]] = [
+        *((("model", "nominal_file"), v) for v in (found.schedule if found else ())),
+        *((("model", "schedule", k), v) for k, v in enumerate(axis.model.schedule)),
+    ]
+    return tuple(Varying(v.parameter, v.signal, v.slope, v.reference, v.range, path) for path, v in written)
 
 
 def term_of(text: str, known: Iterable[str]) -> Term:
@@ -113,22 +108,3 @@ def _value(gate: GateConfig) -> str:
     if gate.equals is not None:
         return " or ".join(f"{value:g}" for value in gate.equals)
     return f"above {gate.above:g}" if gate.above is not None else f"below {gate.below:g}"
-
-
-def unsaid(config: Config) -> Iterator[str]:
-    """Assumptions where the configuration does not state the conditions, robot by robot."""
-    for robot in config.robot:
-        names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
-        if names:
-            yield (
-                f"{robot.name}: {', '.join(names)}: monitored as if the other axes stood still. Where their pose"
-                " changes the inertia, there will be alarms. Let nominal values follow it"
-                " ([[robot.axis.model.schedule]]),"
-                " monitor a reference motion only ([[robot.axis.gate]]), or say"
-                ' conditions = "others stand still" in [robot.axis.model]'
-            )
-
-
-def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
-    stated = axis.model.conditions is not None or axis.gate or varying_of(axis)
-    return len(robot.axis) > 1 and not stated

@@ -12,7 +12,7 @@ from pydantic import Field
 from monitor_core.drive import Output
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
-from service.config.schema_model import ModelConfig
+from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
 from service.config.schema_signals import (
     AngleConfig,
     FurtherConfig,
@@ -21,11 +21,6 @@ from service.config.schema_signals import (
     Source,
     SpeedConfig,
     TimeConfig,
-)
-from service.config.schema_watching import (
-    DetectorConfig,
-    EstimatorConfig,
-    TrendConfig,
 )
 
 

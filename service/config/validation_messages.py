@@ -1,28 +1,39 @@
 """Validation errors of pydantic in the terms of the file format, with the meaning of the key."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, get_args
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, get_args
 
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
-from service.config import renamed_keys
 from service.config.base_table import Table
-from service.config.positions import Keys
+from service.config.problems import Finding
 from service.config.schema import Config
 
+RENAMED_KEYS: Mapping[str, str] = {
+    "averaged": "interval_mean",
+    "least_excitation": "min_excitation",
+    "least_information": "information_floor",
+    "least_speed": "min_speed",
+    "maximum_age_s": "max_age_s",
+    "maximum_gap_s": "max_gap_s",
+    "varying": "schedule",
+    "warn_before": "lead_time",
+    "widening": "covariance_reset",
+    "wraps_at": "wrap_period",
+}
+"""Keys of earlier versions: an old key is an error that names the new one."""
+REMOVED_KEYS: Mapping[str, str] = {
+    "speed_noise": "angle and speed are no longer used together: give one of the two tables, and output_noise for it",
+}
 
-class Finding(NamedTuple):
-    """A mistake at a path of the file; where ``other`` is given, the message ends with that place."""
 
-    path: Keys
-    message: str
-    other: Keys | None = None
-
-    def inside(self, table: Keys) -> "Finding":
-        """The finding with a path relative to the file."""
-        return Finding((*table, *self.path), self.message, self.other and (*table, *self.other))
+def hint(key: str) -> str | None:
+    """What to do with a key of an earlier version; None: it never was a key."""
+    if key in RENAMED_KEYS:
+        return f"is now called {RENAMED_KEYS[key]}"
+    return REMOVED_KEYS.get(key)
 
 
 _RULES = {
@@ -67,7 +78,7 @@ def _message(error: ErrorDetails) -> str:
     field, table = _schema_at(error["loc"])
     if error["type"] == "extra_forbidden" and table is not None:
         key = str(error["loc"][-1])
-        return renamed_keys.hint(key) or f"unknown key: {did_you_mean(key, table.model_fields)}"
+        return hint(key) or f"unknown key: {did_you_mean(key, table.model_fields)}"
     rule = _RULES.get(error["type"], error["msg"]).format_map(_limits(error))
     return f"{rule} ({field.description})" if field is not None and field.description else rule
 

@@ -8,7 +8,7 @@ import pytest
 
 from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_model
-from service.config.trend_limits import limits_of
+from service.config.drives import limits_of
 from tests.end_to_end.processes import demo_config
 
 

@@ -17,7 +17,7 @@ from monitor_core.samples import SampleBlock
 from service.commands.main import app
 from service.config import Config, ConfigErrors, load
 from service.config.axis_settings import axis_model, axis_settings
-from service.config.encoder_remarks import remarks_on_encoders
+from service.config.remarks import remarks_on_encoders
 from service.ingest.identification_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.frame_pipeline import FramePipeline
