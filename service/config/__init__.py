@@ -1,51 +1,22 @@
 """The configuration file: its schema, its rules, and every problem with file, line, key and value."""
 
-from service.config.axis_settings import Predictor, predictor_of, step_noise
+from service.config.axis_settings import Predictor, predictor_of
 from service.config.conditions import conditions_of, in_words, needed
-from service.config.drives import (
-    bounds_of,
-    drive_of,
-    given_values,
-    limits_of,
-    scales_of,
-    watched_drive,
-    watched_values,
-)
+from service.config.drives import bounds_of, drive_of, given_values, limits_of, scales_of, watched_drive, watched_values
 from service.config.loading import load
 from service.config.nominal_file import nominal_file_of
 from service.config.problems import ConfigErrors, Problem
-from service.config.schema import (
-    AxisConfig,
-    BusConfig,
-    Config,
-    NamedAxis,
-    RobotConfig,
-    ServiceConfig,
-    WebConfig,
-)
-from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
-from service.config.schema_signals import FurtherConfig, SignalConfig, TimeConfig
-from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
+from service.config.schema import AxisConfig, Config, NamedAxis
+from service.config.schema_model import ModelConfig
 
 __all__ = [
     "AxisConfig",
-    "BusConfig",
     "Config",
     "ConfigErrors",
-    "DetectorConfig",
-    "EstimatorConfig",
-    "FurtherConfig",
     "ModelConfig",
     "NamedAxis",
     "Predictor",
     "Problem",
-    "RobotConfig",
-    "ServiceConfig",
-    "SignalConfig",
-    "ThresholdsFile",
-    "TimeConfig",
-    "TrendConfig",
-    "WebConfig",
     "bounds_of",
     "conditions_of",
     "drive_of",
@@ -57,8 +28,6 @@ __all__ = [
     "nominal_file_of",
     "predictor_of",
     "scales_of",
-    "step_noise",
-    "thresholds_file_of",
     "watched_drive",
     "watched_values",
 ]

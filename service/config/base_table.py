@@ -22,9 +22,14 @@ class Reading:
 
 
 class Table(BaseModel):
-    """A TOML table: immutable, unknown keys are errors."""
+    """A TOML table: immutable, unknown keys are errors.  The text below a key is shown with mistakes in it."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    @classmethod
+    def meaning(cls, key: str) -> str:
+        """The text below a key, in one line."""
+        return " ".join((cls.model_fields[key].description or "").split())
 
 
 # --- What the values of the configuration are: numbers with bounds, names, paths, defaults in samples -----------------

@@ -65,7 +65,7 @@ def sources(config: Config) -> Iterator[Finding]:
 
 def _missing(table: type[Table], key: str) -> str:
     """The finding of a key that is required here."""
-    return f"missing ({table.model_fields[key].description})"
+    return f"missing ({table.meaning(key)})"
 
 
 def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, get_args
 
-from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
@@ -75,12 +74,12 @@ def _follows(error: ErrorDetails) -> bool:
 
 
 def _message(error: ErrorDetails) -> str:
-    field, table = _schema_at(error["loc"])
+    key, table = _place_in_schema(error["loc"])
     if error["type"] == "extra_forbidden" and table is not None:
-        key = str(error["loc"][-1])
-        return hint(key) or f"unknown key: {did_you_mean(key, table.model_fields)}"
+        wrong = str(error["loc"][-1])
+        return hint(wrong) or f"unknown key: {did_you_mean(wrong, table.model_fields)}"
     rule = _RULES.get(error["type"], error["msg"]).format_map(_limits(error))
-    return f"{rule} ({field.description})" if field is not None and field.description else rule
+    return f"{rule} ({table.meaning(key)})" if table is not None and key in table.model_fields else rule
 
 
 def _limits(error: ErrorDetails) -> dict[str, Any]:
@@ -89,17 +88,15 @@ def _limits(error: ErrorDetails) -> dict[str, Any]:
     return {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
 
 
-def _schema_at(path: Sequence[str | int]) -> tuple[FieldInfo | None, type[Table] | None]:
-    """The innermost field of a path, and the table that it belongs to."""
-    field: FieldInfo | None = None
-    table: type[Table] | None = None
-    inner: type[Table] | None = Config
+def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[Table] | None]:
+    """The innermost key of a path that the schema knows, and the table that it belongs to."""
+    key, table, inner = "", None, table_in(Config)
     for part in path:
         if isinstance(part, int) or inner is None:
             continue
-        table, field = inner, inner.model_fields.get(part)
+        key, table, field = part, inner, inner.model_fields.get(part)
         inner = table_in(field.annotation) if field else None
-    return field, table
+    return key, table
 
 
 def table_in(annotation: Any) -> type[Table] | None:
