@@ -2,7 +2,15 @@
 
 from service.config.axis_settings import Predictor, predictor_of
 from service.config.conditions import conditions_of, in_words, needed
-from service.config.drives import bounds_of, drive_of, given_values, limits_of, scales_of, watched_drive, watched_values
+from service.config.drives import (
+    bounds_of,
+    drive_of,
+    given_values,
+    limits_of,
+    scales_of,
+    watched_drive,
+    watched_values,
+)
 from service.config.loading import load
 from service.config.nominal_file import nominal_file_of
 from service.config.problems import ConfigErrors, Problem

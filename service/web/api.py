@@ -1,5 +1,6 @@
 """REST under /api/v1: axes with their estimates, their history, the alarm journal, the daemon itself."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
@@ -9,7 +10,6 @@ from service.pipeline.snapshot import AxisSnapshot
 from service.texts.timestamps import microseconds
 from service.web import models, views
 from service.web.app_state import AppState
-from service.web.error_responses import UnknownResourceError
 
 _NOT_FOUND: dict[int | str, dict[str, Any]] = {
     404: {"model": models.Problem, "description": "It does not exist"}
@@ -30,6 +30,14 @@ Entries = Annotated[
 Moment = Annotated[
     AwareDatetime | None, Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z")
 ]
+
+
+class UnknownResourceError(Exception):
+    """The resource does not exist; ``known`` lists those that do."""
+
+    def __init__(self, detail: str, known: Iterable[str]) -> None:
+        self.problem = models.Problem(detail=detail, known=list(known))
+        super().__init__(detail)
 
 
 def router(state: AppState) -> APIRouter:
