@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -11,9 +10,8 @@ from service.config import ConfigErrors, load
 from service.config.found_file import FoundFileError
 from service.config.nominal_file import read_nominal
 from service.config.validation_messages import RENAMED_KEYS, hint
+from tests.service.config_texts import BASE, CONFIG, furnish
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
-BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
 EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
 SECTION = {
     "averaged": "[robot.axis.angle]",
@@ -30,7 +28,7 @@ SECTION = {
 
 @pytest.mark.parametrize("key", SECTION)
 def test_an_old_key_names_the_new_one(key: str, tmp_path: Path) -> None:
-    shutil.copy(CONFIG / "robot.dbc", tmp_path)
+    furnish(tmp_path)
     header = SECTION[key]
     text = BASE if header in BASE else f"{BASE}\n{header}\n"
     at = text.index(header) + len(header)
