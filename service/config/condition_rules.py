@@ -10,7 +10,7 @@ from monitor_core.drive import AxisModel, Conditions, Follow, Operating, split_n
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
-from service.config.conditions import Varying, term_of, varying_of
+from service.config.conditions import Schedule, follow_of, term_of, varying_of
 from service.config.model_rules import decided_model
 from service.config.positions import Keys
 from service.config.problems import Finding
@@ -84,42 +84,42 @@ def _no_signal(name: str, axis: AxisConfig) -> str:
 def schedules(axis: AxisConfig) -> Iterator[Finding]:
     """A schedule uses a signal of the axis or a function of it, once; its range has its ends in order."""
     seen = dict[tuple[str, str], Keys]()
-    for v in varying_of(axis):
+    for path, v in varying_of(axis):
         if v.range is not None and not v.range[0] < v.range[1]:
-            yield Finding(_key(v, "range"), "must be [lowest, highest] with lowest < highest")
+            yield Finding(_key(path, "range"), "must be [lowest, highest] with lowest < highest")
         try:
             term = str(term_of(v.signal, _names(axis)))
         except ValueError as error:
-            yield Finding(_key(v, "signal"), f"{v.parameter} follows {v.signal}: {error}")
+            yield Finding(_key(path, "signal"), f"{v.parameter} follows {v.signal}: {error}")
             continue
-        if (first := seen.setdefault((v.parameter, term), v.path)) != v.path:
-            yield Finding(_key(v, "signal"), f"{v.parameter} follows {term} already by", first)
+        if (first := seen.setdefault((v.parameter, term), path)) != path:
+            yield Finding(_key(path, "signal"), f"{v.parameter} follows {term} already by", first)
 
 
 def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
     """A scheduled parameter is monitored, with slopes of the parameter or of its reciprocal."""
     monitored = {split_name(name)[0] for name in axis.model.monitor}
     first = dict[str, str]()
-    for v in varying_of(axis):
-        path, base = _key(v, "parameter"), split_name(v.parameter)[0]
+    for path, v in varying_of(axis):
+        key, base = _key(path, "parameter"), split_name(v.parameter)[0]
         if base not in monitored:
             message = (
                 f"{v.parameter} follows {v.signal}, but only a monitored parameter can follow: add it to monitor, or"
                 " identify it without"
             )
-            yield Finding(path, message)
+            yield Finding(key, message)
         elif (other := first.setdefault(base, v.parameter)) != v.parameter:
-            yield Finding(path, f"slopes of both {v.parameter} and {other}: give one of them")
+            yield Finding(key, f"slopes of both {v.parameter} and {other}: give one of them")
 
 
 def values_at_ends(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values stay within their bounds over the whole range of each signal."""
     model = decided_model(axis)
-    for v in varying_of(axis):
+    for path, v in varying_of(axis):
         for end in v.range or ():
-            if _leaves_bounds(model, v.follow, end):
+            if _leaves_bounds(model, follow_of(v), end):
                 message = f"{v.parameter} would leave its bounds at {v.signal} = {end:g}"
-                yield Finding(_key(v, "slope"), message)
+                yield Finding(_key(path, "slope"), message)
 
 
 def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
@@ -134,7 +134,7 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
     """The signals that a monitored axis needs are on its bus."""
     if axis.records_only:
         return
-    purposes = {_signal(v, axis): f"{v.parameter} follows it" for v in varying_of(axis)}
+    purposes = {_signal(v, axis): f"{v.parameter} follows it" for _, v in varying_of(axis)}
     purposes |= {g.signal: "it is a gate" for g in axis.gate}
     for n, s in enumerate(axis.signal):
         if s.axis is None and s.message is None and s.name in purposes:
@@ -144,24 +144,24 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
 
 def choice(axis: AxisConfig) -> Iterator[Finding]:
     """The key ``conditions`` agrees with the configured conditions."""
-    stated, path = axis.model.conditions, ("model", "conditions")
+    stated, key = axis.model.conditions, ("model", "conditions")
     if stated == "followed" and not varying_of(axis):
         message = "nothing follows anything: add [[robot.axis.model.schedule]], or a nominal_file with some"
-        yield Finding(path, message)
+        yield Finding(key, message)
     if stated == "gated" and not axis.gate:
-        yield Finding(path, "there is no gate: add [[robot.axis.gate]]")
+        yield Finding(key, "there is no gate: add [[robot.axis.gate]]")
     if stated == "others stand still":
         moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
-        for v in varying_of(axis):
+        for path, v in varying_of(axis):
             if (other := moving.get(_signal(v, axis))) is not None:
-                yield Finding(path, f"but {v.parameter} follows the motion of {other}, by", v.path)
+                yield Finding(key, f"but {v.parameter} follows the motion of {other}, by", path)
 
 
 def _names(axis: AxisConfig) -> list[str]:
     return [s.name for s in axis.signal]
 
 
-def _signal(v: Varying, axis: AxisConfig) -> str:
+def _signal(v: Schedule, axis: AxisConfig) -> str:
     """The signal of a term."""
     try:
         return term_of(v.signal, _names(axis)).signal
@@ -169,9 +169,9 @@ def _signal(v: Varying, axis: AxisConfig) -> str:
         raise Undecidable("signal") from None
 
 
-def _key(v: Varying, key: str) -> Keys:
+def _key(path: Keys, key: str) -> Keys:
     """The key of a table of the configuration; of a file of nominal values, the file."""
-    return v.path if v.path[-1] == "nominal_file" else (*v.path, key)
+    return path if path[-1] == "nominal_file" else (*path, key)
 
 
 CONDITION_RULES = (sources, gates, schedules, scheduled_parameters, on_the_bus, choice)

@@ -137,18 +137,21 @@ class AxisConfig(Table):
 
 
 def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
-    """The auxiliary signals of an axis, including the motions of other axes of its robot."""
+    """The auxiliary signals of an axis, where they come from: those of other axes of its robot from their motions."""
     axes = {other.name: other for other in robot}
     for s in axis.signal:
         if s.axis is None:
-            yield Source(s.name, s.message, s.signal, s.column, s.factor, s.offset, s.max_age_s)
+            yield s
             continue
         other = axes[s.axis].motion
-        factor, offset = s.factor * other.factor, s.factor * other.offset + s.offset
-        column = s.column if s.column is not None else other.column
-        # Without a bus a motion has no message.
-        message, signal = other.message or None, other.signal or None
-        yield Source(s.name, message, signal, column, factor, offset, s.max_age_s, s.axis)
+        place = {
+            "message": other.message or None,  # without a bus a motion has none
+            "signal": other.signal or None,
+            "column": other.column if s.column is None else s.column,
+            "factor": s.factor * other.factor,
+            "offset": s.factor * other.offset + s.offset,
+        }
+        yield s.model_copy(update=place)
 
 
 class RobotConfig(Table):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from pydantic import Field
 
@@ -63,6 +63,10 @@ class FurtherConfig(Table):
     """a value received longer ago than this is no longer believed [s]"""
 
 
+Source = FurtherConfig
+"""Where an auxiliary signal of an axis comes from; that of another axis has the place of its motion"""
+
+
 class GateConfig(Table):
     """[[robot.axis.gate]]: a condition for learning; the signal is one of [[robot.axis.signal]]."""
 
@@ -88,20 +92,3 @@ class TimeConfig(Table):
     clock: Literal["receipt", "cyclic"] = "receipt"
     """without a counter: "receipt", the times of receipt, or "cyclic", the controller sends every sample_interval_s
     by its own clock, which is fitted to them"""
-
-
-# --- Where the further signals of an axis come from: a message, a column, or the motion of another axis ---------------
-
-
-class Source(NamedTuple):
-    """An auxiliary signal: value = factor * signal + offset."""
-
-    name: str
-    message: str | None
-    signal: str | None
-    column: str | None
-    factor: float
-    offset: float
-    max_age_s: float
-    axis: str | None = None
-    """The other axis of the robot whose motion it is"""
