@@ -24,94 +24,75 @@ from service.web.app_state import VERSION, age_s, sample_age_s
 
 _SI = "in the parameter's SI unit"
 _PER_SECOND = "in the parameter's SI unit per second; absent until enough is known"
-GAUGES = {
-    # axis and parameter; the units are those of /api/v1/axes
-    "parameter_estimate": ("axis parameter", f"Estimated value, {_SI}."),
-    "parameter_nominal": (
-        "axis parameter",
-        f"Commissioned value, which may follow operating conditions, {_SI}.",
-    ),
-    "parameter_standard_deviation": ("axis parameter", f"Standard deviation, {_SI}."),
-    "parameter_p_diagonal": (
-        "axis parameter",
-        "P_ii of the recursion; the variance of the estimate is lambda_0 P_ii / (1 + lambda).",
-    ),
-    "parameter_observed": (
-        "axis parameter",
-        "Observability of the parameter in the last samples: 1 as at commissioning, 0.5 weak, 0 not observed; then "
-        "the estimate is the last that was observed.",
-    ),
-    "cusum": (
-        "axis parameter direction",
-        f"CUSUM g for an increase (up) and a decrease (down), {_SI} times samples.",
-    ),
-    "cusum_threshold": ("axis parameter", f"Threshold h of both CUSUMs, {_SI} times samples."),
-    "alarm_active": ("axis parameter direction", "1 while an alarm is open, else 0."),
-    "alarm_named": ("axis parameter direction", "1 while an alarm is open and has been named, else 0."),
-    "alarm_probability": (
-        "axis parameter",
-        "Probability that the parameter is the cause of a named open alarm, else 0.",
-    ),
-    "detector_alarms": (
-        "axis detector",
-        "1 for the detector that raises the alarms, 0 for one that runs in shadow mode.",
-    ),
-    "detector_evidence": ("axis detector", "Largest test statistic of a detector, over its threshold."),
-    "innovation_variance": (
-        "axis",
-        "Running variance of the prediction error, in the square of the output's unit (rad or rad/s).",
-    ),
-    "axis_gated": ("axis", "1 while operating conditions exclude the samples from estimation, else 0."),
-    "stamp_scatter_seconds": (
-        "axis",
-        "Standard deviation of receipt time minus sample time, in seconds; where the receipt time is the sample "
-        "time, that of the intervals divided by the square root of two.",
-    ),
-    "last_sample_age_seconds": ("axis", "Time since the last sample, in seconds; +Inf before the first."),
-    "parameter_slope": ("axis parameter", f"Long-term drift, {_PER_SECOND}."),
-    "parameter_slope_standard_deviation": (
-        "axis parameter",
-        f"Standard deviation of the long-term drift, {_PER_SECOND}.",
-    ),
-    "parameter_drift_probability": (
-        "axis parameter",
-        "Probability of a long-term drift of the parameter; absent until enough is known.",
-    ),
-    "limit_reached_seconds": (
-        "axis parameter limit bound",
-        "Time from the last entry of the long-term history until a limit is reached, in seconds: lower (low) and "
-        "upper (high) end of the 90 % interval; negative where it has been reached; no upper end where it is open.",
-    ),
-    "limit_alarm_active": (
-        "axis parameter limit",
-        "1 while an alarm is active because a limit will be reached soon, or has been, else 0.",
-    ),
-    "bus_up": ("bus", "1 while the bus can be read, else 0."),
-    "snapshot_age_seconds": ("", "Time since the worker last reported, in seconds."),
-    "checkpoint_age_seconds": (
-        "",
-        "Time since the state of the monitors was last saved, in seconds; absent before the first time.",
-    ),
+_GAUGES = {
+    "axis parameter": {
+        "parameter_estimate": f"Estimated value, {_SI}.",
+        "parameter_nominal": f"Commissioned value, which may follow operating conditions, {_SI}.",
+        "parameter_standard_deviation": f"Standard deviation, {_SI}.",
+        "parameter_p_diagonal": "P_ii of the recursion; the variance of the estimate is lambda_0 P_ii / (1 + lambda).",
+        "parameter_observed": "Observability of the parameter in the last samples: 1 as at commissioning, 0.5 weak, "
+        "0 not observed; then the estimate is the last that was observed.",
+        "cusum_threshold": f"Threshold h of both CUSUMs, {_SI} times samples.",
+        "alarm_probability": "Probability that the parameter is the cause of a named open alarm, else 0.",
+        "parameter_slope": f"Long-term drift, {_PER_SECOND}.",
+        "parameter_slope_standard_deviation": f"Standard deviation of the long-term drift, {_PER_SECOND}.",
+        "parameter_drift_probability": "Probability of a long-term drift of the parameter; absent until enough is "
+        "known.",
+    },
+    "axis parameter direction": {
+        "cusum": f"CUSUM g for an increase (up) and a decrease (down), {_SI} times samples.",
+        "alarm_active": "1 while an alarm is open, else 0.",
+        "alarm_named": "1 while an alarm is open and has been named, else 0.",
+    },
+    "axis parameter limit bound": {
+        "limit_reached_seconds": "Time from the last entry of the long-term history until a limit is reached, in "
+        "seconds: lower (low) and upper (high) end of the 90 % interval; negative where it has been reached; no upper "
+        "end where it is open.",
+    },
+    "axis parameter limit": {
+        "limit_alarm_active": "1 while an alarm is active because a limit will be reached soon, or has been, else 0.",
+    },
+    "axis detector": {
+        "detector_alarms": "1 for the detector that raises the alarms, 0 for one that runs in shadow mode.",
+        "detector_evidence": "Largest test statistic of a detector, over its threshold.",
+    },
+    "axis": {
+        "innovation_variance": "Running variance of the prediction error, in the square of the output's unit (rad or "
+        "rad/s).",
+        "axis_gated": "1 while operating conditions exclude the samples from estimation, else 0.",
+        "stamp_scatter_seconds": "Standard deviation of receipt time minus sample time, in seconds; where the receipt "
+        "time is the sample time, that of the intervals divided by the square root of two.",
+        "last_sample_age_seconds": "Time since the last sample, in seconds; +Inf before the first.",
+    },
+    "bus": {"bus_up": "1 while the bus can be read, else 0."},
+    "": {
+        "snapshot_age_seconds": "Time since the worker last reported, in seconds.",
+        "checkpoint_age_seconds": "Time since the state of the monitors was last saved, in seconds; absent before the "
+        "first time.",
+    },
 }
-"""Labels and help text by name; on the wire a name begins with axiswatch_."""
-COUNTERS = {
-    "samples": ("axis", "Samples received."),
-    "samples_by_fate": (
-        "axis fate",
-        "Samples by their use; starved: too little excitation; gated: excluded by operating "
+"""Help texts by labels and name; on the wire a name begins with axiswatch_"""
+_COUNTERS = {
+    "axis": {
+        "samples": "Samples received.",
+        "histories_lost": "Long-term histories that could not be restored at the start: damaged, or of another model.",
+    },
+    "axis fate": {
+        "samples_by_fate": "Samples by their use; starved: too little excitation; gated: excluded by operating "
         "conditions; projected: used, and an estimate was held within its bounds.",
-    ),
-    "values_dropped": ("axis reason", "Decoded values that did not become a sample."),
-    "clock_restarts": (
-        "axis cause",
-        "Restarts of the time base of the samples: the controller restarted, or a clock was set.",
-    ),
-    "histories_lost": (
-        "axis",
-        "Long-term histories that could not be restored at the start: damaged, or of another model.",
-    ),
-    "frames": ("bus", "Frames received."),
-    "frames_dropped": ("bus reason", "Frames that were dropped."),
+    },
+    "axis reason": {"values_dropped": "Decoded values that did not become a sample."},
+    "axis cause": {
+        "clock_restarts": "Restarts of the time base of the samples: the controller restarted, or a clock was set.",
+    },
+    "bus": {"frames": "Frames received."},
+    "bus reason": {"frames_dropped": "Frames that were dropped."},
+}
+_FAMILIES = {
+    name: (kind, words, labels.split())
+    for kind, groups in ((GaugeMetricFamily, _GAUGES), (CounterMetricFamily, _COUNTERS))
+    for labels, group in groups.items()
+    for name, words in group.items()
 }
 
 _Series = tuple[tuple[str, ...], float]
@@ -152,11 +133,8 @@ class SnapshotCollector(Collector):
 
 
 def _family(name: str, series: Iterable[_Series]) -> Metric:
-    gauge = name in GAUGES
-    labels, words = GAUGES[name] if gauge else COUNTERS[name]
-    family = (GaugeMetricFamily if gauge else CounterMetricFamily)(
-        f"axiswatch_{name}", words, labels=labels.split()
-    )
+    kind, words, labels = _FAMILIES[name]
+    family = kind(f"axiswatch_{name}", words, labels=labels)
     for values, number in series:
         family.add_metric(values, number)
     return family
