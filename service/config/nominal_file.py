@@ -51,8 +51,9 @@ class PredictorTable(FoundTable):
 
     @model_validator(mode="after")
     def _one_for_each_state(self) -> PredictorTable:
-        if len(self.gain) != (len(self.states) if self.kind == "innovations" else 0):
-            raise ValueError(f"gain has {len(self.gain)} numbers, states {len(self.states)} names")
+        needed = len(self.states) if self.kind == "innovations" else 0
+        if len(self.gain) != needed:
+            raise ValueError(f"gain has {len(self.gain)} numbers, must have {needed} with {self.kind}")
         return self
 
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 import shutil
+from functools import cache
 from pathlib import Path
 
 from service.config import Config, load
+from tests.service.calibration.thresholds_texts import thresholds_text
+from tests.service.identification.nominal_texts import nominal_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
@@ -126,14 +129,33 @@ model = { drive = "three-mass", monitor = ["1/Ja"], nominal = { kT = 1, r = 0.00
 """
 
 
+def demo_axis() -> str:
+    """The first axis of the demo, without P(0)."""
+    parts = (CONFIG / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")
+    return re.sub(r"^initial_p = .*\n", "", "[[robot.axis]]".join(parts[:2]), flags=re.MULTILINE)
+
+
 def watched() -> str:
-    """The first axis of the demo, which also monitors the delay of the torque and has limits."""
-    text = "[[robot.axis]]".join(
-        (CONFIG / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")[:2]
-    )
-    text = re.sub(r"^initial_p = .*\n", "", text.replace('"fm"]', '"fm", "delay"]'), flags=re.MULTILINE)
+    """An axis that also monitors the delay of the torque and has limits."""
+    text = demo_axis().replace('"fm"]', '"fm", "delay"]')
     limits = "[robot.axis.model.limits]\nfm = 0.09\nkT = [0.9, 1.1]\n"
     return text.replace("[robot.axis.estimator]", f"{limits}[robot.axis.trend]\n[robot.axis.estimator]")
+
+
+def found() -> str:
+    """An axis with files of nominal values and of thresholds, in place of values, noises and thresholds of its own."""
+    start, rest = demo_axis().split("[robot.axis.model.nominal]")
+    text = start + rest[rest.index("[robot.axis.estimator]") :]
+    text = re.sub(r"^(torque_noise|output_noise|alpha_[12]) = .*\n", "", text, flags=re.MULTILINE)
+    files = 'nominal_file = "nominal.toml"\nthresholds_file = "thresholds.toml"\n'
+    return text.replace('drive = "three-mass"\n', f'drive = "three-mass"\n{files}')
+
+
+@cache
+def found_files() -> dict[str, str]:
+    """The files that ``found`` names: they fit each other."""
+    axis = load(CONFIG / "demo.toml", {}).axes[0].config
+    return {"nominal.toml": nominal_text(axis), "thresholds.toml": thresholds_text(axis, 1.5, 7.0)}
 
 
 TEXTS = {
@@ -141,6 +163,7 @@ TEXTS = {
     "conditions": with_conditions(),
     "drawn": HEAD + DRAWN,
     "file": HEAD + FILE,
+    "found": found(),
     "tables": TABLES,
     "watched": watched(),
 }
@@ -150,7 +173,8 @@ def furnish(folder: Path) -> Path:
     """A folder with the files that the texts name."""
     shutil.copy(CONFIG / "robot.dbc", folder)
     shutil.copy(CONFIG / "demo.dbc", folder)
-    (folder / "rigid.mo").write_text(RIGID, encoding="utf-8")
+    for name, text in {"rigid.mo": RIGID, **found_files()}.items():
+        (folder / name).write_text(text, encoding="utf-8")
     return folder
 
 

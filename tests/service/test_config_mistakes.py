@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from service.config import ConfigErrors
+from service.config import ConfigErrors, load
 from tests import golden
 from tests.service.config_texts import TEXTS, furnish, loaded
 
@@ -28,12 +28,17 @@ def mistakes(path: Path) -> Iterator[list[str]]:
 
 
 def report(text: str, changes: list[str], folder: Path) -> str:
+    """All that is reported; a change that begins with the name of another file is made there."""
+    (folder / "a.toml").write_text(text, encoding="utf-8")
     for change in changes:
-        old, _, new = change.replace("\\n", "\n").partition(" =>")
-        assert text.count(old) == 1, change
-        text = text.replace(old, new.removeprefix(" "))
+        place, _, rest = change.partition(": ")
+        name, here = (place, rest) if place.endswith(".toml") else ("a.toml", change)
+        old, _, new = here.replace("\\n", "\n").partition(" =>")
+        content = (folder / name).read_text(encoding="utf-8")
+        assert content.count(old) == 1, change
+        (folder / name).write_text(content.replace(old, new.removeprefix(" ")), encoding="utf-8")
     with pytest.raises(ConfigErrors) as caught:
-        loaded(folder, text)
+        load(folder / "a.toml", {})
     return str(caught.value).replace(f"{folder}/", "")
 
 

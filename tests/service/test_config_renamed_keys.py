@@ -45,12 +45,6 @@ def test_the_new_keys_exist(key: str) -> None:
     assert f"{key} = " in EXAMPLE or f".{key}]]" in EXAMPLE
 
 
-def test_an_old_file_of_nominal_values_loses_no_slopes(tmp_path: Path) -> None:
-    (tmp_path / "nominal.toml").write_text('format = 1\n[[varying]]\nparameter = "fm"\n', encoding="utf-8")
-    with pytest.raises(FoundFileError, match=r"nominal\.toml: varying: is now called schedule"):
-        read_nominal(tmp_path / "nominal.toml")
-
-
 def test_a_parameter_may_have_the_name_of_an_old_key(tmp_path: Path) -> None:
     """What is wrong with this file is something else."""
     (tmp_path / "nominal.toml").write_text("format = 1\n[values]\naveraged = 1.0\n", encoding="utf-8")
