@@ -129,22 +129,10 @@ def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[Limit, .
     for name, values in axis.model.limits.items():
         own = monitored_as(name, model.monitored)
         assert own is not None  # a cross-check ensures it
-        i = model.monitored.index(own)
-        nominal, unit, inverse = float(model.theta0[i]), model.parameters[i].unit, own != name
-        if inverse:
-            nominal, unit = 1 / nominal, _inverse(unit)
+        nominal, inverse = float(model.theta0[model.monitored.index(own)]), own != name
+        nominal, unit = 1 / nominal if inverse else nominal, model.drive.parameter(name).unit
         found[own] = tuple(
             Limit(1 / v if inverse else v, (v > nominal) != inverse, name, unit, v, v > nominal)
             for v in values
         )
     return found
-
-
-def _inverse(unit: str) -> str:
-    """kg m^2 of 1/(kg m^2), and the other way round."""
-    if unit == "1":
-        return unit
-    plain = unit.removeprefix("1/")
-    if plain != unit:
-        return plain.removeprefix("(").removesuffix(")")
-    return f"1/({unit})" if " " in unit or "/" in unit else f"1/{unit}"

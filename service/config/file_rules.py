@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import Any
 
 from monitor_core.drive import Output
@@ -16,7 +15,7 @@ from service.config.axis_settings import untold
 from service.config.base_table import Undecidable
 from service.config.drives import plain_drive_of
 from service.config.found_file import FoundFileError, alike, read_found
-from service.config.model_rules import usable_drive
+from service.config.model_rules import usable_drive, with_merged
 from service.config.nominal_file import NominalFile, nominal_file_of, structure_of
 from service.config.positions import Keys
 from service.config.problems import Finding
@@ -78,11 +77,7 @@ def same_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 def same_values(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values that are also in the configuration equal those of the file; merged ones by their parts."""
-    found, given = _nominal(axis), dict(axis.model.nominal)
-    for merged in usable_drive(axis).definitions:
-        if merged.name not in given and merged.names <= given.keys():
-            with suppress(ValueError):
-                given[merged.name] = merged.value(given)
+    found, given = _nominal(axis), with_merged(axis.model.nominal, usable_drive(axis))
     other = [name for name, value in found.values.items() if name in given and not alike(given[name], value)]
     if other:
         name, more = other[0], f" and {len(other) - 1} more" if len(other) > 1 else ""

@@ -126,12 +126,18 @@ def merged_values(axis: AxisConfig) -> Iterator[Finding]:
 
 def _nominal(axis: AxisConfig, drive: Drive) -> dict[str, float]:
     """The nominal values of the parameters of the drive, as far as they are known, including merged ones."""
-    values = watched_values(axis)
+    values = with_merged(watched_values(axis), drive)
+    return {p.name: values[p.name] for p in drive.parameters if p.name in values}
+
+
+def with_merged(given: Mapping[str, float], drive: Drive) -> dict[str, float]:
+    """The values and those of the parameters that are merged from them."""
+    values = dict(given)
     for d in drive.definitions:
         if d.name not in values and d.names <= values.keys():
             with suppress(ValueError):
                 values[d.name] = d.value(values)
-    return {p.name: values[p.name] for p in drive.parameters if p.name in values}
+    return values
 
 
 def _no_parameter(name: str, known: Iterable[str]) -> str:
