@@ -11,6 +11,7 @@ from typing import ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from service.config.base_table import Undecidable
 from service.config.validation_messages import RENAMED_KEYS
 
 FORMAT = 1
@@ -57,6 +58,18 @@ def read_found(schema: type[_F], path: Path) -> _F:
         raise FoundFileError(f"cannot read {path}: {error.strerror}") from None
     assert isinstance(found, schema)
     return found
+
+
+def found_of(schema: type[_F], path: Path | None) -> _F | None:
+    """The file that an axis names, None if it names none.
+
+    Raises:
+        Undecidable: it cannot be used, which a rule of the configuration reports.
+    """
+    try:
+        return None if path is None else read_found(schema, path)
+    except FoundFileError:
+        raise Undecidable(schema.__name__) from None
 
 
 @lru_cache(maxsize=512)

@@ -10,8 +10,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
-from service.config.base_table import NotNegative, Positive, Real, Undecidable
-from service.config.found_file import FoundFile, FoundFileError, FoundTable, read_found
+from service.config.base_table import NotNegative, Positive, Real
+from service.config.found_file import FoundFile, FoundTable, found_of, read_found
 from service.config.schema import AxisConfig
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
@@ -136,17 +136,8 @@ def read_nominal(path: Path) -> NominalFile:
 
 
 def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
-    """The file of nominal values of an axis, None if it has none.
-
-    Raises:
-        Undecidable: it cannot be used, which a rule of the configuration reports.
-    """
-    if axis.model.nominal_file is None:
-        return None
-    try:
-        return read_nominal(axis.model.nominal_file)
-    except FoundFileError:
-        raise Undecidable("nominal_file") from None
+    """The file of nominal values of an axis, as ``found_of``."""
+    return found_of(NominalFile, axis.model.nominal_file)
 
 
 def structure_of(drive: Drive) -> str:

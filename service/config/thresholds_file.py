@@ -11,8 +11,8 @@ from pydantic import Field
 
 from monitor_core.drive import AxisModel
 from monitor_core.settings import Settings, Threshold
-from service.config.base_table import NotNegative, Positive, Real, Undecidable
-from service.config.found_file import FoundFile, FoundFileError, FoundTable, alike, read_found
+from service.config.base_table import NotNegative, Positive, Real
+from service.config.found_file import FoundFile, FoundTable, alike, found_of
 from service.config.nominal_file import structure_of
 from service.config.schema import AxisConfig
 
@@ -60,17 +60,8 @@ class ThresholdsFile(FoundFile):
 
 
 def thresholds_file_of(axis: AxisConfig) -> ThresholdsFile | None:
-    """The file of thresholds of an axis, None if it has none.
-
-    Raises:
-        Undecidable: it cannot be used, which a rule of the configuration reports.
-    """
-    if axis.model.thresholds_file is None:
-        return None
-    try:
-        return read_found(ThresholdsFile, axis.model.thresholds_file)
-    except FoundFileError:
-        raise Undecidable("thresholds_file") from None
+    """The file of thresholds of an axis, as ``found_of``."""
+    return found_of(ThresholdsFile, axis.model.thresholds_file)
 
 
 # --- Thresholds belong to one monitor: to its nominal values and to the settings of its estimator ---------------------

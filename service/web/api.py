@@ -27,6 +27,7 @@ Points = Annotated[
 Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
 ]
+Only = Annotated[str | None, Query(description="only this one; default: all")]
 Moment = Annotated[
     AwareDatetime | None, Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z")
 ]
@@ -70,7 +71,7 @@ def _axes(state: AppState) -> APIRouter:
     @api.get("/axes/{axis}/history", summary="History of an axis", responses=_NOT_FOUND)
     def history(
         axis: str,
-        parameter: Annotated[str | None, Query(description="only this one; default: all")] = None,
+        parameter: Only = None,
         since: Moment = None,
         limit: Points = 3600,
     ) -> models.History:
@@ -81,7 +82,7 @@ def _axes(state: AppState) -> APIRouter:
     @api.get("/axes/{axis}/trend", summary="Long-term trend of an axis", responses=_NOT_FOUND)
     def trend(
         axis: str,
-        parameter: Annotated[str | None, Query(description="only this one; default: all")] = None,
+        parameter: Only = None,
         points: Entries = 1200,
     ) -> models.Trend:
         """Drift of the parameters, when they reach their limits, and the hourly means behind it."""
