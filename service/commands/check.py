@@ -9,25 +9,17 @@ from rich.text import Text
 
 from service.commands.configuration import ConfigPath, configuration
 from service.commands.exit_codes import explained
-from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of, unsaid
-from service.config.axis_settings import doubtful_nominals, short_memories
+from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of
 from service.config.base_table import SUFFIX
 from service.config.detector_choice import in_words as detectors_in_words
-from service.config.detector_choice import remarks_on_detectors
-from service.config.encoder_remarks import remarks_on_encoders
+from service.config.remarks import remarks
 
 
 def check(config: ConfigPath) -> None:
     """Check a configuration with its DBC files; name every problem by file and line."""
     read = configuration(config)
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
-        notes = (
-            *unsaid(read),
-            *short_memories(read),
-            *doubtful_nominals(read),
-            *remarks_on_encoders(read),
-            *remarks_on_detectors(read),
-        )
+        notes = tuple(remarks(read))
         axes = _axes(read)
     console = Console()
     console.print(_buses(read))

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from service.config.base_table import SUFFIX
-from service.config.drive_sources import LIBRARY, model_of_axis, state_space_of_file, state_space_of_library
+from service.config.drive_sources import LIBRARY, model_called, model_of_axis
 
 if TYPE_CHECKING:
     from monitor_core.drive import Output
@@ -58,9 +58,7 @@ def found_drive(
     if config is not None:
         return _of_axis(config, axis, measured)
     assert drive is not None
-    if drive.endswith(SUFFIX):
-        return FoundDrive(state_space_of_file(Path(drive), name, measured), {})
-    return FoundDrive(state_space_of_library(drive, measured), {})
+    return FoundDrive(model_called(drive, name, measured).space, {})
 
 
 def _of_axis(config: Path, axis: str | None, measured: Output | None) -> FoundDrive:

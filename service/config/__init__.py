@@ -1,45 +1,30 @@
 """The configuration file: its schema, its rules, and every problem with file, line, key and value."""
 
-from service.config.conditions import conditions_of, in_words, needed, unsaid
-from service.config.drives import drive_of, given_values
-from service.config.loading import load
-from service.config.nominal import Predictor, nominal_file_of, predictor_of, step_noise
-from service.config.problems import ConfigErrors, Problem
-from service.config.schema import (
-    AxisConfig,
-    BusConfig,
-    Config,
-    NamedAxis,
-    RobotConfig,
-    ServiceConfig,
-    WebConfig,
+from service.config.axis_settings import Predictor, predictor_of
+from service.config.conditions import conditions_of, in_words, needed
+from service.config.drives import (
+    bounds_of,
+    drive_of,
+    given_values,
+    limits_of,
+    scales_of,
+    watched_drive,
+    watched_values,
 )
+from service.config.loading import load
+from service.config.nominal_file import nominal_file_of
+from service.config.problems import ConfigErrors, Problem
+from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.schema_model import ModelConfig
-from service.config.schema_signals import FurtherConfig, SignalConfig, TimeConfig
-from service.config.schema_watching import DetectorConfig, EstimatorConfig, TrendConfig
-from service.config.skew import bounds_of, scales_of, watched_drive, watched_values
-from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
-from service.config.trend_limits import limits_of
 
 __all__ = [
     "AxisConfig",
-    "BusConfig",
     "Config",
     "ConfigErrors",
-    "DetectorConfig",
-    "EstimatorConfig",
-    "FurtherConfig",
     "ModelConfig",
     "NamedAxis",
     "Predictor",
     "Problem",
-    "RobotConfig",
-    "ServiceConfig",
-    "SignalConfig",
-    "ThresholdsFile",
-    "TimeConfig",
-    "TrendConfig",
-    "WebConfig",
     "bounds_of",
     "conditions_of",
     "drive_of",
@@ -51,9 +36,6 @@ __all__ = [
     "nominal_file_of",
     "predictor_of",
     "scales_of",
-    "step_noise",
-    "thresholds_file_of",
-    "unsaid",
     "watched_drive",
     "watched_values",
 ]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from monitor_core.drive import COSINE, SINE
 from monitor_core.monitoring import MIN_MEMORY_SAMPLES
+from service.config.axis_settings import step_noise
+from service.config.drives import watched_values
 from service.config.model_rules import usable_drive
-from service.config.nominal import nominal_file_of, step_noise
+from service.config.nominal_file import nominal_file_of
+from service.config.problems import Finding
 from service.config.schema import AxisConfig
-from service.config.skew import watched_values
-from service.config.validation_messages import Finding
 
 _NEARLY = 1e-3
 """Of a turn: as exactly as somebody may have written 2 pi."""
@@ -28,45 +29,28 @@ def motion(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
 
 
-def torque_delay(axis: AxisConfig) -> Iterator[Finding]:
-    """The torque is at most one interval late."""
-    if axis.torque_delay_s > axis.sample_interval_s:
-        yield Finding(("torque_delay_s",), f"must be at most sample_interval_s = {axis.sample_interval_s}")
-
-
-def pairing_tolerance(axis: AxisConfig) -> Iterator[Finding]:
-    """A wider tolerance would pair values of different samples."""
-    interval_s = axis.sample_interval_s
-    if axis.pairing_tolerance_s >= interval_s / 2:
-        limit = (
-            f"must be below half of sample_interval_s = {interval_s}: values of different samples would pair"
-        )
-        yield Finding(("pairing_tolerance_s",), limit)
-
-
-def maximum_gap(axis: AxisConfig) -> Iterator[Finding]:
-    """The normal interval is no gap."""
-    if axis.max_gap_s < axis.sample_interval_s:
-        limit = (
-            f"must be at least sample_interval_s = {axis.sample_interval_s}: every interval would be a gap"
-        )
-        yield Finding(("max_gap_s",), limit)
-
-
-def counter(axis: AxisConfig) -> Iterator[Finding]:
-    """Message and signal of the counter come together."""
-    pair = {"counter_message": axis.time.counter_message, "counter_signal": axis.time.counter_signal}
-    if len([value for value in pair.values() if value is None]) == 1:
-        missing = next(key for key, value in pair.items() if value is None)
-        yield Finding(("time", missing), "missing: counter_message and counter_signal go together")
+def times(axis: AxisConfig) -> Iterator[Finding]:
+    """Delay, pairing tolerance and gap fit the sample interval."""
+    h = axis.sample_interval_s
+    if axis.torque_delay_s > h:
+        yield Finding(("torque_delay_s",), f"must be at most sample_interval_s = {h}")
+    if axis.pairing_tolerance_s >= h / 2:
+        message = f"must be below half of sample_interval_s = {h}: values of different samples would pair"
+        yield Finding(("pairing_tolerance_s",), message)
+    if axis.max_gap_s < h:
+        message = f"must be at least sample_interval_s = {h}: every interval would be a gap"
+        yield Finding(("max_gap_s",), message)
 
 
 def clock(axis: AxisConfig) -> Iterator[Finding]:
-    """A clock is fitted only where no counter tells the time."""
+    """Message and signal of the counter come together; a clock is fitted only where no counter tells the time."""
+    pair = {key: getattr(axis.time, key) for key in ("counter_message", "counter_signal")}
+    missing = [key for key, value in pair.items() if value is None]
+    if len(missing) == 1:
+        yield Finding(("time", missing[0]), "missing: counter_message and counter_signal go together")
     if axis.time.clock == "cyclic" and axis.time.counter_signal is not None:
-        yield Finding(
-            ("time", "clock"), "the counter gives the times: remove this, or", ("time", "counter_signal")
-        )
+        message = "the counter gives the times: remove this, or"
+        yield Finding(("time", "clock"), message, ("time", "counter_signal"))
 
 
 def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
@@ -79,21 +63,15 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
     except (KeyError, ValueError):  # a value is missing, which another check reports
         return
     period = abs(axis.angle.factor) * axis.angle.wrap_period
-    turns = [
-        period * abs(r) / (2 * math.pi)
-        for r, kind in zip(ratio, drive.inputs, strict=True)
-        if kind in (COSINE, SINE)
-    ]
-    parts = [t for t in turns if round(t) == 0 or abs(t - round(t)) > _NEARLY]
-    if parts:
-        message = (
-            f"gravity depends on the position of the arm, and the angle wraps after {parts[0]:.3g} of its turns:"
-            " send one that goes on"
-        )
-        yield Finding(("angle", "wrap_period"), message)
-
-
-# --- predictor and estimator ----------------------------------------------------------------------------
+    for r, kind in zip(ratio, drive.inputs, strict=True):
+        turns = period * abs(r) / (2 * math.pi)
+        if kind in (COSINE, SINE) and (round(turns) == 0 or abs(turns - round(turns)) > _NEARLY):
+            message = (
+                f"gravity depends on the position of the arm, and the angle wraps after {turns:.3g} of its turns:"
+                " send one that goes on"
+            )
+            yield Finding(("angle", "wrap_period"), message)
+            return
 
 
 def predictor(axis: AxisConfig) -> Iterator[Finding]:
@@ -103,8 +81,7 @@ def predictor(axis: AxisConfig) -> Iterator[Finding]:
         if found.predictor.kind == "output-error" and axis.output == "angle":
             message = "found by output error, which diverges with the angle: identify it with innovations"
             yield Finding(("model", "nominal_file"), message)
-        return
-    if estimator.predictor == "output-error":
+    elif estimator.predictor == "output-error":
         if axis.output == "angle":
             message = 'needs speed; from the angle without a gain it diverges: use "innovations"'
             yield Finding(("estimator", "predictor"), message)
@@ -116,20 +93,19 @@ def predictor(axis: AxisConfig) -> Iterator[Finding]:
 
 def noises(axis: AxisConfig) -> Iterator[Finding]:
     """Everything is there that the filter gain and lambda_0 are computed from."""
-    estimator = axis.estimator
+    e = axis.estimator
     if nominal_file_of(axis) is not None or axis.records_only:
         return
-    steps = step_noise(axis)
-    pair = {"torque_noise": estimator.torque_noise, "output_noise": estimator.output_noise or steps}
+    pair = {"torque_noise": e.torque_noise, "output_noise": e.output_noise or step_noise(axis)}
     missing = [name for name, value in pair.items() if value is None]
-    if estimator.predictor == "output-error":
-        if estimator.innovation_variance is None and pair["output_noise"] is None:
+    if e.predictor == "output-error":
+        if e.innovation_variance is None and pair["output_noise"] is None:
             yield Finding(("estimator", "output_noise"), "missing: give output_noise or innovation_variance")
-    elif not estimator.gain:
+    elif not e.gain:
         for name in missing:
             message = "missing: the filter gain needs torque_noise and output_noise (or give gain)"
             yield Finding(("estimator", name), message)
-    elif estimator.innovation_variance is None and missing:
+    elif e.innovation_variance is None and missing:
         message = "missing: beside a gain give it, or torque_noise and output_noise"
         yield Finding(("estimator", "innovation_variance"), message)
 
@@ -156,9 +132,8 @@ def memory(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("estimator", "forgetting"), "beside memory_s: give one of the two")
     least = MIN_MEMORY_SAMPLES * axis.sample_interval_s
     if e.memory_s < least:
-        yield Finding(
-            ("estimator", "memory_s"), f"must be at least {MIN_MEMORY_SAMPLES} sample intervals, {least:g} s"
-        )
+        message = f"must be at least {MIN_MEMORY_SAMPLES} sample intervals, {least:g} s"
+        yield Finding(("estimator", "memory_s"), message)
 
 
 def initial_p(axis: AxisConfig) -> Iterator[Finding]:
@@ -169,12 +144,9 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
 
 
-AXIS_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
+AXIS_RULES = (
     motion,
-    torque_delay,
-    pairing_tolerance,
-    maximum_gap,
-    counter,
+    times,
     clock,
     wrapping_under_gravity,
     predictor,

@@ -1,59 +1,92 @@
-"""Model and settings of the core from the configuration of an axis."""
+"""Predictor and settings of the monitoring of an axis, from the configuration and the files that it names."""
 
-from collections.abc import Iterator
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 from monitor_core.drive import AxisModel
-from monitor_core.monitoring import (
-    MonitoringOptions,
-    recommended_settings,
-    short_memory,
-    unidentifiable_words,
-)
+from monitor_core.monitoring import MonitoringOptions, recommended_settings
 from monitor_core.settings import Settings
-from service.config import (
-    AxisConfig,
-    Config,
-    NamedAxis,
-    bounds_of,
-    nominal_file_of,
-    predictor_of,
-    scales_of,
-    thresholds_file_of,
-    watched_drive,
-    watched_values,
-)
-from service.config.threshold_match import with_thresholds
+from service.config.drives import axis_model
+from service.config.nominal_file import nominal_file_of
+from service.config.schema import AxisConfig, NamedAxis
+from service.config.thresholds_file import thresholds_file_of, with_thresholds
+
+__all__ = [
+    "AxisError",
+    "Predictor",
+    "axis_model",
+    "axis_settings",
+    "predictor_of",
+    "rounded",
+    "step_noise",
+    "untold",
+]
 
 
 class AxisError(Exception):
     """An axis that cannot be monitored as configured; the text names it and says what would be right."""
 
 
-def axis_model(config: AxisConfig) -> AxisModel:
-    """The model of an axis."""
-    drive, values = watched_drive(config), watched_values(config)
-    return AxisModel(drive, values, config.model.monitor, scales_of(config), bounds_of(config))
+class Predictor(NamedTuple):
+    """Predictor of the output of an axis.  None: not known; the gain is then computed from the noises."""
+
+    kind: str
+    gain: tuple[float, ...]
+    innovation_variance: float | None
+    torque_noise: float | None
+    output_noise: float | None
+    torque_delay_s: float
+    friction_speed_scale: float
+
+
+def predictor_of(axis: AxisConfig) -> Predictor:
+    """The predictor of an axis, from its file of nominal values or from the configuration.
+
+    A cross-check ensures that these do not contradict each other.
+    """
+    e, found = axis.estimator, nominal_file_of(axis)
+    if found is None:
+        return Predictor(
+            e.predictor, e.gain, e.innovation_variance,
+            e.torque_noise, e.output_noise or step_noise(axis),
+            axis.torque_delay_s, axis.model.friction_speed_scale,
+        )  # fmt: skip
+    p, noise = found.predictor, found.noise
+    return Predictor(
+        p.kind, p.gain, p.lam0,
+        e.torque_noise or noise.torque or None, e.output_noise or noise.output or None,
+        p.torque_delay_s, found.drive.friction_speed_scale,
+    )  # fmt: skip
+
+
+def step_noise(axis: AxisConfig) -> float | None:
+    """Standard deviation of the angle or speed from its resolution alone [rad, rad/s]; None: it is not given."""
+    motion = axis.angle or axis.speed
+    if motion is None or motion.resolution is None:
+        return None
+    return rounded(motion.resolution * motion.factor)
+
+
+def rounded(step: float) -> float:
+    """Standard deviation of what rounding to that step leaves: any value within a step, each as likely."""
+    return abs(step) / math.sqrt(12)
 
 
 def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
     """Settings of the monitoring of an axis.
 
     Raises:
-        AxisError: there is no predictor with these noises or this gain.
+        AxisError: there is no predictor with these noises or this gain, or its thresholds are of another monitor.
     """
+    config = axis.config
     try:
-        return _settings(axis.config, model)
+        settings = recommended_settings(model, config.sample_interval_s, _options(config, model))
+        thresholds = thresholds_file_of(config)
+        return settings if thresholds is None else with_thresholds(settings, model, thresholds)
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
-
-
-def _settings(config: AxisConfig, model: AxisModel) -> Settings:
-    settings, found = _without_thresholds(config, model), thresholds_file_of(config)
-    return settings if found is None else with_thresholds(settings, model, found)
-
-
-def _without_thresholds(config: AxisConfig, model: AxisModel) -> Settings:
-    return recommended_settings(model, config.sample_interval_s, _options(config, model))
 
 
 def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
@@ -78,37 +111,11 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
         alpha1=config.detector.alpha_1,
         alpha2=config.detector.alpha_2,
         covariance_reset=config.detector.covariance_reset,
-        unidentifiable=_untold(config),
+        unidentifiable=untold(config),
     )
 
 
-def _untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
+def untold(config: AxisConfig) -> tuple[tuple[str, str], ...]:
+    """Pairs of parameters that the record of the nominal values hardly distinguishes."""
     found = nominal_file_of(config)
     return found.untold(config.model.monitor) if found else ()
-
-
-def doubtful_nominals(config: Config) -> Iterator[str]:
-    """A note on each axis that is not tested because its nominal values do not allow it."""
-    for axis in config.axes:
-        for words in unidentifiable_words(_untold(axis.config)):
-            yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
-
-
-def short_memories(config: Config) -> Iterator[str]:
-    """A note on each axis whose memory is short compared with its predictor."""
-    for axis in config.axes:
-        model = axis_model(axis.config)
-        short = short_memory(model, axis_settings(axis, model), axis.config.estimator.joint_state)
-        if short is None:
-            continue
-        words = (
-            f"{axis.id}: a memory of {short.memory_s:.3g} s is short compared with {short.slowest_s:.3g} s, the slowest"
-            " time constant of the predictor"
-        )
-        if short.joint_by_default:
-            yield (
-                f"{words}: its state moves with the estimates (joint_state), so that they scatter as reported; from"
-                f" {short.needed_s:.3g} s on this is not needed, and a change is detected up to 30 % sooner"
-            )
-        else:
-            yield f"{words}: from {short.needed_s:.3g} s on estimates scatter as reported"

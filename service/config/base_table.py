@@ -15,15 +15,21 @@ class Undecidable(LookupError):  # noqa: N818 - it ends a cross-check, nobody se
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Context of reading tables: relative paths start at ``folder``."""
+    """Context of reading tables: relative paths start at ``folder``; files of thresholds may be ignored."""
 
     folder: Path
+    thresholds: bool = True
 
 
 class Table(BaseModel):
-    """A TOML table: immutable, unknown keys are errors."""
+    """A TOML table: immutable, unknown keys are errors.  The text below a key is shown with mistakes in it."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    @classmethod
+    def meaning(cls, key: str) -> str:
+        """The text below a key, in one line."""
+        return " ".join((cls.model_fields[key].description or "").split())
 
 
 # --- What the values of the configuration are: numbers with bounds, names, paths, defaults in samples -----------------
@@ -70,11 +76,10 @@ def intervals(count: float) -> Callable[[dict[str, Any]], Any]:
 # --- Times as people write them: 10min, 1h, "14 days" -----------------------------------------------------------------
 
 
-UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "y": 31557600.0}
+_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0, "y": 31557600.0}
 _TIME = re.compile(r"(?P<number>[\d.]+)\s*(?P<unit>[a-z]*)")
 _SPELLED = {"hour": "h", "day": "d", "week": "w", "year": "y", "minute": "min", "second": "s", "m": "min"}
-_ALL = UNITS | {"w": 7 * UNITS["d"]}
-LONGEST_S = 1000 * UNITS["y"]
+_LONGEST_S = 1000 * _UNITS["y"]
 
 
 def seconds_in(text: str) -> float:
@@ -87,9 +92,9 @@ def seconds_in(text: str) -> float:
     unit = (match["unit"] if match else "") or "s"
     unit = next((short for word, short in _SPELLED.items() if unit in (word, f"{word}s")), unit)
     try:
-        seconds = float(match["number"]) * _ALL[unit] if match else 0.0
+        seconds = float(match["number"]) * _UNITS[unit] if match else 0.0
     except (ValueError, KeyError):
         seconds = 0.0
-    if not 1 <= seconds <= LONGEST_S:
+    if not 1 <= seconds <= _LONGEST_S:
         raise ValueError(f"{text}: write a time, such as 10min, 1h, 30d or 1y")
     return seconds

@@ -8,79 +8,20 @@ from service.can.bus import interface_names
 from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 from service.config.base_table import Table
 from service.config.positions import Keys
+from service.config.problems import Finding
 from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
 from service.config.schema_signals import FurtherConfig, SignalConfig
-from service.config.validation_messages import Finding
 
+QUANTITIES = ("torque", "angle", "speed")
 _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"
 
 
-def bus_names(config: Config) -> Iterator[Finding]:
-    """No two buses have one name."""
-    return same_names("bus", config.bus)
-
-
-def robot_names(config: Config) -> Iterator[Finding]:
-    """No two robots have one name."""
-    return same_names("robot", config.robot)
-
-
-def axis_names(robot: RobotConfig) -> Iterator[Finding]:
-    """No two axes of a robot have one name."""
-    return same_names("axis", robot.axis)
-
-
-def bus_references(config: Config) -> Iterator[Finding]:
-    """Every axis names a bus of the file, if there is any."""
-    known = [bus.name for bus in config.bus]
-    for path, axis in _axes(config):
-        if axis.bus in known:
-            continue
-        if config.bus:
-            message = (
-                f"no such bus: {did_you_mean(axis.bus, known)}" if axis.bus else _missing(AxisConfig, "bus")
-            )
-            yield Finding((*path, "bus"), message)
-        elif axis.bus:
-            yield Finding((*path, "bus"), f"no such bus: {_NO_BUS}")
-
-
-def sources(config: Config) -> Iterator[Finding]:
-    """Torque and motion are in a message of the bus; without any bus, in a column."""
-    for path, axis in _axes(config):
-        for quantity in ("torque", "angle", "speed"):
-            source = getattr(axis, quantity)
-            if source is not None:
-                find = _on_bus if config.bus else _in_tables
-                yield from (finding.inside((*path, quantity)) for finding in find(source))
-
-
-def _on_bus(source: SignalConfig) -> Iterator[Finding]:
-    for key in ("message", "signal"):
-        if not getattr(source, key):
-            yield Finding((key,), _missing(SignalConfig, key))
-
-
-def _in_tables(source: SignalConfig) -> Iterator[Finding]:
-    for key in ("message", "signal"):
-        if getattr(source, key):
-            yield Finding((key,), f"is on a bus, but {_NO_BUS}")
-    if source.column is None:
-        yield Finding(
-            ("column",), f"{_missing(SignalConfig, 'column')}: without a [[bus]] it is read from there"
-        )
-
-
-def _missing(table: type[Table], key: str) -> str:
-    """The finding of a key that is required here."""
-    return f"missing ({table.model_fields[key].description})"
-
-
-def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
-    """All axes with their paths."""
+def names(config: Config) -> Iterator[Finding]:
+    """No two buses, no two robots and no two axes of a robot have one name."""
+    yield from same_names("bus", config.bus)
+    yield from same_names("robot", config.robot)
     for i, robot in enumerate(config.robot):
-        for k, axis in enumerate(robot.axis):
-            yield ("robot", i, "axis", k), axis
+        yield from (finding.inside(("robot", i)) for finding in same_names("axis", robot.axis))
 
 
 def same_names(
@@ -93,132 +34,147 @@ def same_names(
             yield Finding((key, i, "name"), "must differ from the name of", (key, first[table.name]))
 
 
-def interface(bus: BusConfig) -> Iterator[Finding]:
-    """The interface is one that python-can has."""
+def bus_references(config: Config) -> Iterator[Finding]:
+    """Every axis names a bus of the file, if there is any."""
+    known = [bus.name for bus in config.bus]
+    for path, axis in _axes(config):
+        if axis.bus and axis.bus not in known:
+            hint = did_you_mean(axis.bus, known) if known else _NO_BUS
+            yield Finding((*path, "bus"), f"no such bus: {hint}")
+        elif known and not axis.bus:
+            yield Finding((*path, "bus"), _missing(AxisConfig, "bus"))
+
+
+def sources(config: Config) -> Iterator[Finding]:
+    """Torque and motion are in a message of the bus; without any bus, in a column."""
+    for path, axis in _axes(config):
+        for quantity in QUANTITIES:
+            source = getattr(axis, quantity)
+            if source is None:
+                continue
+            where = (*path, quantity)
+            for key in ("message", "signal"):
+                if config.bus and not getattr(source, key):
+                    yield Finding((*where, key), _missing(SignalConfig, key))
+                elif not config.bus and getattr(source, key):
+                    yield Finding((*where, key), f"is on a bus, but {_NO_BUS}")
+            if not config.bus and source.column is None:
+                message = f"{_missing(SignalConfig, 'column')}: without a [[bus]] it is read from there"
+                yield Finding((*where, "column"), message)
+
+
+def _missing(table: type[Table], key: str) -> str:
+    """The finding of a key that is required here."""
+    return f"missing ({table.meaning(key)})"
+
+
+def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
+    """All axes with their paths."""
+    for i, robot in enumerate(config.robot):
+        for k, axis in enumerate(robot.axis):
+            yield ("robot", i, "axis", k), axis
+
+
+def usable_bus(bus: BusConfig) -> Iterator[Finding]:
+    """Python-can has the interface, options do not repeat keys of the bus, and the DBC can be read."""
     if bus.interface not in interface_names():
         hint = did_you_mean(bus.interface, interface_names())
         yield Finding(("interface",), f"python-can has no such interface: {hint}")
-
-
-def bus_options(bus: BusConfig) -> Iterator[Finding]:
-    """Options do not repeat keys of the bus."""
     for key in ("interface", "channel"):
         if key in bus.options:
             yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
+    try:
+        read_dbc(bus.dbc)
+    except DbcError as error:
+        yield Finding(("dbc",), str(error))
 
 
-# --- DBC files ----------------------------------------------------------------------------------------
+# --- The signals that axes use ----------------------------------------------------------------------------------------
 
 
-class _Wanted(NamedTuple):
-    """A signal that an axis uses: the paths and values of its two names."""
+class _Use(NamedTuple):
+    """A signal that an axis uses, and the table where it is named."""
 
-    bus: str
-    message_path: Keys
+    axis: AxisConfig
+    table: Keys
     message: str
-    signal_path: Keys
     signal: str
+    counter: bool = False
+
+    @property
+    def message_path(self) -> Keys:
+        return (*self.table, "counter_message" if self.counter else "message")
+
+    @property
+    def signal_path(self) -> Keys:
+        return (*self.table, "counter_signal" if self.counter else "signal")
 
 
-def dbc_files(config: Config) -> Iterator[Finding]:
-    """The DBC of each bus can be read."""
-    for i, bus in enumerate(config.bus):
-        try:
-            read_dbc(bus.dbc)
-        except DbcError as error:
-            yield Finding(("bus", i, "dbc"), str(error))
+def _values(config: Config) -> Iterator[_Use]:
+    """Torque and motion of all axes."""
+    for path, axis in _axes(config):
+        for quantity in QUANTITIES:
+            s = getattr(axis, quantity)
+            if s is not None and s.message and s.signal:
+                yield _Use(axis, (*path, quantity), s.message, s.signal)
+
+
+def _counters(config: Config) -> Iterator[_Use]:
+    """The sample counters of all axes; axes may share them."""
+    for path, axis in _axes(config):
+        message, signal = axis.time.counter_message, axis.time.counter_signal
+        if message is not None and signal is not None:
+            yield _Use(axis, (*path, "time"), message, signal, counter=True)
+
+
+def _further(config: Config) -> Iterator[_Use]:
+    """The auxiliary signals of all axes; axes may share them."""
+    for path, axis in _axes(config):
+        for n, s in enumerate(axis.signal):
+            if s.message is not None and s.signal is not None:
+                yield _Use(axis, (*path, "signal", n), s.message, s.signal)
 
 
 def dbc_names(config: Config) -> Iterator[Finding]:
     """Each message and each signal is in the DBC of the axis's bus."""
     files = {bus.name: bus.dbc for bus in config.bus}
-    for wanted in (*_wanted(config), *_further(config)):
+    for use in (*_values(config), *_counters(config), *_further(config)):
         try:
-            database = read_dbc(files[wanted.bus])
+            database = read_dbc(files[use.axis.bus])
         except (KeyError, DbcError):  # reported with the bus
             continue
+        path = use.message_path
         try:
-            message = find_message(database, wanted.message)
+            message = find_message(database, use.message)
+            path = use.signal_path
+            (find_counter if use.counter else find_signal)(message, use.signal)
         except DbcError as error:
-            yield Finding(wanted.message_path, str(error))
-            continue
-        try:
-            find = find_counter if wanted.signal_path[-1] == "counter_signal" else find_signal
-            find(message, wanted.signal)
-        except DbcError as error:
-            yield Finding(wanted.signal_path, str(error))
+            yield Finding(path, str(error))
 
 
 def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
     """No signal is the torque or the motion of two axes, or both of one."""
     first: dict[tuple[str, str, str], Keys] = {}
-    for wanted in _wanted(config):
-        if wanted.signal_path[-1] == "signal":  # many axes may share a counter
-            name = (wanted.bus, wanted.message, wanted.signal)
-            taken = first.setdefault(name, wanted.signal_path)
-            if taken != wanted.signal_path:
-                yield Finding(
-                    wanted.signal_path, f"{wanted.message}.{wanted.signal} is already used by", taken
-                )
+    for use in _values(config):
+        taken = first.setdefault((use.axis.bus, use.message, use.signal), use.signal_path)
+        if taken != use.signal_path:
+            yield Finding(use.signal_path, f"{use.message}.{use.signal} is already used by", taken)
 
 
 def counters_beside_values(config: Config) -> Iterator[Finding]:
     """A sample counter is in the message of the torque or of the motion."""
     wrong = {finding.path for finding in dbc_names(config)}
-    for wanted in _by_axis(config):
-        values = [w for w in wanted if w.signal_path[-1] == "signal"]
-        counter = next((w for w in wanted if w not in values), None)
-        if counter is None or len(values) < 2 or wrong & {w.message_path for w in wanted}:
+    for counter in _counters(config):
+        values = [use for use in _values(config) if use.axis is counter.axis]
+        if len(values) < 2 or wrong & {use.message_path for use in (*values, counter)}:
             continue
         messages = dict.fromkeys(value.message for value in values)
         if counter.message not in messages:
-            names = " or ".join(f'"{message}"' for message in messages)
+            either = " or ".join(f'"{message}"' for message in messages)
             yield Finding(
-                counter.message_path, f"the counter must come with the torque or the motion: {names}"
+                counter.message_path, f"the counter must come with the torque or the motion: {either}"
             )
 
 
-def _wanted(config: Config) -> Iterator[_Wanted]:
-    for wanted in _by_axis(config):
-        yield from wanted
-
-
-def _further(config: Config) -> Iterator[_Wanted]:
-    """The auxiliary signals of all axes; axes may share them."""
-    for i, robot in enumerate(config.robot):
-        for k, axis in enumerate(robot.axis):
-            for n, s in enumerate(axis.signal):
-                if s.message is not None and s.signal is not None:
-                    where: Keys = ("robot", i, "axis", k, "signal", n)
-                    yield _Wanted(axis.bus, (*where, "message"), s.message, (*where, "signal"), s.signal)
-
-
-def _by_axis(config: Config) -> Iterator[list[_Wanted]]:
-    for i, robot in enumerate(config.robot):
-        for k, axis in enumerate(robot.axis):
-            yield list(_of_axis(axis, ("robot", i, "axis", k)))
-
-
-def _of_axis(axis: AxisConfig, path: Keys) -> Iterator[_Wanted]:
-    for quantity in ("torque", "angle", "speed"):
-        signal = getattr(axis, quantity)
-        if signal is not None and signal.message and signal.signal:
-            where = (*path, quantity)
-            yield _Wanted(axis.bus, (*where, "message"), signal.message, (*where, "signal"), signal.signal)
-    message, signal = axis.time.counter_message, axis.time.counter_signal
-    if message is not None and signal is not None:
-        where = (*path, "time")
-        yield _Wanted(axis.bus, (*where, "counter_message"), message, (*where, "counter_signal"), signal)
-
-
-FILE_RULES = (
-    bus_names,
-    robot_names,
-    bus_references,
-    sources,
-    dbc_files,
-    dbc_names,
-    one_axis_for_each_signal,
-    counters_beside_values,
-)
-BUS_RULES = (interface, bus_options)
+CONFIG_RULES = (names, bus_references, sources, dbc_names, one_axis_for_each_signal, counters_beside_values)
+BUS_RULES = (usable_bus,)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,59 +10,49 @@ from monitor_core.drive import AxisModel, Conditions, Follow, Operating, split_n
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
-from service.config.conditions import Varying, term_of, varying_of
-from service.config.model_rules import axis_model
+from service.config.conditions import Schedule, follow_of, term_of, varying_of
+from service.config.model_rules import decided_model
 from service.config.positions import Keys
+from service.config.problems import Finding
 from service.config.schema import AxisConfig, RobotConfig
-from service.config.validation_messages import Finding
 
 
 def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
     """A signal that is the motion of another axis: of this robot, on the same bus."""
-    names = [axis.name for axis in robot.axis]
     for k, axis in enumerate(robot.axis):
+        others = {other.name: other for other in robot.axis if other.name != axis.name}
         for n, s in enumerate(axis.signal):
+            path: Keys = ("axis", k, "signal", n, "axis")
             if s.axis is None:
                 continue
-            path: Keys = ("axis", k, "signal", n, "axis")
-            others = [name for name in names if name != axis.name]
             if s.axis not in others:
                 yield Finding(path, f"no other axis of that name: {did_you_mean(s.axis, others)}")
                 continue
-            other = next(other for other in robot.axis if other.name == s.axis)
-            if _starts_again(other):
+            other = others[s.axis]
+            if other.angle is not None and other.angle.wrap_period is not None:
                 message = (
                     f"the angle of {s.axis} starts again after each turn, and how many there were a signal does not"
                     " tell: take one that goes on, from a message"
                 )
                 yield Finding(path, message)
             if axis.bus != other.bus:
-                yield Finding(
-                    path,
+                message = (
                     f"it is on the bus {other.bus}, this axis on {axis.bus}: signals come from an axis's own bus, where"
-                    " their order is certain",
+                    " their order is certain"
                 )
+                yield Finding(path, message)
 
 
-def _starts_again(axis: AxisConfig) -> bool:
-    return axis.angle is not None and axis.angle.wrap_period is not None
-
-
-def signal_names(axis: AxisConfig) -> Iterator[Finding]:
-    """No two auxiliary signals have the same name."""
+def sources(axis: AxisConfig) -> Iterator[Finding]:
+    """Auxiliary signals have different names, and each states its source once."""
     yield from same_names("signal", axis.signal)
-
-
-def places_of_signals(axis: AxisConfig) -> Iterator[Finding]:
-    """Each auxiliary signal states its source once."""
     for n, s in enumerate(axis.signal):
         path: Keys = ("signal", n)
         if s.axis is not None:
             for key in ("message", "signal"):
                 if getattr(s, key) is not None:
-                    yield Finding(
-                        (*path, key), "it is the motion of another axis: remove this, or", (*path, "axis")
-                    )
+                    message = "it is the motion of another axis: remove this, or"
+                    yield Finding((*path, key), message, (*path, "axis"))
         elif (s.message is None) != (s.signal is None):
             missing = "message" if s.message is None else "signal"
             yield Finding((*path, missing), "missing: message and signal go together")
@@ -74,7 +64,7 @@ def gates(axis: AxisConfig) -> Iterator[Finding]:
     """A gate uses a signal of the axis, and one condition on it."""
     for k, gate in enumerate(axis.gate):
         path: Keys = ("gate", k)
-        if problem := _unknown(gate.signal, axis):
+        if problem := _no_signal(gate.signal, axis):
             yield Finding((*path, "signal"), problem)
         given = [key for key in ("equals", "above", "below") if getattr(gate, key) is not None]
         if len(given) != 1:
@@ -82,91 +72,96 @@ def gates(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding((*path, key), "a gate has one of equals, above and below")
 
 
-def varying_terms(axis: AxisConfig) -> Iterator[Finding]:
-    """A schedule uses a signal of the axis or a function of it, once."""
+def _no_signal(name: str, axis: AxisConfig) -> str:
+    """Why that is no signal of the axis; empty if it is one."""
+    names = _names(axis)
+    try:
+        return "must be a signal itself" if name not in names and term_of(name, names).function else ""
+    except ValueError as error:
+        return str(error)
+
+
+def schedules(axis: AxisConfig) -> Iterator[Finding]:
+    """A schedule uses a signal of the axis or a function of it, once; its range has its ends in order."""
     seen = dict[tuple[str, str], Keys]()
-    for v in varying_of(axis):
+    for path, v in varying_of(axis):
+        if v.range is not None and not v.range[0] < v.range[1]:
+            yield Finding(_key(path, "range"), "must be [lowest, highest] with lowest < highest")
         try:
             term = str(term_of(v.signal, _names(axis)))
         except ValueError as error:
-            yield Finding(_key(v, "signal"), f"{v.parameter} follows {v.signal}: {error}")
+            yield Finding(_key(path, "signal"), f"{v.parameter} follows {v.signal}: {error}")
             continue
-        if (first := seen.setdefault((v.parameter, term), v.path)) != v.path:
-            yield Finding(_key(v, "signal"), f"{v.parameter} follows {term} already by", first)
+        if (first := seen.setdefault((v.parameter, term), path)) != path:
+            yield Finding(_key(path, "signal"), f"{v.parameter} follows {term} already by", first)
 
 
-def varying_ranges(axis: AxisConfig) -> Iterator[Finding]:
-    """The ends of a range are in order."""
-    for v in varying_of(axis):
-        if v.range is not None and not v.range[0] < v.range[1]:
-            yield Finding(_key(v, "range"), "must be [lowest, highest] with lowest < highest")
-
-
-def varying_parameters(axis: AxisConfig) -> Iterator[Finding]:
+def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
     """A scheduled parameter is monitored, with slopes of the parameter or of its reciprocal."""
     monitored = {split_name(name)[0] for name in axis.model.monitor}
     first = dict[str, str]()
-    for v in varying_of(axis):
-        base = split_name(v.parameter)[0]
+    for path, v in varying_of(axis):
+        key, base = _key(path, "parameter"), split_name(v.parameter)[0]
         if base not in monitored:
-            yield Finding(
-                _key(v, "parameter"),
+            message = (
                 f"{v.parameter} follows {v.signal}, but only a monitored parameter can follow: add it to monitor, or"
-                " identify it without",
+                " identify it without"
             )
-        elif first.setdefault(base, v.parameter) != v.parameter:
-            yield Finding(
-                _key(v, "parameter"), f"slopes of both {v.parameter} and {first[base]}: give one of them"
-            )
+            yield Finding(key, message)
+        elif (other := first.setdefault(base, v.parameter)) != v.parameter:
+            yield Finding(key, f"slopes of both {v.parameter} and {other}: give one of them")
 
 
-def varying_values(axis: AxisConfig) -> Iterator[Finding]:
+def values_at_ends(axis: AxisConfig) -> Iterator[Finding]:
     """Nominal values stay within their bounds over the whole range of each signal."""
-    if any(_findings(rule, axis) for rule in CONDITION_RULES if rule is not varying_values):
-        return
-    model = axis_model(axis)
-    for v in varying_of(axis):
+    model = decided_model(axis)
+    for path, v in varying_of(axis):
         for end in v.range or ():
-            if _leaves_bounds(model, v.follow, end):
-                yield Finding(
-                    _key(v, "slope"), f"{v.parameter} would leave its bounds at {v.signal} = {end:g}"
-                )
+            if _leaves_bounds(model, follow_of(v), end):
+                message = f"{v.parameter} would leave its bounds at {v.signal} = {end:g}"
+                yield Finding(_key(path, "slope"), message)
+
+
+def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
+    """Whether theta_0 is impossible at this value of the term."""
+    plain = follow._replace(term=follow.term._replace(function=""), low=end, high=end)
+    operating = Operating(model, Conditions((follow.term.signal,), (plain,)))
+    shift, _ = operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([[end]]))
+    return bool(np.isnan(shift).any())
 
 
 def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
     """The signals that a monitored axis needs are on its bus."""
     if axis.records_only:
         return
-    purposes = {_signal(v, axis): f"{v.parameter} follows it" for v in varying_of(axis)}
+    purposes = {_signal(v, axis): f"{v.parameter} follows it" for _, v in varying_of(axis)}
     purposes |= {g.signal: "it is a gate" for g in axis.gate}
     for n, s in enumerate(axis.signal):
         if s.axis is None and s.message is None and s.name in purposes:
-            yield Finding(
-                ("signal", n, "message"), f"missing: {purposes[s.name]}, so it must be on the bus of the axis"
-            )
+            message = f"missing: {purposes[s.name]}, so it must be on the bus of the axis"
+            yield Finding(("signal", n, "message"), message)
 
 
 def choice(axis: AxisConfig) -> Iterator[Finding]:
     """The key ``conditions`` agrees with the configured conditions."""
-    stated, path = axis.model.conditions, ("model", "conditions")
+    stated, key = axis.model.conditions, ("model", "conditions")
     if stated == "followed" and not varying_of(axis):
-        yield Finding(
-            path, "nothing follows anything: add [[robot.axis.model.schedule]], or a nominal_file with some"
-        )
+        message = "nothing follows anything: add [[robot.axis.model.schedule]], or a nominal_file with some"
+        yield Finding(key, message)
     if stated == "gated" and not axis.gate:
-        yield Finding(path, "there is no gate: add [[robot.axis.gate]]")
+        yield Finding(key, "there is no gate: add [[robot.axis.gate]]")
     if stated == "others stand still":
         moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
-        for v in varying_of(axis):
+        for path, v in varying_of(axis):
             if (other := moving.get(_signal(v, axis))) is not None:
-                yield Finding(path, f"but {v.parameter} follows the motion of {other}, by", v.path)
+                yield Finding(key, f"but {v.parameter} follows the motion of {other}, by", path)
 
 
 def _names(axis: AxisConfig) -> list[str]:
     return [s.name for s in axis.signal]
 
 
-def _signal(v: Varying, axis: AxisConfig) -> str:
+def _signal(v: Schedule, axis: AxisConfig) -> str:
     """The signal of a term."""
     try:
         return term_of(v.signal, _names(axis)).signal
@@ -174,46 +169,9 @@ def _signal(v: Varying, axis: AxisConfig) -> str:
         raise Undecidable("signal") from None
 
 
-def _unknown(name: str, axis: AxisConfig) -> str:
-    """Why that is no signal of the axis; empty if it is one."""
-    if name in _names(axis):
-        return ""
-    try:
-        return "must be a signal itself" if term_of(name, _names(axis)).function else ""
-    except ValueError as error:
-        return str(error)
-
-
-def _key(v: Varying, key: str) -> Keys:
+def _key(path: Keys, key: str) -> Keys:
     """The key of a table of the configuration; of a file of nominal values, the file."""
-    return v.path if v.path[-1] == "nominal_file" else (*v.path, key)
+    return path if path[-1] == "nominal_file" else (*path, key)
 
 
-def _findings(rule: Callable[[AxisConfig], Iterator[Finding]], axis: AxisConfig) -> bool:
-    """Findings of a rule; none if it cannot be checked."""
-    try:
-        return next(rule(axis), None) is not None
-    except Undecidable:
-        return True
-
-
-def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
-    """Whether theta_0 is impossible at this value of the term."""
-    plain = follow._replace(term=follow.term._replace(function=""), low=end, high=end)
-    signal = follow.term.signal
-    operating = Operating(model, Conditions((signal,), (plain,)))
-    shift, _ = operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([[end]]))
-    return bool(np.isnan(shift).any())
-
-
-CONDITION_RULES: tuple[Callable[[AxisConfig], Iterator[Finding]], ...] = (
-    signal_names,
-    places_of_signals,
-    gates,
-    varying_terms,
-    varying_ranges,
-    varying_parameters,
-    varying_values,
-    on_the_bus,
-    choice,
-)
+CONDITION_RULES = (sources, gates, schedules, scheduled_parameters, on_the_bus, choice)

@@ -4,55 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
 
 from monitor_core.drive import FUNCTIONS, Conditions, Follow, Gate, Term
 from monitor_core.wording import did_you_mean
-from service.config.nominal import nominal_file_of
+from service.config.nominal_file import ScheduleTable, nominal_file_of
 from service.config.positions import Keys
-from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
+from service.config.schema import AxisConfig, NamedAxis
+from service.config.schema_model import ScheduleConfig
 from service.config.schema_signals import GateConfig, Source
 
-
-class Varying(NamedTuple):
-    """A scheduled parameter, and the place where the schedule is written, relative to the axis."""
-
-    parameter: str
-    signal: str
-    slope: float
-    reference: float
-    range: tuple[float, float] | None
-    path: Keys
-
-    @property
-    def follow(self) -> Follow:
-        """The schedule as the core takes it.
-
-        Raises:
-            ValueError: the signal is no term.
-        """
-        low, high = self.range or (-math.inf, math.inf)
-        return Follow(self.parameter, Term.read(self.signal), self.slope, self.reference, low, high)
+Schedule = ScheduleTable | ScheduleConfig
+"""Nominal values that follow a signal, as a file of nominal values or the configuration has them"""
 
 
-def varying_of(axis: AxisConfig) -> tuple[Varying, ...]:
-    """All schedules of an axis: of the file of nominal values, and of the configuration.
+def varying_of(axis: AxisConfig) -> tuple[tuple[Keys, Schedule], ...]:
+    """All schedules of an axis with the places where they are written, relative to the axis.
 
     Raises:
-        Undecidable: the file cannot be used.
+        Undecidable: the file of nominal values cannot be used.
     """
-    return (*_of_file(axis), *_of_configuration(axis))
-
-
-def _of_file(axis: AxisConfig) -> Iterator[Varying]:
     found = nominal_file_of(axis)
-    for v in found.schedule if found else ():
-        yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, ("model", "nominal_file"))
+    return (
+        *((("model", "nominal_file"), v) for v in (found.schedule if found else ())),
+        *((("model", "schedule", k), v) for k, v in enumerate(axis.model.schedule)),
+    )
 
 
-def _of_configuration(axis: AxisConfig) -> Iterator[Varying]:
-    for k, v in enumerate(axis.model.schedule):
-        yield Varying(v.parameter, v.signal, v.slope, v.reference, v.range, ("model", "schedule", k))
+def follow_of(schedule: Schedule) -> Follow:
+    """The schedule as the core takes it.
+
+    Raises:
+        ValueError: the signal is no term.
+    """
+    v = schedule
+    return Follow(v.parameter, Term.read(v.signal), v.slope, v.reference, *(v.range or (-math.inf, math.inf)))
 
 
 def term_of(text: str, known: Iterable[str]) -> Term:
@@ -81,7 +66,7 @@ def conditions_of(axis: NamedAxis) -> Conditions:
     """The operating conditions of an axis of a valid configuration."""
     return Conditions(
         tuple(source.name for source in needed(axis)),
-        tuple(v.follow for v in varying_of(axis.config)),
+        tuple(follow_of(v) for _, v in varying_of(axis.config)),
         tuple(_gate(gate) for gate in axis.config.gate),
         axis.config.min_speed or 0.0,
     )
@@ -89,7 +74,9 @@ def conditions_of(axis: NamedAxis) -> Conditions:
 
 def needed(axis: NamedAxis) -> tuple[Source, ...]:
     """The auxiliary signals that the monitoring of an axis needs, in the order of the configuration."""
-    names = {v.follow.term.signal for v in varying_of(axis.config)} | {g.signal for g in axis.config.gate}
+    names = {follow_of(v).term.signal for _, v in varying_of(axis.config)} | {
+        g.signal for g in axis.config.gate
+    }
     return tuple(source for source in axis.sources if source.name in names)
 
 
@@ -101,7 +88,7 @@ def _gate(gate: GateConfig) -> Gate:
 
 def in_words(axis: AxisConfig) -> Iterator[str]:
     """The conditions of an axis, for people."""
-    for v in varying_of(axis):
+    for _, v in varying_of(axis):
         yield f"{v.parameter} follows {v.signal}"
     for g in axis.gate:
         yield f"only while {g.signal} is {_value(g)}"
@@ -113,22 +100,3 @@ def _value(gate: GateConfig) -> str:
     if gate.equals is not None:
         return " or ".join(f"{value:g}" for value in gate.equals)
     return f"above {gate.above:g}" if gate.above is not None else f"below {gate.below:g}"
-
-
-def unsaid(config: Config) -> Iterator[str]:
-    """Assumptions where the configuration does not state the conditions, robot by robot."""
-    for robot in config.robot:
-        names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
-        if names:
-            yield (
-                f"{robot.name}: {', '.join(names)}: monitored as if the other axes stood still. Where their pose"
-                " changes the inertia, there will be alarms. Let nominal values follow it"
-                " ([[robot.axis.model.schedule]]),"
-                " monitor a reference motion only ([[robot.axis.gate]]), or say"
-                ' conditions = "others stand still" in [robot.axis.model]'
-            )
-
-
-def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
-    stated = axis.model.conditions is not None or axis.gate or varying_of(axis)
-    return len(robot.axis) > 1 and not stated

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, reason_unavailable
 from monitor_core.drive import AxisModel
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
-from service.config import AxisConfig, Config, NamedAxis, thresholds_file_of
 from service.config.axis_settings import AxisError, axis_model, axis_settings
-from service.config.detector_rules import follows
+from service.config.conditions import varying_of
+from service.config.schema import AxisConfig, NamedAxis
+from service.config.thresholds_file import thresholds_file_of
 
 
 class Detectors(NamedTuple):
@@ -38,31 +38,37 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
         if wanted.alarm_source == "multimodel":
             raise AxisError(f"{axis.id}: the multi-model detector cannot run: {reason}")
         return Detectors("cusum", None, reason)
-    limits, from_record = _limits(axis, settings)
-    source = alarm_source_of(axis.config, from_record)
+    thresholds = thresholds_file_of(axis.config)
+    found = () if thresholds is None else thresholds.hypothesis
+    source = alarm_source_of(axis.config, from_record=bool(found))
     if source == "cusum" and not wanted.shadow:
         return Detectors("cusum", None, "")
+    limits = tuple(Limit(h.cause, h.size_or_nan, h.h, h.allowance, h.alike) for h in found)
     try:
-        multimodel = MultiModelDetector(model, settings, limits)
+        multimodel = MultiModelDetector(
+            model, settings, Limits(wanted.budget_s / settings.interval_s, limits)
+        )
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
-    why = "h from its records" if from_record else f"guaranteed h, 1 in {duration(wanted.budget_s)}"
+    why = "h from its records" if found else f"guaranteed h, 1 in {duration(wanted.budget_s)}"
     return Detectors(source, multimodel, why)
 
 
 def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
     """The alarm source of an axis that can have both detectors, with or without thresholds from a healthy record."""
     # Model errors are larger where conditions change the model: there the paper's tests alarm by default.
-    return axis.detector.alarm_source or ("multimodel" if from_record and not follows(axis) else "cusum")
+    constant = not varying_of(axis)
+    return axis.detector.alarm_source or ("multimodel" if from_record and constant else "cusum")
 
 
-def _limits(axis: NamedAxis, settings: Settings) -> tuple[Limits, bool]:
-    """Thresholds of the multi-model detector, and whether they come from a healthy record."""
-    samples = axis.config.detector.budget_s / settings.interval_s
-    thresholds = thresholds_file_of(axis.config)
-    found = () if thresholds is None else thresholds.hypothesis
-    limits = tuple(Limit(h.cause, h.size_or_nan, h.h, h.allowance, h.alike) for h in found)
-    return Limits(samples, limits), bool(limits)
+def configured_detectors(axis: NamedAxis) -> Detectors:
+    """``detectors_of`` the axis with its own model and settings.
+
+    Raises:
+        AxisError: the axis cannot be monitored as configured.
+    """
+    model = axis_model(axis.config)
+    return detectors_of(axis, model, axis_settings(axis, model))
 
 
 def in_words(axis: NamedAxis) -> str:
@@ -71,26 +77,7 @@ def in_words(axis: NamedAxis) -> str:
     Raises:
         AxisError: the axis cannot be monitored as configured.
     """
-    found = _detectors(axis)
+    found = configured_detectors(axis)
     if found.alarm_source == "multimodel":
         return f"alarms: multimodel ({found.why})"
     return "alarms: cusum" + ("" if found.multimodel is None else " (multimodel in shadow mode)")
-
-
-def remarks_on_detectors(config: Config) -> Iterator[str]:
-    """Remarks on the detectors of the axes for the user."""
-    for axis in config.axes:
-        found, wanted = _detectors(axis), axis.config.detector
-        if found.multimodel is None and wanted.shadow and found.why:
-            yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"
-        elif found.alarm_source == "multimodel" and thresholds_file_of(axis.config) is None:
-            yield (
-                f"{axis.id}: the thresholds of the multi-model detector are the guaranteed ones: at most one false"
-                f" alarm in {duration(wanted.budget_s)} if the model is exact. A real axis needs thresholds of its own:"
-                " `axiswatch calibrate`"
-            )
-
-
-def _detectors(axis: NamedAxis) -> Detectors:
-    model = axis_model(axis.config)
-    return detectors_of(axis, model, axis_settings(axis, model))

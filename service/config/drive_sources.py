@@ -34,40 +34,6 @@ class Modelled(NamedTuple):
     values: Mapping[str, float]
 
 
-def state_space_of_file(path: Path, model: str | None = None, output: Output | None = None) -> StateSpace:
-    """The state space of the drive in a Modelica file.
-
-    Args:
-        path: the file.
-        model: which of its models; None where it has one.
-        output: what the sensor measures, where it is not what was drawn.
-
-    Raises:
-        ModelError: the file cannot be read, or what is drawn there is no drive.
-    """
-    return model_of_file(path, model, output).space
-
-
-def state_space_of_library(name: str, output: Output | None = None) -> StateSpace:
-    """The state space of a drive that comes with the program.
-
-    Raises:
-        ModelError: there is none of that name.
-    """
-    return model_of_library(name, None, output).space
-
-
-def state_space_of_drawing(
-    components: Mapping[str, Mapping[str, Any]], output: Output | None = None
-) -> StateSpace:
-    """The state space of components by name: {"motor": {"type": "inertia", "at": "shaft", "J": "Jm"}, ...}.
-
-    Raises:
-        ModelError: they are no drive.
-    """
-    return model_of_drawing(components, output).space
-
-
 def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
     """The drive of a configured axis, for what is measured there or for the ``output`` given.
 
@@ -94,12 +60,25 @@ def model_called(name: str, model: str | None = None, output: Output | None = No
 
 
 def model_of_file(path: Path, model: str | None = None, output: Output | None = None) -> Modelled:
-    """As ``state_space_of_file``, with the engine's drive."""
+    """The drive in a Modelica file.
+
+    Args:
+        path: the file.
+        model: which of its models; None where it has one.
+        output: what the sensor measures, where it is not what was drawn.
+
+    Raises:
+        ModelError: the file cannot be read, or what is drawn there is no drive.
+    """
     return _model_of_text(str(path), _text(path), model, output, None)
 
 
 def model_of_library(name: str, model: str | None = None, output: Output | None = None) -> Modelled:
-    """As ``state_space_of_library``, with the engine's drive."""
+    """A drive that comes with the program.
+
+    Raises:
+        ModelError: there is none of that name.
+    """
     if name not in LIBRARY:
         hint = did_you_mean(name, LIBRARY)
         raise ModelError(f'no such drive: {hint}; the name of a Modelica file ends with "{SUFFIX}"')
@@ -109,18 +88,18 @@ def model_of_library(name: str, model: str | None = None, output: Output | None 
 
 def _of_python(name: str, output: Output) -> Modelled:
     """The same drive of the library drawn in Python, without values: a daemon need not load the Modelica parser."""
-    from monitor_core.modeling import drive_drawings as library
+    from monitor_core.modeling import drive_drawings
 
-    drawings = {
-        "two-mass": library.two_mass,
-        "three-mass": library.three_mass,
-        "five-mass": library.five_mass,
-    }
-    return _once(name, output, lambda: drawings[name]().flat(), None)
+    draw = getattr(drive_drawings, name.replace("-", "_"))
+    return _once(name, output, lambda: draw().flat(), None)
 
 
 def model_of_drawing(components: Mapping[str, Mapping[str, Any]], output: Output | None = None) -> Modelled:
-    """As ``state_space_of_drawing``, with the engine's drive."""
+    """The drive of components by name: {"motor": {"type": "inertia", "at": "shaft", "J": "Jm"}, ...}.
+
+    Raises:
+        ModelError: they are no drive.
+    """
     tables = [{**table, "name": name} for name, table in components.items()]
 
     def read() -> FlatModel:

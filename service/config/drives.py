@@ -1,15 +1,23 @@
-"""The drive of an axis, as named or drawn in the configuration."""
+"""The drive of an axis with its nominal values, scales, bounds and limits, as named or drawn in the configuration.
+
+The skew between torque and motion, ``monitor = [.., "delay"]``, is no parameter of the drawing: every drive can have
+it; its nominal value is ``torque_delay_s`` of the axis.
+"""
 
 from __future__ import annotations
 
-from monitor_core.drive import Drive, Output
-from monitor_core.modeling import ModelError
-from service.config import drive_sources as modeling
+from collections.abc import Mapping, Sequence
+
+from monitor_core.drive import DELAY, AxisModel, Drive, Output
+from monitor_core.monitoring import Limit
 from service.config.base_table import SUFFIX
-from service.config.nominal import nominal_file_of
-from service.config.positions import Keys
+from service.config.drive_sources import model_of_axis
+from service.config.nominal_file import nominal_file_of
 from service.config.schema import AxisConfig
-from service.config.schema_model import ModelConfig
+
+SCALE = 0.5
+"""Of a sample interval.  A tenth of an interval late, which reads as 3 % of motor inertia, then counts as a fifth of
+any other parameter does; with smaller scales a change of the arm's inertia by a fifth is often taken for a skew."""
 
 
 def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
@@ -30,7 +38,7 @@ def plain_drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
     Raises:
         ModelError: there is none.
     """
-    drive = _modelled(axis, output).drive
+    drive = model_of_axis(axis, output).drive
     return drive.with_mean_speed() if output is None and axis.interval_mean else drive
 
 
@@ -43,23 +51,88 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
     Raises:
         ModelError: the axis has no drive.
     """
-    drawn = {} if is_library(axis.model) else _modelled(axis).values
+    is_library = not axis.model.components and not axis.model.drive.endswith(SUFFIX)
+    drawn = {} if is_library else model_of_axis(axis).values
     found = nominal_file_of(axis)
     return {**drawn, **axis.model.nominal, **(found.values if found else {})}
 
 
-def _modelled(axis: AxisConfig, output: Output | None = None) -> modeling.Modelled:
-    return modeling.model_of_axis(axis, output)
+# --- As it is monitored: where that is wanted, with the delay of its torque as a parameter ----------------------------
 
 
-def is_library(model: ModelConfig) -> bool:
-    """Whether the drive is one that comes with the program."""
-    return not model.components and not model.drive.endswith(SUFFIX)
+def watches_skew(axis: AxisConfig) -> bool:
+    """Whether the delay of the torque is monitored."""
+    return DELAY in axis.model.monitor
 
 
-def place_of(error: ModelError, model: ModelConfig) -> Keys:
-    """The key of a table [robot.axis.model] that an error of its drive belongs to."""
-    if not model.components:
-        return ("model", "drive")
-    component = error.origin.component.split(".")[0]
-    return ("model", "components", component) if component in model.components else ("model", "components")
+def has_own_delay(drive: Drive) -> bool:
+    """Whether the drawing has a parameter of that name, which is something else."""
+    return any(p.name == DELAY for p in (*drive.parameters, *drive.drawn))
+
+
+def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
+    """The drive of an axis as it is monitored.
+
+    Raises:
+        ModelError: it has none.
+    """
+    drive = drive_of(axis, output)
+    return drive.with_delay() if watches_skew(axis) and not has_own_delay(drive) else drive
+
+
+def watched_values(axis: AxisConfig) -> dict[str, float]:
+    """The nominal values of the monitored drive, as ``given_values``."""
+    own = {DELAY: nominal_skew(axis)} if watches_skew(axis) else {}
+    return given_values(axis) | own
+
+
+def nominal_skew(axis: AxisConfig) -> float:
+    """How late the torque of the healthy axis acts [s]."""
+    found = nominal_file_of(axis)
+    return axis.torque_delay_s if found is None else found.predictor.torque_delay_s
+
+
+def scales_of(axis: AxisConfig) -> dict[str, float]:
+    """Sizes of monitored parameters, by name, where |nominal| is not the size."""
+    own = {DELAY: SCALE * axis.sample_interval_s} if watches_skew(axis) else {}
+    return own | axis.model.scales
+
+
+def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
+    """Bounds of monitored parameters, by name, where they differ from the defaults.
+
+    A skew is followed up to one interval: beyond that the torque would be that of another sample.
+    """
+    h = axis.sample_interval_s
+    own = {DELAY: (-h, h)} if watches_skew(axis) and nominal_skew(axis) < h else {}
+    return own | axis.model.bounds
+
+
+def axis_model(axis: AxisConfig) -> AxisModel:
+    """The model of an axis of a valid configuration."""
+    drive, values = watched_drive(axis), watched_values(axis)
+    return AxisModel(drive, values, axis.model.monitor, scales_of(axis), bounds_of(axis))
+
+
+# --- Limits of the long-term trend, of a monitored parameter or of its reciprocal -------------------------------------
+
+
+def monitored_as(name: str, monitor: Sequence[str]) -> str | None:
+    """The monitored parameter that a limit of this name is about; None: there is none."""
+    reciprocal = name.removeprefix("1/") if name.startswith("1/") else f"1/{name}"
+    return next((own for own in (name, reciprocal) if own in monitor), None)
+
+
+def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[Limit, ...]]:
+    """The limits of each monitored parameter that has any."""
+    found = {}
+    for name, values in axis.model.limits.items():
+        own = monitored_as(name, model.monitored)
+        assert own is not None  # a cross-check ensures it
+        nominal, inverse = float(model.theta0[model.monitored.index(own)]), own != name
+        nominal, unit = 1 / nominal if inverse else nominal, model.drive.parameter(name).unit
+        found[own] = tuple(
+            Limit(1 / v if inverse else v, (v > nominal) != inverse, name, unit, v, v > nominal)
+            for v in values
+        )
+    return found

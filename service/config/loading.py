@@ -1,23 +1,41 @@
-"""From a file and the environment to a Config, or to all problems at once."""
+"""From a file and the environment to a Config, or to all problems at once.
+
+The environment overrides the scalars of [service] and [web]: AXISWATCH_WEB__PORT=9000 replaces port = 9000 in [web].
+The names are those of pydantic-settings (prefix, section, two underscores, key, any case), which itself reads only the
+environment of the process and does not report which variable was wrong.
+"""
 
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from service.config import environment
+from monitor_core.wording import did_you_mean
 from service.config.base_table import Reading
 from service.config.crosschecks import crosscheck
 from service.config.positions import Keys, nearest, positions
-from service.config.problems import ConfigErrors, Problem, dotted, shown
+from service.config.problems import ConfigErrors, Finding, Problem, dotted, shown
 from service.config.schema import Config
-from service.config.validation_messages import Finding, findings
+from service.config.validation_messages import findings, table_in
 
+PREFIX = "AXISWATCH_"
+SECTIONS = ("service", "web")
+"""Those that the environment can set."""
 _AT = re.compile(r"(?P<message>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)")
+
+
+class _Override(NamedTuple):
+    """A variable and its text, as the user wrote them."""
+
+    variable: str
+    text: str
+
+
+_Overrides = Mapping[Keys, _Override]
 
 
 def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: bool = True) -> Config:
@@ -31,25 +49,13 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
     """
     text = _text(path)
     values = _values(path, text)
-    if not thresholds:
-        _forget_thresholds(values)
-    over = environment.overrides(environ)
-    environment.apply(values, over)
-    config, found = _read(values, path.absolute().parent)
-    found += environment.unknown_sections(over)
+    over = {key: _Override(name, value) for name, value in environ.items() if (key := _path(name))}
+    _override(values, over)
+    config, found = _read(values, Reading(path.absolute().parent, thresholds))
+    found += _unknown_sections(over)
     if config is None or found:
         raise ConfigErrors(_problems(path, positions(text), over, values, found))
     return config
-
-
-def _forget_thresholds(values: dict[str, Any]) -> None:
-    robots = values.get("robot")
-    for robot in robots if isinstance(robots, list) else ():
-        axes = robot.get("axis") if isinstance(robot, dict) else None
-        for axis in axes if isinstance(axes, list) else ():
-            model = axis.get("model") if isinstance(axis, dict) else None
-            if isinstance(model, dict):
-                model.pop("thresholds_file", None)
 
 
 def _text(path: Path) -> str:
@@ -69,45 +75,36 @@ def _values(path: Path, text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except ValueError as error:
-        raise ConfigErrors([_syntax_error(path, text, str(error))]) from None
+        at = _AT.fullmatch(str(error))
+        message = f"this is no TOML: {at['message'] if at else error}"
+        lines = text.splitlines() or [""]
+        line, column = len(lines), len(lines[-1]) + 1
+        if at and at["line"]:
+            line, column = int(at["line"]), int(at["column"])
+        raise ConfigErrors([Problem(path, line, "", None, message, column)]) from None
 
 
-def _syntax_error(path: Path, text: str, reason: str) -> Problem:
-    at = _AT.fullmatch(reason)
-    message = f"this is no TOML: {at['message'] if at else reason}"
-    if at and at["line"]:
-        return Problem(path, int(at["line"]), "", None, message, int(at["column"]))
-    lines = text.splitlines() or [""]
-    return Problem(path, len(lines), "", None, message, len(lines[-1]) + 1)
-
-
-def _read(values: dict[str, Any], folder: Path) -> tuple[Config | None, list[Finding]]:
+def _read(values: dict[str, Any], reading: Reading) -> tuple[Config | None, list[Finding]]:
     """The configuration if the schema accepts it, and the problems: of the schema, or otherwise of the cross-checks."""
     try:
-        config = Config.model_validate(values, context=Reading(folder))
+        config = Config.model_validate(values, context=reading)
     except ValidationError as error:
         return None, findings(error.errors(include_url=False))
     return config, list(crosscheck(config))
 
 
 def _problems(
-    path: Path,
-    where: Mapping[Keys, int],
-    over: environment.Overrides,
-    values: dict[str, Any],
-    found: Iterable[Finding],
+    path: Path, where: Mapping[Keys, int], over: _Overrides, values: dict[str, Any], found: Iterable[Finding]
 ) -> list[Problem]:
     problems = []
     for finding in dict.fromkeys(found):
         message = finding.message
         if finding.other:
             message += f" {dotted(finding.other)} in line {nearest(where, finding.other)}"
-        if finding.path in over:
-            override = over[finding.path]
+        if (override := over.get(finding.path)) is not None:
             problems.append(Problem(None, None, override.variable, override.text, message))
         else:
-            line = nearest(where, finding.path)
-            value = _shown_at(values, finding.path)
+            line, value = nearest(where, finding.path), _shown_at(values, finding.path)
             problems.append(Problem(path, line, dotted(finding.path), value, message))
     return sorted(problems, key=lambda problem: problem.line or 0)
 
@@ -120,3 +117,39 @@ def _shown_at(values: Any, path: Keys) -> str | None:
         except (KeyError, IndexError, TypeError):
             return None
     return shown(values)
+
+
+# --- The environment --------------------------------------------------------------------------------------------------
+
+
+def _path(name: str) -> Keys | None:
+    """("web", "port") for AXISWATCH_WEB__PORT; None for other variables, such as AXISWATCH_DATA."""
+    section, separator, key = name.upper().removeprefix(PREFIX).lower().partition("__")
+    return (section, key) if name.upper().startswith(PREFIX) and separator else None
+
+
+def _override(values: dict[str, Any], over: _Overrides) -> None:
+    """Write the overrides of known sections into the values of the file, in place."""
+    for (section, key), override in over.items():
+        table = values.setdefault(str(section), {}) if section in SECTIONS else None
+        if isinstance(table, dict):
+            table[str(key)] = _number(str(section), str(key), override.text)
+
+
+def _number(section: str, key: str, text: str) -> Any:
+    """The number of a numeric key; the text itself where it is no number, for the schema to report."""
+    table = table_in(Config.model_fields[section].annotation)
+    field = table.model_fields.get(key) if table else None
+    if field is None or field.annotation not in (int, float):
+        return text
+    try:
+        return TypeAdapter(field.annotation).validate_strings(text)
+    except ValidationError:
+        return text
+
+
+def _unknown_sections(over: _Overrides) -> Iterator[Finding]:
+    known = [f"{PREFIX}{section.upper()}__..." for section in SECTIONS]
+    for path, override in over.items():
+        if path[0] not in SECTIONS:
+            yield Finding(path, f"no such setting: {did_you_mean(override.variable, known)}")

@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
 from service.config.base_table import NotNegative, Positive, Real
-from service.config.found_file import FoundTable, content_of, unchanged, validated
+from service.config.found_file import FoundFile, FoundTable, found_of, read_found
+from service.config.schema import AxisConfig
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
 """Correlation from which two estimates go together; standard deviation, beside the value, from which one of them is
 doubtful: the change that the paper looks for is then within one."""
-FORMAT = 1
-"""Of the file; a later one may mean something else."""
-
-
-class NominalError(Exception):
-    """A file of nominal values that cannot be used; the text names it and says why."""
 
 
 class DriveTable(FoundTable):
@@ -57,8 +51,9 @@ class PredictorTable(FoundTable):
 
     @model_validator(mode="after")
     def _one_for_each_state(self) -> PredictorTable:
-        if len(self.gain) != (len(self.states) if self.kind == "innovations" else 0):
-            raise ValueError(f"gain has {len(self.gain)} numbers, states {len(self.states)} names")
+        needed = len(self.states) if self.kind == "innovations" else 0
+        if len(self.gain) != needed:
+            raise ValueError(f"gain has {len(self.gain)} numbers, must have {needed} with {self.kind}")
         return self
 
 
@@ -93,10 +88,10 @@ class CorrelationTable(FoundTable):
         return self
 
 
-class NominalFile(FoundTable):
+class NominalFile(FoundFile):
     """The whole file."""
 
-    path: Path
+    WHAT: ClassVar[str] = "a file of nominal values is what `axiswatch identify` writes"
     format: Literal[1]
     axis: str
     date: str
@@ -135,20 +130,14 @@ def read_nominal(path: Path) -> NominalFile:
     """The file, kept until it changes.
 
     Raises:
-        NominalError: it cannot be read, or is no such file.
+        FoundFileError: it cannot be read, or is no such file.
     """
-    return unchanged(path, _read, NominalError)
+    return read_found(NominalFile, path)
 
 
-@lru_cache(maxsize=256)
-def _read(path: Path, _mtime_ns: int, _size: int) -> NominalFile:
-    content = content_of(path, NominalError)
-    if content.get("format") != FORMAT:
-        raise NominalError(
-            f"{path}: format = {content.get('format', 'missing')}, not {FORMAT}: a file of nominal values is what"
-            " `axiswatch identify` writes"
-        )
-    return validated(NominalFile, content, path, NominalError)
+def nominal_file_of(axis: AxisConfig) -> NominalFile | None:
+    """The file of nominal values of an axis, as ``found_of``."""
+    return found_of(NominalFile, axis.model.nominal_file)
 
 
 def structure_of(drive: Drive) -> str:

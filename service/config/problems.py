@@ -1,14 +1,31 @@
-"""Problems of a configuration: place, key, value, and what would be right."""
+"""Mistakes in a configuration: findings of the checks, and problems with place, key, value and what would be right."""
+
+from __future__ import annotations
 
 import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
+
+from service.config.positions import Keys
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _LONGEST_VALUE = 60
 _LONGEST_DECIMAL = 128
+
+
+class Finding(NamedTuple):
+    """A mistake at a path of the file; where ``other`` is given, the message ends with that place."""
+
+    path: Keys
+    message: str
+    other: Keys | None = None
+
+    def inside(self, table: Keys) -> Finding:
+        """The finding with a path relative to the file."""
+        return Finding((*table, *self.path), self.message, self.other and (*table, *self.other))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from pydantic import Field
 from monitor_core.drive import Output
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, Undecidable, intervals
-from service.config.schema_model import ModelConfig
+from service.config.schema_model import DetectorConfig, EstimatorConfig, ModelConfig, TrendConfig
 from service.config.schema_signals import (
     AngleConfig,
     FurtherConfig,
@@ -22,92 +22,86 @@ from service.config.schema_signals import (
     SpeedConfig,
     TimeConfig,
 )
-from service.config.schema_watching import (
-    DetectorConfig,
-    EstimatorConfig,
-    TrendConfig,
-)
 
 
 class ServiceConfig(Table):
     """[service]: what the daemon keeps."""
 
-    state_dir: FilePath = Field(
-        Path("state"),
-        validate_default=True,
-        description="folder of the alarm journal and the checkpoints, relative to the configuration file",
-    )
-    checkpoint_interval_s: Positive = Field(60.0, le=86400, description="time between checkpoints [s]")
-    history_interval_s: Positive = Field(1.0, le=3600, description="time between points of the history [s]")
-    history_length_s: Positive = Field(
-        3600.0, le=604800, description="length of the history kept in memory [s]"
-    )
+    state_dir: FilePath = Field(Path("state"), validate_default=True)
+    """folder of the alarm journal and the checkpoints, relative to the configuration file"""
+    checkpoint_interval_s: Positive = Field(60.0, le=86400)
+    """time between checkpoints [s]"""
+    history_interval_s: Positive = Field(1.0, le=3600)
+    """time between points of the history [s]"""
+    history_length_s: Positive = Field(3600.0, le=604800)
+    """length of the history kept in memory [s]"""
 
 
 class WebConfig(Table):
     """[web]: where REST, metrics and the page are served."""
 
-    host: Text = Field("127.0.0.1", description="address to listen on; 0.0.0.0 for all interfaces")
-    port: Annotated[int, Field(strict=True)] = Field(
-        8080, ge=0, le=65535, description="TCP port; 0 for any free one"
-    )
+    host: Text = "127.0.0.1"
+    """address to listen on; 0.0.0.0 for all interfaces"""
+    port: Annotated[int, Field(strict=True)] = Field(8080, ge=0, le=65535)
+    """TCP port; 0 for any free one"""
 
 
 class BusConfig(Table):
     """[[bus]]: one CAN bus."""
 
-    name: Name = Field(description="name by which axes refer to the bus: letters, digits, - and _")
-    interface: Text = Field("socketcan", description="python-can interface: socketcan, virtual, pcan, ...")
-    channel: Text = Field(description="channel of that interface, e.g. can0")
-    dbc: FilePath = Field(description="DBC file of the messages on the bus, relative to this file")
-    queue_frames: Annotated[int, Field(strict=True)] = Field(
-        100_000,
-        ge=100,
-        le=10_000_000,
-        description="frames that may wait for the worker before some are dropped",
-    )
-    options: dict[str, Any] = Field(
-        default_factory=dict, description="passed to python-can as they are: bitrate, fd, ..."
-    )
+    name: Name
+    """name by which axes refer to the bus: letters, digits, - and _"""
+    interface: Text = "socketcan"
+    """python-can interface: socketcan, virtual, pcan, ..."""
+    channel: Text
+    """channel of that interface, e.g. can0"""
+    dbc: FilePath
+    """DBC file of the messages on the bus, relative to this file"""
+    queue_frames: Annotated[int, Field(strict=True)] = Field(100_000, ge=100, le=10_000_000)
+    """frames that may wait for the worker before some are dropped"""
+    options: dict[str, Any] = Field(default_factory=dict)
+    """passed to python-can as they are: bitrate, fd, ..."""
 
 
 class AxisConfig(Table):
     """[[robot.axis]]: one axis, the source of its samples and its monitoring."""
 
-    name: Name = Field(description="name of the axis: letters, digits, - and _")
-    bus: Text = Field("", description="name of a [[bus]]")
-    sample_interval_s: Positive = Field(ge=1e-5, le=1, description="nominal sample interval [s]")
-    pairing_tolerance_s: Positive = Field(
-        default_factory=intervals(0.4),
-        description="torque and angle (or speed) further apart than this are no sample [s]",
-    )
-    max_gap_s: Positive = Field(
-        default_factory=intervals(10), description="a longer interval restarts the predictor [s]"
-    )
-    settling_time_s: Annotated[Real, Field(ge=0)] | None = Field(
-        None, description="no estimation for this time after a restart [s]; default from the model"
-    )
-    torque_delay_s: Real = Field(
-        0.0, ge=0, description="delay of the torque after its sample [s], at most one interval"
-    )
-    torque: SignalConfig = Field(description="motor torque; factor and offset make it N m")
-    angle: AngleConfig | None = Field(None, description="motor angle; factor and offset make it rad")
-    speed: SpeedConfig | None = Field(None, description="motor speed; factor and offset make it rad/s")
-    time: TimeConfig = Field(default_factory=TimeConfig, description="time of the samples")
-    signal: tuple[FurtherConfig, ...] = Field(
-        (),
-        description="further signals: temperature, mode, angle of another axis, ..., [[robot.axis.signal]]",
-    )
-    gate: tuple[GateConfig, ...] = Field(
-        (), description="the axis is monitored only while all of these are open, [[robot.axis.gate]]"
-    )
-    min_speed: Positive | None = Field(
-        None, description="the axis is not monitored while its motor turns more slowly than this [rad/s]"
-    )
-    model: ModelConfig = Field(description="drive, nominal values and monitored parameters")
-    estimator: EstimatorConfig = Field(default_factory=EstimatorConfig, description="recursive estimator")
-    detector: DetectorConfig = Field(default_factory=DetectorConfig, description="change detector")
-    trend: TrendConfig = Field(default_factory=TrendConfig, description="slow course and forecasts")
+    name: Name
+    """name of the axis: letters, digits, - and _"""
+    bus: Text = ""
+    """name of a [[bus]]"""
+    sample_interval_s: Positive = Field(ge=1e-5, le=1)
+    """nominal sample interval [s]"""
+    pairing_tolerance_s: Positive = Field(default_factory=intervals(0.4))
+    """torque and angle (or speed) further apart than this are no sample [s]"""
+    max_gap_s: Positive = Field(default_factory=intervals(10))
+    """a longer interval restarts the predictor [s]"""
+    settling_time_s: Annotated[Real, Field(ge=0)] | None = None
+    """no estimation for this time after a restart [s]; default from the model"""
+    torque_delay_s: Real = Field(0.0, ge=0)
+    """delay of the torque after its sample [s], at most one interval"""
+    torque: SignalConfig
+    """motor torque; factor and offset make it N m"""
+    angle: AngleConfig | None = None
+    """motor angle; factor and offset make it rad"""
+    speed: SpeedConfig | None = None
+    """motor speed; factor and offset make it rad/s"""
+    time: TimeConfig = Field(default_factory=TimeConfig)
+    """time of the samples"""
+    signal: tuple[FurtherConfig, ...] = ()
+    """further signals: temperature, mode, angle of another axis, ..., [[robot.axis.signal]]"""
+    gate: tuple[GateConfig, ...] = ()
+    """the axis is monitored only while all of these are open, [[robot.axis.gate]]"""
+    min_speed: Positive | None = None
+    """the axis is not monitored while its motor turns more slowly than this [rad/s]"""
+    model: ModelConfig
+    """drive, nominal values and monitored parameters"""
+    estimator: EstimatorConfig = Field(default_factory=EstimatorConfig)
+    """recursive estimator"""
+    detector: DetectorConfig = Field(default_factory=DetectorConfig)
+    """change detector"""
+    trend: TrendConfig = Field(default_factory=TrendConfig)
+    """slow course and forecasts"""
 
     @property
     def records_only(self) -> bool:
@@ -143,25 +137,30 @@ class AxisConfig(Table):
 
 
 def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Source]:
-    """The auxiliary signals of an axis, including the motions of other axes of its robot."""
+    """The auxiliary signals of an axis, where they come from: those of other axes of its robot from their motions."""
     axes = {other.name: other for other in robot}
     for s in axis.signal:
         if s.axis is None:
-            yield Source(s.name, s.message, s.signal, s.column, s.factor, s.offset, s.max_age_s)
+            yield s
             continue
         other = axes[s.axis].motion
-        factor, offset = s.factor * other.factor, s.factor * other.offset + s.offset
-        column = s.column if s.column is not None else other.column
-        # Without a bus a motion has no message.
-        message, signal = other.message or None, other.signal or None
-        yield Source(s.name, message, signal, column, factor, offset, s.max_age_s, s.axis)
+        place = {
+            "message": other.message or None,  # without a bus a motion has none
+            "signal": other.signal or None,
+            "column": other.column if s.column is None else s.column,
+            "factor": s.factor * other.factor,
+            "offset": s.factor * other.offset + s.offset,
+        }
+        yield s.model_copy(update=place)
 
 
 class RobotConfig(Table):
     """[[robot]]: a name for a group of axes."""
 
-    name: Name = Field(description="name of the robot: letters, digits, - and _")
-    axis: tuple[AxisConfig, ...] = Field(min_length=1, description="axes of the robot, [[robot.axis]]")
+    name: Name
+    """name of the robot: letters, digits, - and _"""
+    axis: tuple[AxisConfig, ...] = Field(min_length=1)
+    """axes of the robot, [[robot.axis]]"""
 
 
 class NamedAxis(NamedTuple):
@@ -177,14 +176,14 @@ class NamedAxis(NamedTuple):
 class Config(Table):
     """The whole file."""
 
-    service: ServiceConfig = Field(
-        default_factory=lambda: ServiceConfig.model_validate({}), description="what the daemon keeps"
-    )
-    web: WebConfig = Field(default_factory=WebConfig, description="where it is served")
-    bus: tuple[BusConfig, ...] = Field(
-        (), description="CAN buses, [[bus]]; without any, axes are only identified from tables"
-    )
-    robot: tuple[RobotConfig, ...] = Field(min_length=1, description="robots, [[robot]]")
+    service: ServiceConfig = Field(default_factory=lambda: ServiceConfig.model_validate({}))
+    """what the daemon keeps"""
+    web: WebConfig = Field(default_factory=WebConfig)
+    """where it is served"""
+    bus: tuple[BusConfig, ...] = ()
+    """CAN buses, [[bus]]; without any, axes are only identified from tables"""
+    robot: tuple[RobotConfig, ...] = Field(min_length=1)
+    """robots, [[robot]]"""
 
     @property
     def axes(self) -> tuple[NamedAxis, ...]:

@@ -1,24 +1,25 @@
-"""The keys of the model of an axis: drive, nominal values, monitored parameters, limits."""
+"""The keys of the model of an axis and of its monitoring: drive, values, limits; estimator, detectors, trend."""
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
-from service.config.base_table import DriveName, FilePath, Positive, Real, Table, Text
+from service.config.base_table import DriveName, FilePath, Positive, Reading, Real, Table, Text, seconds_in
 
 
 class ScheduleConfig(Table):
     """[[robot.axis.model.schedule]]: nominal value = that of the model + slope * (signal - reference)."""
 
-    parameter: Text = Field(description='a monitored parameter, or its reciprocal: "fm", "Ja"')
-    signal: Text = Field(
-        description="a signal of [[robot.axis.signal]], or cos, sin or square of one: cos(angle2)"
-    )
-    slope: Real = Field(description="change of the parameter for each unit of the signal, in its SI unit")
-    reference: Real = Field(description="where the signal is when the parameter has the value of the model")
-    range: tuple[Real, Real] | None = Field(
-        None, description="[lowest, highest] of the signal; a tenth of it beyond, nothing is estimated"
-    )
+    parameter: Text
+    """a monitored parameter, such as "fm" or "Ja", or its reciprocal"""
+    signal: Text
+    """a signal of [[robot.axis.signal]], or cos, sin or square of one: cos(angle2)"""
+    slope: Real
+    """change of the parameter for each unit of the signal, in its SI unit"""
+    reference: Real
+    """where the signal is when the parameter has the value of the model"""
+    range: tuple[Real, Real] | None = None
+    """[lowest, highest] of the signal; a tenth of it beyond, nothing is estimated"""
 
 
 def _one_or_two(value: object) -> object:
@@ -29,51 +30,110 @@ Limits = Annotated[tuple[Real, ...], BeforeValidator(_one_or_two), Field(min_len
 """A limit, above or below the nominal value, or [lower, upper]."""
 
 
+def _unless_ignored(value: object, info: ValidationInfo) -> object:
+    return value if not isinstance(info.context, Reading) or info.context.thresholds else None
+
+
 class ModelConfig(Table):
     """[robot.axis.model]: the drive, its nominal values, and the monitored parameters."""
 
-    drive: DriveName = Field(
-        "three-mass", description='name of a drive that comes with the program, or a file "....mo"'
-    )
-    drive_model: Text | None = Field(None, description="which model, of a Modelica file with more than one")
-    components: dict[str, dict[str, Any]] = Field(
-        default_factory=dict,
-        description="the drive drawn here, in place of one by name: name = { type, at, ... }",
-    )
-    monitor: tuple[Text, ...] = Field(
-        min_length=1, description='parameters to estimate, e.g. ["kT", "1/Ja", "fm"]'
-    )
-    friction_speed_scale: Positive = Field(
-        1.0, description="Coulomb friction is fc tanh(speed at its flange / friction_speed_scale) [rad/s]"
-    )
-    nominal: dict[str, Real] = Field(
-        default_factory=dict,
-        description="value of every parameter of the drive, SI; takes precedence over the drawing's",
-    )
-    nominal_file: FilePath | None = Field(
-        None,
-        description="what `axiswatch identify` wrote: nominal values with their gain; relative to this file",
-    )
-    thresholds_file: FilePath | None = Field(
-        None,
-        description="what `axiswatch calibrate` wrote: thresholds of the tests; relative to this file",
-    )
-    scales: dict[str, Positive] = Field(
-        default_factory=dict, description="size of a monitored parameter, where |nominal| is not it"
-    )
-    bounds: dict[str, tuple[Real, Real]] = Field(
-        default_factory=dict, description="name = [lower, upper]: the estimate stays between them"
-    )
-    limits: dict[str, Limits] = Field(
-        default_factory=dict,
-        description="name = limit, or [lower, upper], of a monitored parameter or its reciprocal: when it will be"
-        " reached is foretold",
-    )
-    schedule: tuple[ScheduleConfig, ...] = Field(
-        (), description="nominal values that follow signals, beside those of the nominal_file"
-    )
-    conditions: Literal["followed", "gated", "others stand still"] | None = Field(
-        None,
-        description="how the pose of the other axes, payload and temperature are dealt with: nominal values follow"
-        " them, gates keep them the same, or they do not change",
-    )
+    drive: DriveName = "three-mass"
+    """name of a drive that comes with the program, or "....mo", a file"""
+    drive_model: Text | None = None
+    """which model, of a Modelica file with more than one"""
+    components: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    """the drive drawn here, in place of one by name: name = { type, at, ... }"""
+    monitor: tuple[Text, ...] = Field(min_length=1)
+    """parameters to estimate, e.g. ["kT", "1/Ja", "fm"]"""
+    friction_speed_scale: Positive = 1.0
+    """Coulomb friction is fc tanh(speed at its flange / friction_speed_scale) [rad/s]"""
+    nominal: dict[str, Real] = Field(default_factory=dict)
+    """value of every parameter of the drive, SI; takes precedence over the drawing's"""
+    nominal_file: FilePath | None = None
+    """what `axiswatch identify` wrote: nominal values with their gain; relative to this file"""
+    thresholds_file: Annotated[FilePath | None, BeforeValidator(_unless_ignored)] = None
+    """what `axiswatch calibrate` wrote: thresholds of the tests; relative to this file"""
+    scales: dict[str, Positive] = Field(default_factory=dict)
+    """size of a monitored parameter, where |nominal| is not it"""
+    bounds: dict[str, tuple[Real, Real]] = Field(default_factory=dict)
+    """name = [lower, upper]: the estimate stays between them"""
+    limits: dict[str, Limits] = Field(default_factory=dict)
+    """name = limit, or [lower, upper], of a monitored parameter or its reciprocal: when it will be reached is
+    foretold"""
+    schedule: tuple[ScheduleConfig, ...] = ()
+    """nominal values that follow signals, beside those of the nominal_file"""
+    conditions: Literal["followed", "gated", "others stand still"] | None = None
+    """how the pose of the other axes, payload and temperature are dealt with: nominal values follow them, gates keep
+    them the same, or they do not change"""
+
+
+def _none_or_three(value: float) -> float:
+    if value != 0 and value < 3:  # noise alone exceeds it often
+        raise ValueError("must be 0 or at least 3")
+    return value
+
+
+class EstimatorConfig(Table):
+    """[robot.axis.estimator]: the recursive prediction error method."""
+
+    predictor: Literal["innovations", "output-error"] = "innovations"
+    """prediction of the output: "innovations" (Kalman gain) or "output-error" (the paper; speed only)"""
+    memory_s: Positive | None = None
+    """memory of the estimates [s]: older samples count little; default 1 s"""
+    forgetting: Real | None = Field(None, gt=0.5, lt=1)
+    """in place of memory_s: lambda per sample, memory is 1/(1 - lambda) samples"""
+    information_floor: Real = Field(0.05, ge=0, le=0.5)
+    """share of the information at commissioning that is never forgotten; 0: the paper's, without"""
+    min_excitation: Real = Field(0.05, ge=0, le=0.5)
+    """share of the usual excitation below which nothing is estimated; 0: the paper's, always"""
+    outlier_limit: Annotated[Real, AfterValidator(_none_or_three)] = Field(6.0, le=1000)
+    """an innovation beyond this number of standard deviations is rejected, if these are few; 0: never"""
+    joint_state: bool | None = Field(None, strict=True)
+    """the state moves with the estimates, as in a joint Kalman filter; by default where the memory is short: below
+    2.5 slowest time constants of the predictor"""
+    random_walk: bool = Field(False, strict=True)
+    """parameters are followed as a random walk, each for itself, as in a Kalman filter: for many"""
+    torque_noise: Positive | None = None
+    """standard deviation of the torque per sample [N m], for the Kalman gain"""
+    output_noise: Positive | None = None
+    """standard deviation of the measured angle [rad] or speed [rad/s]"""
+    innovation_variance: Positive | None = None
+    """lambda_0 [rad^2 or (rad/s)^2]; default from the noises"""
+    gain: tuple[Real, ...] = ()
+    """filter gain K, one number per state; default from the noises"""
+    initial_p: dict[str, Positive] = Field(default_factory=dict)
+    """diagonal of P(0) by parameter; default from the first samples"""
+
+
+class DetectorConfig(Table):
+    """[robot.axis.detector]: the alarm source, and the CUSUM tests."""
+
+    alarm_source: Literal["multimodel", "cusum"] | None = None
+    """which detector alarms: "multimodel" (parallel hypotheses) or "cusum" (the paper's tests); default multimodel
+    where the thresholds_file has thresholds for it and nominal values follow no signals"""
+    shadow: bool = Field(True, strict=True)
+    """where the CUSUM tests alarm, the multi-model detector runs in shadow mode"""
+    budget_s: Real = Field(31557600.0, ge=60)
+    """mean time between false alarms [s] that the threshold of the multi-model detector guarantees for an exact
+    model, where it has none from a thresholds_file"""
+    alpha_1: Real = Field(3.0, ge=0)
+    """drift nu = alpha_1 standard deviations"""
+    alpha_2: Positive = 20.0
+    """threshold h = alpha_2 times the size of the parameter"""
+    covariance_reset: Real = Field(0.0, ge=0, le=1e6)
+    """after an alarm P_ii is at least this many times P(0)_ii: faster convergence; 0: P stays"""
+
+
+def _time(value: object) -> object:
+    if not isinstance(value, str):
+        raise ValueError('must be a time in quotes, such as "14 days"')
+    return seconds_in(value)
+
+
+class TrendConfig(Table):
+    """[robot.axis.trend]: the long-term trend of the parameters, and forecasts."""
+
+    interval_s: Positive = Field(3600.0, le=86400)
+    """operating time [s] of one mean of the slow history; forecasts need 120 times as long"""
+    lead_time: Annotated[Positive, BeforeValidator(_time)] = Field("14 days", validate_default=True)
+    """an alarm is raised when a limit may be reached within this time: "14 days", for example"""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from pydantic import Field
 
@@ -12,96 +12,83 @@ from service.config.base_table import Name, Positive, Real, Table, Text
 class SignalConfig(Table):
     """[robot.axis.torque], .angle, .speed: source of a quantity; without a bus only ``column`` is given."""
 
-    message: Text = Field("", description="name of the message in the DBC")
-    signal: Text = Field("", description="name of the signal in that message")
-    factor: Real = Field(1.0, description="SI value = factor * signal + offset; negative turns the direction")
-    offset: Real = Field(0.0, description="SI value = factor * signal + offset")
-    column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
-
-
-_RESOLUTION = (
-    "step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"
-)
+    message: Text = ""
+    """name of the message in the DBC"""
+    signal: Text = ""
+    """name of the signal in that message"""
+    factor: Real = 1.0
+    """SI value = factor * signal + offset; negative turns the direction"""
+    offset: Real = 0.0
+    """SI value = factor * signal + offset"""
+    column: Text | None = None
+    """column (.csv, .parquet) or variable (.mat) in records"""
 
 
 class AngleConfig(SignalConfig):
     """[robot.axis.angle]: the motor angle."""
 
-    wrap_period: Positive | None = Field(
-        None,
-        description="period after which the signal wraps, in its own unit, before the factor: 360, 65536, 6.2831853",
-    )
-    resolution: Positive | None = Field(None, description=_RESOLUTION)
+    wrap_period: Positive | None = None
+    """period after which the signal wraps, in its own unit, before the factor: 360, 65536, 6.2831853"""
+    resolution: Positive | None = None
+    """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
 
 
 class SpeedConfig(SignalConfig):
     """[robot.axis.speed]: the motor speed."""
 
-    interval_mean: bool = Field(
-        False,
-        strict=True,
-        description="the drive sends the mean of the speed over each sample interval, not the speed at the sample",
-    )
-    resolution: Positive | None = Field(None, description=_RESOLUTION)
+    interval_mean: bool = Field(False, strict=True)
+    """the drive sends the mean of the speed over each sample interval, not the speed at the sample"""
+    resolution: Positive | None = None
+    """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
 
 
 class FurtherConfig(Table):
     """[[robot.axis.signal]]: an auxiliary signal: of the axis, of another axis, of the robot."""
 
-    name: Name = Field(description="name by which the configuration refers to it: letters, digits, - and _")
-    axis: Text | None = Field(
-        None, description="it is the angle (or speed) of this other axis of the robot, in place of a message"
-    )
-    message: Text | None = Field(None, description="name of the message in the DBC")
-    signal: Text | None = Field(None, description="name of the signal in that message")
-    column: Text | None = Field(None, description="column (.csv, .parquet) or variable (.mat) in records")
-    factor: Real = Field(1.0, description="value = factor * signal + offset")
-    offset: Real = Field(0.0, description="value = factor * signal + offset")
-    max_age_s: Positive = Field(
-        10.0, description="a value received longer ago than this is no longer believed [s]"
-    )
+    name: Name
+    """name by which the configuration refers to it: letters, digits, - and _"""
+    axis: Text | None = None
+    """it is the angle (or speed) of this other axis of the robot, in place of a message"""
+    message: Text | None = None
+    """name of the message in the DBC"""
+    signal: Text | None = None
+    """name of the signal in that message"""
+    column: Text | None = None
+    """column (.csv, .parquet) or variable (.mat) in records"""
+    factor: Real = 1.0
+    """value = factor * signal + offset"""
+    offset: Real = 0.0
+    """value = factor * signal + offset"""
+    max_age_s: Positive = 10.0
+    """a value received longer ago than this is no longer believed [s]"""
+
+
+Source = FurtherConfig
+"""Where an auxiliary signal of an axis comes from; that of another axis has the place of its motion"""
 
 
 class GateConfig(Table):
     """[[robot.axis.gate]]: a condition for learning; the signal is one of [[robot.axis.signal]]."""
 
-    signal: Text = Field(description="name of a signal; estimates and tests wait while it has another value")
-    equals: tuple[Real, ...] | None = Field(
-        None, min_length=1, description="open while the signal is one of these"
-    )
-    above: Real | None = Field(None, description="open while the signal is greater than this")
-    below: Real | None = Field(None, description="open while the signal is less than this")
+    signal: Text
+    """name of a signal; estimates and tests wait while it has another value"""
+    equals: tuple[Real, ...] | None = Field(None, min_length=1)
+    """open while the signal is one of these"""
+    above: Real | None = None
+    """open while the signal is greater than this"""
+    below: Real | None = None
+    """open while the signal is less than this"""
 
 
 class TimeConfig(Table):
     """[robot.axis.time]: source of the time of a sample."""
 
-    column: Text | None = Field(
-        None, description="column of the time [s] in records; without it rows are sample_interval_s apart"
-    )
-    counter_message: Text | None = Field(None, description="message that carries the sample counter")
-    counter_signal: Text | None = Field(
-        None, description="sample counter; with it sample times are whole intervals, free of receipt jitter"
-    )
-    clock: Literal["receipt", "cyclic"] = Field(
-        "receipt",
-        description='without a counter: "receipt", the times of receipt, or "cyclic", the controller sends every'
-        " sample_interval_s by its own clock, which is fitted to them",
-    )
-
-
-# --- Where the further signals of an axis come from: a message, a column, or the motion of another axis ---------------
-
-
-class Source(NamedTuple):
-    """An auxiliary signal: value = factor * signal + offset."""
-
-    name: str
-    message: str | None
-    signal: str | None
-    column: str | None
-    factor: float
-    offset: float
-    max_age_s: float
-    axis: str | None = None
-    """The other axis of the robot whose motion it is"""
+    column: Text | None = None
+    """column of the time [s] in records; without it rows are sample_interval_s apart"""
+    counter_message: Text | None = None
+    """message that carries the sample counter"""
+    counter_signal: Text | None = None
+    """sample counter; with it sample times are whole intervals, free of receipt jitter"""
+    clock: Literal["receipt", "cyclic"] = "receipt"
+    """without a counter: "receipt", the times of receipt, or "cyclic", the controller sends every sample_interval_s
+    by its own clock, which is fitted to them"""

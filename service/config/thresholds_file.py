@@ -1,25 +1,22 @@
-"""thresholds.toml: the result of `axiswatch calibrate`, as the configuration and the daemon read it."""
+"""thresholds.toml: the result of `axiswatch calibrate`, and the monitor that it belongs to."""
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from pathlib import Path
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from service.config.base_table import NotNegative, Positive, Real, Undecidable
-from service.config.found_file import FoundTable, content_of, unchanged, validated
+from monitor_core.drive import AxisModel
+from monitor_core.settings import Settings, Threshold
+from service.config.base_table import NotNegative, Positive, Real
+from service.config.found_file import FoundFile, FoundTable, alike, found_of
+from service.config.nominal_file import structure_of
 from service.config.schema import AxisConfig
 
-FORMAT = 1
-"""Of the file; a later one may mean something else."""
-KIND = "thresholds"
-
-
-class ThresholdsError(Exception):
-    """A file of thresholds that cannot be used; the text names it and says why."""
+Entry = bool | float | str | list[float] | list[str]
 
 
 class ThresholdTable(FoundTable):
@@ -46,15 +43,16 @@ class HypothesisTable(FoundTable):
         return math.nan if self.size is None else self.size
 
 
-class ThresholdsFile(FoundTable):
+class ThresholdsFile(FoundFile):
     """The whole file.  ``made_with`` and ``nominal`` are of the monitor that the thresholds belong to."""
 
-    path: Path
+    KIND: ClassVar[str] = "thresholds"
+    WHAT: ClassVar[str] = "a file of thresholds is what `axiswatch calibrate` writes"
     format: Literal[1]
     kind: Literal["thresholds"]
     axis: str
     date: str
-    made_with: dict[str, bool | float | str | list[float] | list[str]]
+    made_with: dict[str, Entry]
     nominal: dict[str, Real]
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
     hypothesis: tuple[HypothesisTable, ...] = ()
@@ -62,31 +60,61 @@ class ThresholdsFile(FoundTable):
 
 
 def thresholds_file_of(axis: AxisConfig) -> ThresholdsFile | None:
-    """The file of thresholds of an axis, None if it has none.
+    """The file of thresholds of an axis, as ``found_of``."""
+    return found_of(ThresholdsFile, axis.model.thresholds_file)
+
+
+# --- Thresholds belong to one monitor: to its nominal values and to the settings of its estimator ---------------------
+
+
+def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
+    """The settings that thresholds depend on, by the names of the configuration, without nominal values."""
+    return {
+        "drive": structure_of(model.drive),
+        "monitor": list(model.monitored),
+        "sizes": [float(v) for v in model.scale * model.unit],
+        "sample_interval_s": settings.interval_s,
+        "forgetting": settings.lam,
+        "innovation_variance": settings.lam0,
+        "gain": [float(k) for k in settings.K],
+        "torque_delay_s": settings.delay_s,
+        "friction_speed_scale": settings.speed_scale,
+        "information_floor": settings.information_floor,
+        "min_excitation": settings.min_excitation,
+        "outlier_limit": settings.outlier_limit,
+        "joint_state": settings.joint_state,
+        "random_walk": settings.random_walk,
+    }
+
+
+def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile) -> Settings:
+    """The settings with the thresholds of a file.
 
     Raises:
-        Undecidable: it cannot be used, which a rule of the configuration says.
+        ValueError: they were made with other nominal values, or for another estimator.
     """
-    if axis.model.thresholds_file is None:
-        return None
-    try:
-        return read_thresholds(axis.model.thresholds_file)
-    except ThresholdsError:
-        raise Undecidable("thresholds_file") from None
+    for left, right in ((dict(model.nominal), found.nominal), (made_with(model, settings), found.made_with)):
+        if reason := _difference(left, right):
+            raise ValueError(
+                f"{found.path.name} was made with {reason}: run `axiswatch calibrate` again, or leave out"
+                " thresholds_file"
+            )
+    own = tuple(Threshold(entry.alpha_1, entry.alpha_2, entry.allowance) for entry in found.threshold)
+    return replace(settings, thresholds=own)
 
 
-def read_thresholds(path: Path) -> ThresholdsFile:
-    """The file, kept until it changes.
+def _difference(left: Mapping[str, object], right: Mapping[str, object]) -> str:
+    """What differs, in words; empty: nothing."""
+    for name, value in left.items():
+        other = right.get(name)
+        if not alike(value, other):
+            return f"{name} = {_shown(other)}, now it is {_shown(value)}"
+    return ""
 
-    Raises:
-        ThresholdsError: it cannot be read, or is no such file.
-    """
-    return unchanged(path, _read, ThresholdsError)
 
-
-@lru_cache(maxsize=256)
-def _read(path: Path, _mtime_ns: int, _size: int) -> ThresholdsFile:
-    content = content_of(path, ThresholdsError)
-    if (content.get("format"), content.get("kind")) != (FORMAT, KIND):
-        raise ThresholdsError(f"{path}: a file of thresholds is what `axiswatch calibrate` writes")
-    return validated(ThresholdsFile, content, path, ThresholdsError)
+def _shown(value: object) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_shown, value))}]"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)

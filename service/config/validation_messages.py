@@ -1,28 +1,38 @@
 """Validation errors of pydantic in the terms of the file format, with the meaning of the key."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, get_args
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, get_args
 
-from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
-from service.config import renamed_keys
 from service.config.base_table import Table
-from service.config.positions import Keys
+from service.config.problems import Finding
 from service.config.schema import Config
 
+RENAMED_KEYS: Mapping[str, str] = {
+    "averaged": "interval_mean",
+    "least_excitation": "min_excitation",
+    "least_information": "information_floor",
+    "least_speed": "min_speed",
+    "maximum_age_s": "max_age_s",
+    "maximum_gap_s": "max_gap_s",
+    "varying": "schedule",
+    "warn_before": "lead_time",
+    "widening": "covariance_reset",
+    "wraps_at": "wrap_period",
+}
+"""Keys of earlier versions: an old key is an error that names the new one."""
+REMOVED_KEYS: Mapping[str, str] = {
+    "speed_noise": "angle and speed are no longer used together: give one of the two tables, and output_noise for it",
+}
 
-class Finding(NamedTuple):
-    """A mistake at a path of the file; where ``other`` is given, the message ends with that place."""
 
-    path: Keys
-    message: str
-    other: Keys | None = None
-
-    def inside(self, table: Keys) -> "Finding":
-        """The finding with a path relative to the file."""
-        return Finding((*table, *self.path), self.message, self.other and (*table, *self.other))
+def hint(key: str) -> str | None:
+    """What to do with a key of an earlier version; None: it never was a key."""
+    if key in RENAMED_KEYS:
+        return f"is now called {RENAMED_KEYS[key]}"
+    return REMOVED_KEYS.get(key)
 
 
 _RULES = {
@@ -64,12 +74,12 @@ def _follows(error: ErrorDetails) -> bool:
 
 
 def _message(error: ErrorDetails) -> str:
-    field, table = _schema_at(error["loc"])
+    key, table = _place_in_schema(error["loc"])
     if error["type"] == "extra_forbidden" and table is not None:
-        key = str(error["loc"][-1])
-        return renamed_keys.hint(key) or f"unknown key: {did_you_mean(key, table.model_fields)}"
+        wrong = str(error["loc"][-1])
+        return hint(wrong) or f"unknown key: {did_you_mean(wrong, table.model_fields)}"
     rule = _RULES.get(error["type"], error["msg"]).format_map(_limits(error))
-    return f"{rule} ({field.description})" if field is not None and field.description else rule
+    return f"{rule} ({table.meaning(key)})" if table is not None and key in table.model_fields else rule
 
 
 def _limits(error: ErrorDetails) -> dict[str, Any]:
@@ -78,17 +88,15 @@ def _limits(error: ErrorDetails) -> dict[str, Any]:
     return {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
 
 
-def _schema_at(path: Sequence[str | int]) -> tuple[FieldInfo | None, type[Table] | None]:
-    """The innermost field of a path, and the table that it belongs to."""
-    field: FieldInfo | None = None
-    table: type[Table] | None = None
-    inner: type[Table] | None = Config
+def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[Table] | None]:
+    """The innermost key of a path that the schema knows, and the table that it belongs to."""
+    key, table, inner = "", None, table_in(Config)
     for part in path:
         if isinstance(part, int) or inner is None:
             continue
-        table, field = inner, inner.model_fields.get(part)
+        key, table, field = part, inner, inner.model_fields.get(part)
         inner = table_in(field.annotation) if field else None
-    return field, table
+    return key, table
 
 
 def table_in(annotation: Any) -> type[Table] | None:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from monitor_core.calibration import DetectorResult, TrialResult
-from service.config.threshold_match import made_with
+from service.config.thresholds_file import made_with
 from service.reports.calibration_report import Calibration
 
 Json = dict[str, Any]

@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator
 
 from monitor_core.calibration import DetectorResult, MultiModelCalibration
-from service.config.threshold_match import made_with
-from service.config.thresholds_file import FORMAT, KIND
+from service.config.found_file import FORMAT
+from service.config.thresholds_file import ThresholdsFile, made_with
 from service.reports.calibration_report import Calibration, promises
 
 
@@ -30,7 +30,7 @@ def _head(calibration: Calibration) -> Iterator[str]:
     yield f"# Thresholds of axis {calibration.axis.id}, by `axiswatch calibrate` from its healthy records."
     yield from (f"# {words}" for words in promises(calibration))
     yield f"format = {FORMAT}"
-    yield f'kind = "{KIND}"'
+    yield f'kind = "{ThresholdsFile.KIND}"'
     yield f"axis = {toml_value(calibration.axis.id)}"
     yield f"date = {toml_value(calibration.provenance.date)}"
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from monitor_core.drive import DELAY, split_name
 from monitor_core.identification import ParameterRow, Slope, Trace
-from service.config.nominal_file import FORMAT, structure_of
+from service.config.found_file import FORMAT
+from service.config.nominal_file import structure_of
 from service.ingest.identification_records import Source
 from service.reports.identification_report import IdentificationReport
 from service.reports.text_format import percent

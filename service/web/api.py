@@ -1,5 +1,6 @@
 """REST under /api/v1: axes with their estimates, their history, the alarm journal, the daemon itself."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
@@ -9,7 +10,6 @@ from service.pipeline.snapshot import AxisSnapshot
 from service.texts.timestamps import microseconds
 from service.web import models, views
 from service.web.app_state import AppState
-from service.web.error_responses import UnknownResourceError
 
 _NOT_FOUND: dict[int | str, dict[str, Any]] = {
     404: {"model": models.Problem, "description": "It does not exist"}
@@ -27,9 +27,18 @@ Points = Annotated[
 Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
 ]
+Only = Annotated[str | None, Query(description="only this one; default: all")]
 Moment = Annotated[
     AwareDatetime | None, Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z")
 ]
+
+
+class UnknownResourceError(Exception):
+    """The resource does not exist; ``known`` lists those that do."""
+
+    def __init__(self, detail: str, known: Iterable[str]) -> None:
+        self.problem = models.Problem(detail=detail, known=list(known))
+        super().__init__(detail)
 
 
 def router(state: AppState) -> APIRouter:
@@ -62,7 +71,7 @@ def _axes(state: AppState) -> APIRouter:
     @api.get("/axes/{axis}/history", summary="History of an axis", responses=_NOT_FOUND)
     def history(
         axis: str,
-        parameter: Annotated[str | None, Query(description="only this one; default: all")] = None,
+        parameter: Only = None,
         since: Moment = None,
         limit: Points = 3600,
     ) -> models.History:
@@ -73,7 +82,7 @@ def _axes(state: AppState) -> APIRouter:
     @api.get("/axes/{axis}/trend", summary="Long-term trend of an axis", responses=_NOT_FOUND)
     def trend(
         axis: str,
-        parameter: Annotated[str | None, Query(description="only this one; default: all")] = None,
+        parameter: Only = None,
         points: Entries = 1200,
     ) -> models.Trend:
         """Drift of the parameters, when they reach their limits, and the hourly means behind it."""

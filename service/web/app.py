@@ -1,19 +1,36 @@
-"""The web application: REST API, health and metrics, pages."""
+"""The web application: REST API, health and metrics, pages that ask no other host, answers to failed requests."""
 
 from collections.abc import Callable
+from pathlib import Path
 
-from fastapi import FastAPI
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.responses import FileResponse, JSONResponse
+from starlette.exceptions import HTTPException
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.pipeline.snapshot import Snapshot
+from service.store.database import StoreError
 from service.store.journal import Journal
 from service.texts.timestamps import now_us
-from service.web import api, error_responses, health, pages
+from service.web import api, health
 from service.web.app_state import VERSION, AppState
+from service.web.models import Problem
 
+STATIC = Path(__file__).parent / "static"
 DESCRIPTION = """\
 Condition monitoring of robot axes: estimated physical parameters, their deviation from the commissioned
 values, and alarms that name the parameter that has changed. Times are ISO 8601 in UTC; values are in SI units
 on the motor side of the gear unless a description says otherwise; a number that is not finite is null."""
+
+_POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'"
+_HEADERS = {
+    "content-security-policy": f"{_POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'self'",
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    # Values change every second, files with the next version: the browser must not cache them.
+    "cache-control": "no-cache",
+}
 
 
 def create_app(
@@ -21,12 +38,65 @@ def create_app(
 ) -> FastAPI:
     """Build the application on the newest snapshot and the journal; ``now_us`` is the clock for ages."""
     state = AppState(snapshot, journal, now_us)
-    # FastAPI's own documentation pages load scripts from another host; pages.py serves one that does not.
+    # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state))
     app.include_router(health.router(state))
-    app.include_router(pages.router())
-    app.mount("/static", pages.files())
-    app.add_middleware(pages.SecurityHeaders)
-    error_responses.add_handlers(app)
+    app.include_router(_pages())
+    app.mount("/static", StaticFiles(directory=STATIC))
+    app.add_middleware(SecurityHeaders)
+    _answer_errors(app)
     return app
+
+
+def _pages() -> APIRouter:
+    pages = APIRouter(include_in_schema=False)
+
+    @pages.get("/")
+    def index() -> FileResponse:
+        return FileResponse(STATIC / "index.html")
+
+    @pages.get("/docs")
+    def docs() -> FileResponse:
+        return FileResponse(STATIC / "docs.html")
+
+    return pages
+
+
+class SecurityHeaders:
+    """Adds headers to every answer that forbid the browser everything that the pages do not need."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._headers = [(name.encode(), value.encode()) for name, value in _HEADERS.items()]
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message["headers"], *self._headers]
+            await send(message)
+
+        await self._app(scope, receive, send_with_headers)
+
+
+def _answer_errors(app: FastAPI) -> None:
+    """Answer failed requests with the reason and the resources that exist."""
+
+    @app.exception_handler(api.UnknownResourceError)
+    async def not_known(_: Request, error: api.UnknownResourceError) -> JSONResponse:
+        return _answer(404, error.problem)
+
+    @app.exception_handler(StoreError)
+    async def store_failed(_: Request, error: StoreError) -> JSONResponse:
+        return _answer(503, Problem(detail=f"the alarm journal cannot be read: {error}"))
+
+    @app.exception_handler(404)
+    async def no_such_path(request: Request, _: HTTPException) -> JSONResponse:
+        paths = [*app.openapi()["paths"], "/", "/docs", "/openapi.json"]
+        return _answer(404, Problem(detail=f"there is nothing at {request.url.path}", known=sorted(paths)))
+
+
+def _answer(status: int, problem: Problem) -> JSONResponse:
+    return JSONResponse(problem.model_dump(), status_code=status)

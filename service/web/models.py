@@ -7,21 +7,27 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
 from monitor_core.monitoring import Observation, Status
+from service.texts.timestamps import iso
 
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
+def _iso(value: object) -> object:
+    return iso(value) if isinstance(value, int) else value
+
+
 Number = Annotated[float | None, BeforeValidator(_finite)]
-Time = Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+Time = Annotated[str, BeforeValidator(_iso), Field(json_schema_extra={"format": "date-time"})]
+"""Given as text, or in microseconds since 1970"""
 Direction = Literal["up", "down"]
 
 
 class Body(BaseModel):
-    """Base of all bodies: immutable, no unknown fields."""
+    """Base of all bodies: immutable, no unknown fields; a body within another is read from an object's attributes."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, from_attributes=True)
 
 
 class Cusum(Body):

@@ -2,20 +2,29 @@
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
-from monitor_core.detection import Name, Reach
-from monitor_core.monitoring import DetectorStatus, ParameterStatus, ParameterTrend
+from monitor_core.detection import Reach
+from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
-from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, HistoryPoint, Snapshot
-from service.store import journal
+from service.pipeline.snapshot import AxisSnapshot, HistoryPoint, Snapshot
+from service.store.journal import RecordedAlarm
 from service.texts.alarm_texts import episode_words
-from service.texts.timestamps import iso, maybe_iso
+from service.texts.timestamps import iso
 from service.texts.trend_texts import reach_words, trend_words
 from service.web import models
 from service.web.app_state import VERSION, sample_age_s
 from service.web.health import reasons_not_ready
 
 OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
+
+_B = TypeVar("_B", bound=models.Body)
+
+
+def _body(kind: type[_B], source: object, **own: object) -> _B:
+    """A body with these fields of its own; all others are the attributes of the source that have their names."""
+    same = {name: getattr(source, name) for name in kind.model_fields.keys() - own.keys()}
+    return kind.model_validate(same | own)
 
 
 def axes(snapshot: Snapshot, now_us: int) -> models.Axes:
@@ -25,55 +34,29 @@ def axes(snapshot: Snapshot, now_us: int) -> models.Axes:
 
 def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
     """One axis."""
-    return models.Axis(
-        id=a.id,
-        robot=a.robot,
-        name=a.name,
-        bus=a.bus,
-        last_sample=maybe_iso(a.status.time_us),
+    status = a.status
+    constants = [{"name": name, "value": value, "unit": unit} for name, (value, unit) in a.nominal.items()]
+    return _body(
+        models.Axis,
+        a,
+        last_sample=status.time_us,
         last_sample_age_s=sample_age_s(a, now_us),
-        parameters=[_parameter(p) for p in a.status.parameters],
-        innovation_variance=a.status.innovation_variance,
+        parameters=[_parameter(p) for p in status.parameters],
+        innovation_variance=status.innovation_variance,
         innovation_unit=OUTPUT_UNITS[a.output],
-        samples=a.status.samples,
-        confounded=list(a.status.confounded),
+        samples=status.samples,
+        confounded=status.confounded,
         gated_by=a.gated_by or None,
-        counters=dict(a.status.counters),
-        dropped=dict(a.dropped),
-        clock=dict(a.clock),
-        stamps=models.Stamps(**a.stamps._asdict()),
-        detectors=[_detector(d) for d in a.status.detectors],
+        counters=status.counters,
+        detectors=[_body(models.Detector, d, leading=d.leading or None) for d in status.detectors],
         open_alarms=list(dict.fromkeys(e.parameter for e in a.open_alarms if e.kind != "forecast")),
-        model=_model(a),
+        model=_body(models.Model, a, nominal=constants),
     )
-
-
-def _detector(d: DetectorStatus) -> models.Detector:
-    return models.Detector(name=d.name, alarms=d.alarms, leading=d.leading or None, evidence=d.evidence)
 
 
 def _parameter(p: ParameterStatus) -> models.Parameter:
-    return models.Parameter(
-        name=p.name,
-        unit=p.unit,
-        meaning=p.meaning,
-        nominal=p.nominal,
-        estimate=p.estimate,
-        standard_deviation=p.standard_deviation,
-        p_diagonal=p.p_diagonal,
-        cusum=models.Cusum(up=p.g_up, down=p.g_down),
-        threshold=p.h,
-        tolerance=p.nu,
-        status=p.status,
-        observation=p.observation,
-    )
-
-
-def _model(a: AxisSnapshot) -> models.Model:
-    constants = [
-        models.Constant(name=name, value=value, unit=unit) for name, (value, unit) in a.nominal.items()
-    ]
-    return models.Model(drive=a.drive, output=a.output, nominal=constants)
+    cusum = models.Cusum(up=p.g_up, down=p.g_down)
+    return _body(models.Parameter, p, cusum=cusum, threshold=p.h, tolerance=p.nu)
 
 
 def history(
@@ -81,22 +64,18 @@ def history(
 ) -> models.History:
     """The last ``limit`` points of an axis after ``since_us``, of one parameter or of all."""
     points = [point for point in a.history.points if since_us is None or point.time_us > since_us][-limit:]
+    wanted = [(i, p) for i, p in enumerate(a.status.parameters) if parameter is None or p.name == parameter]
     return models.History(
         axis=a.id,
         time=[iso(point.time_us) for point in points],
-        parameters=[
-            _history(p, i, points)
-            for i, p in enumerate(a.status.parameters)
-            if parameter is None or p.name == parameter
-        ],
+        parameters=[_history(p, i, points) for i, p in wanted],
     )
 
 
 def _history(p: ParameterStatus, i: int, points: Sequence[HistoryPoint]) -> models.ParameterHistory:
-    return models.ParameterHistory(
-        name=p.name,
-        unit=p.unit,
-        nominal=p.nominal,
+    return _body(
+        models.ParameterHistory,
+        p,
         nominals=[point.nominals[i] for point in points],
         estimate=[point.estimates[i] for point in points],
         standard_deviation=[point.standard_deviations[i] for point in points],
@@ -117,14 +96,13 @@ def trend(a: AxisSnapshot, parameter: str | None = None, points: int = 1200) -> 
 
 def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
     entries, now_us = thinned(p.entries, points), p.entries[-1].end_us if p.entries else 0
-    return models.LongTermHistory(
-        name=p.name,
-        unit=p.unit,
-        nominal=p.nominal,
+    return _body(
+        models.LongTermHistory,
+        p,
         words=trend_words(p.name, p.unit, p.trend),
         drift=None if p.trend is None else _drift(p.trend),
         limits=[_reach(r, now_us) for r in p.reaches],
-        time=[iso(e.middle_us) for e in entries],
+        time=[e.middle_us for e in entries],
         mean=[e.mean for e in entries],
         standard_deviation=[math.sqrt(e.variance) for e in entries],
         operating_s=[e.operating_s for e in entries],
@@ -132,76 +110,41 @@ def _long_term(p: ParameterTrend, points: int) -> models.LongTermHistory:
 
 
 def _drift(t: Trend) -> models.Drift:
-    return models.Drift(
-        time=iso(t.time_us),
-        since=iso(t.since_us),
-        **t.probability,
-        level=t.level,
-        level_sd=t.level_sd,
-        slope_per_day=t.slope * 86400,
-        slope_per_day_sd=t.slope_sd * 86400,
-        scatter=t.scatter,
-    )
+    per_day = {"slope_per_day": t.slope * 86400, "slope_per_day_sd": t.slope_sd * 86400}
+    return _body(models.Drift, t, time=t.time_us, since=t.since_us, **t.probability, **per_day)
 
 
 def _reach(r: Reach, now_us: int) -> models.Reach:
-    times = {"low": iso(r.low_us), "high": maybe_iso(r.high_us)}
-    named = {"name": r.name, "limit": r.limit, "unit": r.unit, "above": r.above, "state": r.state}
-    return models.Reach.model_validate({**named, **times, "words": reach_words(r, now_us)})
+    return _body(models.Reach, r, low=r.low_us, high=r.high_us, words=reach_words(r, now_us))
 
 
-def alarm(a: journal.RecordedAlarm) -> models.Alarm:
+def alarm(a: RecordedAlarm) -> models.Alarm:
     """One alarm of the journal."""
-    return models.Alarm(
-        id=a.id,
-        axis=a.axis,
-        parameter=a.parameter,
-        direction=a.direction,
-        stage=a.stage,
-        causes=[
-            models.Cause(parameter=c.parameter, probability=c.probability, alike=list(c.alike))
-            for c in a.causes
-        ],
-        doubt=a.doubt,
-        kind=a.kind,
+    return _body(
+        models.Alarm,
+        a,
         reaches=[_reach(r, a.updated_us) for r in a.reaches],
         words=episode_words(a, a.nominal, a.unit),
-        active=a.active,
-        unit=a.unit,
-        nominal=a.nominal,
-        size=a.size,
-        size_sd=a.size_sd,
-        onset=iso(a.onset_us),
-        onset_low=maybe_iso(a.onset_low_us),
-        onset_high=maybe_iso(a.onset_high_us),
-        raised=iso(a.raised_us),
-        updated=iso(a.updated_us),
-        ended=maybe_iso(a.ended_us),
-        crossings=a.crossings,
-        past=[_past(name) for name in a.past],
-    )
-
-
-def _past(name: Name) -> models.PastName:
-    return models.PastName(
-        until=iso(name.until_us), stage=name.stage, parameter=name.parameter, direction=name.direction
+        onset=a.onset_us,
+        onset_low=a.onset_low_us,
+        onset_high=a.onset_high_us,
+        raised=a.raised_us,
+        updated=a.updated_us,
+        ended=a.ended_us,
+        past=[_body(models.PastName, name, until=name.until_us) for name in a.past],
     )
 
 
 def service(snapshot: Snapshot, now_us: int) -> models.Service:
     """The daemon itself."""
     reasons = reasons_not_ready(snapshot, now_us)
-    return models.Service(
+    return _body(
+        models.Service,
+        snapshot,
         version=VERSION,
         ready=not reasons,
         reasons=reasons,
-        messages=list(snapshot.messages),
-        started=iso(snapshot.started_us),
-        taken=iso(snapshot.taken_us),
-        checkpoint=maybe_iso(snapshot.checkpoint_us),
-        buses=[_bus(bus) for bus in snapshot.buses],
+        started=snapshot.started_us,
+        taken=snapshot.taken_us,
+        checkpoint=snapshot.checkpoint_us,
     )
-
-
-def _bus(bus: BusSnapshot) -> models.Bus:
-    return models.Bus(name=bus.name, up=bus.up, state=bus.state, frames=bus.frames, dropped=dict(bus.dropped))

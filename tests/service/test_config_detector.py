@@ -12,7 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from service.commands.check import check
-from service.config import ConfigErrors, load
+from service.config import load
 from service.config.axis_settings import AxisError, axis_model, axis_settings
 from service.config.detector_choice import Detectors, detectors_of
 from tests.service.calibration.test_thresholds_file import named
@@ -62,14 +62,6 @@ def found(path: Path) -> Detectors:
     return detectors_of(axis, model, axis_settings(axis, model))
 
 
-def problem(path: Path) -> tuple[str, str]:
-    with pytest.raises(ConfigErrors) as caught:
-        load(path, {})
-    (one,) = caught.value.problems
-    assert one.line is not None
-    return one.key, one.message
-
-
 def checked(path: Path) -> str:
     result = CliRunner().invoke(app, ["--config", str(path)], env={"COLUMNS": "300"})
     assert result.exit_code == 0, result.stderr
@@ -110,19 +102,6 @@ def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
 
 def test_a_file_of_thresholds_without_the_bank(robot: Path) -> None:
     assert found(calibrated(robot, [])).alarm_source == "cusum"
-    key, message = problem(detector(robot, 'alarm_source = "multimodel"'))
-    assert key.endswith("detector.alarm_source")
-    assert (
-        message
-        == 'thresholds.toml has no thresholds of the multi-model detector: calibrate again, or use "cusum"'
-    )
-
-
-def test_a_budget_beside_thresholds_of_its_own(robot: Path) -> None:
-    calibrated(robot, OWN)
-    key, message = problem(detector(robot, "budget_s = 3600.0"))
-    assert key.endswith("detector.budget_s")
-    assert message.startswith("thresholds.toml has thresholds of the multi-model detector: remove this, or")
 
 
 def test_a_file_for_other_causes(robot: Path) -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from service.config import ConfigErrors, load
+from service.config import load
 from service.config.axis_settings import axis_model
-from service.config.trend_limits import limits_of
+from service.config.drives import limits_of
 from tests.end_to_end.processes import demo_config
 
 
@@ -18,13 +18,6 @@ def written(folder: Path, limits: str, trend: str = "") -> Path:
     text = file.read_text(encoding="utf-8").replace("[robot.axis.estimator]", tables, 1)
     file.write_text(text, encoding="utf-8")
     return file
-
-
-def problems(file: Path) -> list[tuple[str, str]]:
-    with pytest.raises(ConfigErrors) as caught:
-        load(file, {})
-    lines = file.read_text(encoding="utf-8").splitlines()
-    return [(lines[p.line - 1] if p.line else "", p.message) for p in caught.value.problems]
 
 
 def test_limits_are_those_of_the_monitored_parameters(tmp_path: Path) -> None:
@@ -48,36 +41,3 @@ def test_defaults(tmp_path: Path) -> None:
     axis = load(written(tmp_path, "fm = 0.03"), {}).axes[0].config
     assert axis.trend.lead_time == 14 * 86400
     assert [limit.upper for limit in limits_of(axis, axis_model(axis))["fm"]] == [False]
-
-
-@pytest.mark.parametrize(
-    ("limits", "words"),
-    [
-        ("fx = 0.09", "not monitored: there is kT, 1/Ja, fm"),
-        ("Jm = 0.09", "not monitored"),
-        ("fm = 0.06", "above or below the nominal value"),
-        ("fm = [0.07, 0.09]", "lower < nominal < upper, nominal = 0.06"),
-        ("fm = [0.09, 0.03]", "lower < nominal < upper"),
-        ("fm = 99.0", "never reached: the estimate stays between"),
-        ("Ja = 9999", "never reached: the estimate stays between"),
-        ('fm = "0.09"', "fm"),
-        ("fm = [0.01, 0.09, 0.1]", "fm"),
-        ("fm = true", "fm"),
-    ],
-)
-def test_mistakes_are_named_with_their_line(limits: str, words: str, tmp_path: Path) -> None:
-    ((line, message),) = problems(written(tmp_path, limits))
-    assert line.startswith(limits.split(" = ")[0])
-    assert words in f"{line} {message}"
-
-
-def test_a_parameter_and_its_reciprocal_have_one_limit(tmp_path: Path) -> None:
-    ((line, message),) = problems(written(tmp_path, '"1/Ja" = 0.012\nJa = 120'))
-    assert line.startswith("Ja")
-    assert "has one already" in message
-
-
-@pytest.mark.parametrize("time", ['"soon"', "14", '"0 days"', '"-3 d"'])
-def test_a_time_is_written_with_its_unit(time: str, tmp_path: Path) -> None:
-    ((line, _),) = problems(written(tmp_path, "fm = 0.09", f"lead_time = {time}"))
-    assert line.startswith("lead_time")

@@ -1,20 +1,16 @@
 """What is reported when a file cannot be read, when much is wrong at once, and from the environment."""
 
-import shutil
 from pathlib import Path
 
 import pytest
 
 from service.config import ConfigErrors, load
-
-SHIPPED = Path(__file__).resolve().parents[2] / "config"
-BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
+from tests.service.config_texts import BASE, furnish
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    shutil.copy(SHIPPED / "robot.dbc", tmp_path)
-    file = tmp_path / "a.toml"
+    file = furnish(tmp_path) / "a.toml"
     file.write_text(BASE, encoding="utf-8")
     return file
 
@@ -24,6 +20,20 @@ def messages(file: Path, environ: dict[str, str] | None = None) -> list[str]:
         load(file, environ or {})
     assert str(caught.value) == "\n".join(map(str, caught.value.problems))
     return [str(problem).replace(str(file), "a.toml") for problem in caught.value.problems]
+
+
+def test_a_right_file(file: Path) -> None:
+    config = load(file, {})
+    first, second = (axis.config for axis in config.axes)
+    assert (first.output, first.motion.signal, second.output, second.motion.signal) == (
+        *("angle", "Angle"),
+        *("speed", "Speed"),
+    )
+    assert (first.pairing_tolerance_s, first.max_gap_s) == pytest.approx((0.002, 0.06))
+    assert (second.pairing_tolerance_s, second.max_gap_s) == pytest.approx((0.0016, 0.04))
+    assert config.service.state_dir == file.parent / "kept"
+    assert config.bus[0].dbc == file.parent / "robot.dbc"
+    assert config.bus[0].options == {"receive_own_messages": True}
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
@@ -94,6 +104,13 @@ def test_all_mistakes_of_the_crosschecks_at_once(file: Path) -> None:
         "a.toml:44 robot[1].axis[2].model.nominal.fm",
         "a.toml:47 robot[1].axis[2].model.nominal.Jn = 96",
     ]
+
+
+def test_an_interface_that_is_near(file: Path) -> None:
+    file.write_text(BASE.replace('"virtual"', '"virtaul"'), encoding="utf-8")
+    (message,) = messages(file)
+    place = 'a.toml:7: bus[1].interface = "virtaul": '
+    assert message.startswith(f'{place}python-can has no such interface: did you mean "virtual"')
 
 
 def test_the_environment_wins(file: Path) -> None:

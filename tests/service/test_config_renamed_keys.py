@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
 
 from service.config import ConfigErrors, load
-from service.config.nominal_file import NominalError, read_nominal
-from service.config.renamed_keys import RENAMED_KEYS, hint
+from service.config.found_file import FoundFileError
+from service.config.nominal_file import read_nominal
+from service.config.validation_messages import RENAMED_KEYS, hint
+from tests.service.config_texts import BASE, CONFIG, furnish
 
-CONFIG = Path(__file__).resolve().parents[2] / "config"
-BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
 EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
 SECTION = {
     "averaged": "[robot.axis.angle]",
@@ -29,7 +28,7 @@ SECTION = {
 
 @pytest.mark.parametrize("key", SECTION)
 def test_an_old_key_names_the_new_one(key: str, tmp_path: Path) -> None:
-    shutil.copy(CONFIG / "robot.dbc", tmp_path)
+    furnish(tmp_path)
     header = SECTION[key]
     text = BASE if header in BASE else f"{BASE}\n{header}\n"
     at = text.index(header) + len(header)
@@ -46,14 +45,8 @@ def test_the_new_keys_exist(key: str) -> None:
     assert f"{key} = " in EXAMPLE or f".{key}]]" in EXAMPLE
 
 
-def test_an_old_file_of_nominal_values_loses_no_slopes(tmp_path: Path) -> None:
-    (tmp_path / "nominal.toml").write_text('format = 1\n[[varying]]\nparameter = "fm"\n', encoding="utf-8")
-    with pytest.raises(NominalError, match=r"nominal\.toml: varying: is now called schedule"):
-        read_nominal(tmp_path / "nominal.toml")
-
-
 def test_a_parameter_may_have_the_name_of_an_old_key(tmp_path: Path) -> None:
     """What is wrong with this file is something else."""
     (tmp_path / "nominal.toml").write_text("format = 1\n[values]\naveraged = 1.0\n", encoding="utf-8")
-    with pytest.raises(NominalError, match="required"):
+    with pytest.raises(FoundFileError, match="required"):
         read_nominal(tmp_path / "nominal.toml")

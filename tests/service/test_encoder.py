@@ -17,7 +17,7 @@ from monitor_core.samples import SampleBlock
 from service.commands.main import app
 from service.config import Config, ConfigErrors, load
 from service.config.axis_settings import axis_model, axis_settings
-from service.config.encoder_remarks import remarks_on_encoders
+from service.config.remarks import remarks_on_encoders
 from service.ingest.identification_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.frame_pipeline import FramePipeline
@@ -273,20 +273,3 @@ def test_gravity_needs_to_know_where_the_arm_stands(
         load(text, {})
     assert [p.key for p in caught.value.problems] == ["robot[1].axis[1].angle.wrap_period"]
     assert "gravity depends on the position of the arm" in str(caught.value.problems[0])
-
-
-@pytest.mark.parametrize(
-    ("table_", "line", "words"),
-    [
-        ("angle", "wrap_period = 0", "must be greater than 0"),
-        ("angle", "resolution = -1", "must be greater than 0"),
-        ("torque", "wrap_period = 360", "unknown key"),
-        ("torque", "resolution = 1", "unknown key"),
-    ],
-)
-def test_mistakes(table_: str, line: str, words: str, tmp_path: Path) -> None:
-    file = config(tmp_path / "a", "", (f"[robot.axis.{table_}]", f"[robot.axis.{table_}]\n{line}"))
-    with pytest.raises(ConfigErrors) as caught:
-        load(file, {})
-    assert [p.key for p in caught.value.problems] == [f"robot[1].axis[1].{table_}.{line.split()[0]}"]
-    assert words in str(caught.value.problems[0])

@@ -17,7 +17,7 @@ import scipy.io
 
 from monitor_core.identification.record_checks import Known, suspicions
 from service.can.user_errors import RecordError
-from service.config.condition_rules import places_of_signals, signal_names
+from service.config.condition_rules import sources as signal_sources
 from service.config.schema import Config
 from service.ingest.identification_records import Loaded, Wanted, load, wanted
 from service.ingest.records import read_record
@@ -256,7 +256,7 @@ def test_a_signal_that_never_comes(tmp_path: Path) -> None:
 def test_rules_of_further_signals(tmp_path: Path, signals: list[dict[str, Any]], problem: str | None) -> None:
     config = make_config(tmp_path, axis1(signal=signals))
     axis = config.axes[0].config
-    found = [finding.message for finding in (*signal_names(axis), *places_of_signals(axis))]
+    found = [finding.message for finding in signal_sources(axis)]
     assert found == ([] if problem is None else [problem])
 
 

@@ -127,28 +127,6 @@ def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarra
         load(file, {})
 
 
-@pytest.mark.parametrize(
-    ("line", "key", "words"),
-    [
-        ("interval_mean = 1", "speed.interval_mean", "must be true or false"),
-        ("wrap_period = 3", "speed.wrap_period", "unknown key"),
-    ],
-)
-def test_mistakes(line: str, key: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigErrors) as caught:
-        load(configured(tmp_path / "a", line), {})
-    assert [p.key for p in caught.value.problems] == [f"robot[1].axis[1].{key}"]
-    assert words in str(caught.value.problems[0])
-
-
-def test_only_a_speed_can_be_an_interval_mean(tmp_path: Path) -> None:
-    file = written(
-        tmp_path, ("[robot.axis.angle]", "[robot.axis.angle]\ninterval_mean = true"), monitor=WATCHED
-    )
-    with pytest.raises(ConfigErrors, match="unknown key"):
-        load(file, {})
-
-
 def test_a_resolution_of_counts_in_an_interval(tmp_path: Path) -> None:
     """A drive that counts increments: one more or less is a step of its mean speed."""
     step = 2 * math.pi / 4096 / H

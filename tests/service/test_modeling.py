@@ -21,10 +21,9 @@ from service.config.drive_sources import (
     LIBRARY,
     Modelled,
     model_of_axis,
+    model_of_drawing,
+    model_of_file,
     model_of_library,
-    state_space_of_drawing,
-    state_space_of_file,
-    state_space_of_library,
 )
 from service.config.resources import shipped
 from tests.service.pipeline.robots import demo
@@ -63,7 +62,7 @@ COMPONENTS: dict[str, dict[str, object]] = {
 @pytest.mark.parametrize("name", LIBRARY)
 def test_the_files_of_the_library_are_the_drives_drawn_in_python(name: str, output: Output) -> None:
     drawn = eliminate(DRAWINGS[name]().flat(), output)
-    read = state_space_of_library(name, output)
+    read = model_of_library(name, None, output).space
     for entries in ("A", "B", "C", "rest", "ratio"):
         assert getattr(read, entries) == getattr(drawn, entries), entries
     assert model_of_library(name, None, output).drive == drive_of(drawn)
@@ -76,7 +75,7 @@ def test_the_file_of_three_masses_has_the_values_of_the_reference_experiment() -
 def test_what_is_measured_goes_before_what_was_drawn(tmp_path: Path) -> None:
     (tmp_path / "belt.mo").write_text(BELT, encoding="utf-8")
     drawn, speed, angle = (
-        state_space_of_file(tmp_path / "belt.mo", None, output) for output in (None, "speed", "angle")
+        model_of_file(tmp_path / "belt.mo", None, output).space for output in (None, "speed", "angle")
     )
     assert [s.quantity for s in (*drawn.sensors, *speed.sensors, *angle.sensors)] == [
         *("speed", "speed"),
@@ -87,7 +86,7 @@ def test_what_is_measured_goes_before_what_was_drawn(tmp_path: Path) -> None:
 
 def test_components_of_a_configuration_are_the_same_drive_as_a_file(tmp_path: Path) -> None:
     (tmp_path / "belt.mo").write_text(BELT, encoding="utf-8")
-    read, drawn = state_space_of_file(tmp_path / "belt.mo"), state_space_of_drawing(COMPONENTS)
+    read, drawn = model_of_file(tmp_path / "belt.mo").space, model_of_drawing(COMPONENTS).space
     assert (read.A, read.C) == (drawn.A, drawn.C)
     assert {str(entry) for entry in drawn.B.values()} == {"torque.kT/Jm"}
 
@@ -125,7 +124,7 @@ def test_a_mistake_is_found_once_and_told_each_time(tmp_path: Path, monkeypatch:
     told = []
     for _ in range(2):
         with pytest.raises(ModelError, match=r"belt\.mo:8: arm\.J: ") as caught:
-            state_space_of_file(tmp_path / "belt.mo")
+            model_of_file(tmp_path / "belt.mo")
         told.append(str(caught.value))
     assert told[0] == told[1]
     assert calls == [str(tmp_path / "belt.mo")]
@@ -141,17 +140,17 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     }
     for name, words in cases.items():
         with pytest.raises(ModelError, match=words):
-            state_space_of_file(tmp_path / name)
+            model_of_file(tmp_path / name)
 
 
 def test_a_name_that_the_library_does_not_have() -> None:
     with pytest.raises(ModelError, match=r'did you mean "five-mass"\?.*ends with "\.mo"'):
-        state_space_of_library("five_mass")
+        model_of_library("five_mass")
 
 
 def test_a_model_that_the_file_does_not_have() -> None:
     with pytest.raises(ModelError, match="ThreeMass"):
-        state_space_of_file(shipped("drives/three_mass.mo"), "FourMass")
+        model_of_file(shipped("drives/three_mass.mo"), "FourMass")
 
 
 def test_a_drive_of_the_library_needs_no_parser_and_no_algebra() -> None:

@@ -110,35 +110,6 @@ def test_the_demo_can_watch_it(tmp_path: Path) -> None:
         watching(axis, ("fm", "delays"))
 
 
-INTERVAL = "sample_interval_s = 0.005"
-MISTAKES = [
-    (
-        (INTERVAL, f"{INTERVAL}\ntorque_delay_s = 0.005"),
-        "model.monitor[4]",
-        "followed up to sample_interval_s",
-    ),
-    (
-        (WATCHED, f"{WATCHED}\nbounds = {{ delay = [-0.01, 0.001] }}"),
-        "model.bounds.delay",
-        "within sample_inter",
-    ),
-    ((WATCHED, f"{WATCHED}\nscales = {{ delay = 0 }}"), "model.scales.delay", "must be greater than 0"),
-    ((WATCHED, f"{WATCHED}\nnominal.delay = 0.001"), "model.nominal.delay", "torque_delay_s of the axis"),
-    (('"delay"]', '"1/delay"]'), "model.monitor[4]", "the drive has no such parameter"),
-    (('"delay"]', '"Delay"]'), "model.monitor[4]", 'no such parameter: did you mean "delay"'),
-]
-
-
-@pytest.mark.parametrize(("change", "key", "words"), MISTAKES, ids=[m[1] + " " + m[2] for m in MISTAKES])
-def test_mistakes(change: tuple[str, str], key: str, words: str, tmp_path: Path) -> None:
-    if key == "model.nominal.delay":
-        change = ("tau0 = ", "delay = 0.001\ntau0 = ")
-    with pytest.raises(ConfigErrors) as caught:
-        load(written(tmp_path, change), {})
-    assert [p.key for p in caught.value.problems] == [f"robot[1].axis[1].{key}"]
-    assert words in str(caught.value.problems[0])
-
-
 def test_a_drive_with_such_a_parameter_of_its_own(tmp_path: Path) -> None:
     own = Path(__file__).resolve().parents[2] / "config" / "drives" / "two_mass.mo"
     text = own.read_text(encoding="utf-8").replace("fm", "delay")

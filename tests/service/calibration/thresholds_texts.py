@@ -7,7 +7,7 @@ from typing import Any
 
 from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_model, axis_settings
-from service.config.threshold_match import made_with
+from service.config.thresholds_file import made_with
 
 
 def thresholds_text(

@@ -12,7 +12,7 @@ import pytest
 from monitor_core.detection import Alarm
 from service.can.frames import Frame
 from service.config import Config
-from service.config.schema_watching import DetectorConfig
+from service.config.schema_model import DetectorConfig
 from service.ingest.encode import FrameEncoder
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
 from service.pipeline.checkpointing import Checkpointer, multimodel_id

@@ -3,28 +3,13 @@
 import json
 import math
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm, Reach
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring import AxisMonitor
-from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
-from service.pipeline.snapshot import Snapshot
-from service.store.journal import Journal
-
-
-class Stage(Protocol):
-    journal: Journal
-    snapshot: Snapshot
-    now_us: int
-
-    def healthy(self) -> None: ...
+from tests.service.web.conftest import COUNTERS, Stage
 
 
 def get(client: TestClient, path: str, status: int = 200) -> Any:
@@ -41,22 +26,31 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     body = get(client, "/api/v1/axes")
     assert body["taken"] == "2026-03-01T12:00:00.000000Z"
     first, second = body["axes"]
-    assert [first["id"], second["id"]] == ["demo.axis1", "demo.axis2"]
     assert get(client, "/api/v1/axes/demo.axis1") == first
-    assert first["last_sample"] == "2026-03-01T11:59:59.600000Z"
-    assert first["last_sample_age_s"] == 0.65
-    assert first["samples"] == 127_530
-    assert first["counters"]["gap"] == 2
-    assert first["counters"]["gated"] == 1200
-    assert first["gated_by"] is None
-    assert first["confounded"] == ["1/Ja is not observed"]
-    assert first["dropped"] == {"no_partner": 5, "late": 0}
-    assert first["clock"] == {"clock_reanchored": 3}
-    assert first["stamps"] == {"clock": "cyclic", "scatter_s": 0.00041, "interval_s": 0.0050002}
+    expected = {
+        "id": "demo.axis1",
+        "last_sample": "2026-03-01T11:59:59.600000Z",
+        "last_sample_age_s": 0.65,
+        "samples": 127_530,
+        "counters": COUNTERS,
+        "gated_by": None,
+        "confounded": ["1/Ja is not observed"],
+        "dropped": {"no_partner": 5, "late": 0},
+        "clock": {"clock_reanchored": 3},
+        "stamps": {"clock": "cyclic", "scatter_s": 0.00041, "interval_s": 0.0050002},
+        "innovation_unit": "rad",
+        "open_alarms": ["fm"],
+    }
+    assert {name: first[name] for name in expected} == expected
+    assert first["detectors"] == [
+        {"name": "cusum", "alarms": True, "leading": "fm", "evidence": 0.725},
+        {"name": "multimodel", "alarms": False, "leading": "torque sign", "evidence": 1.5},
+    ]
+    assert (first["model"]["drive"], first["model"]["output"]) == ("three-mass", "angle")
+    assert {"name": "Ja", "value": 95.717, "unit": "kg m^2"} in first["model"]["nominal"]
+    assert (second["id"], second["last_sample"], second["last_sample_age_s"]) == ("demo.axis2", None, None)
     assert second["stamps"] == {"clock": "receipt", "scatter_s": None, "interval_s": None}
-    assert first["innovation_unit"] == "rad"
-    assert second["last_sample"] is None
-    assert second["last_sample_age_s"] is None
+    assert second["detectors"][0]["leading"] is None
 
 
 def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
@@ -86,12 +80,6 @@ def test_a_parameter_has_its_unit_and_both_cusums(client: TestClient) -> None:
     }
 
 
-def test_the_model_has_its_units(client: TestClient) -> None:
-    model = get(client, "/api/v1/axes/demo.axis1")["model"]
-    assert (model["drive"], model["output"]) == ("three-mass", "angle")
-    assert {"name": "Ja", "value": 95.717, "unit": "kg m^2"} in model["nominal"]
-
-
 def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) -> None:
     axis = stage.snapshot.axes[0]
     broken = replace(axis.status.parameters[0], estimate=math.nan, g_up=math.inf, g_down=-math.inf)
@@ -101,25 +89,6 @@ def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) 
     assert body["parameters"][0]["estimate"] is None
     assert body["parameters"][0]["cusum"] == {"up": None, "down": None}
     assert body["innovation_variance"] is None
-
-
-def test_a_real_monitor_is_told_as_it_is(stage: Stage, client: TestClient, seed: int) -> None:
-    model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-    monitor = AxisMonitor(model, Settings.paper(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
-    rng = np.random.default_rng(seed)
-    monitor.update(
-        SampleBlock(np.arange(500) * 5000 + stage.now_us, rng.normal(size=500), rng.normal(size=500))
-    )
-    axis = replace(stage.snapshot.axes[0], status=monitor.status())
-    stage.snapshot = replace(stage.snapshot, axes=(axis,))
-    body = get(client, "/api/v1/axes/demo.axis1")
-    assert body["samples"] == monitor.status().samples
-    assert body["last_sample_age_s"] == 0
-    for told, known in zip(body["parameters"], monitor.status().parameters, strict=True):
-        # Noise for torque and speed leads some estimates out of their bounds: those are told as none.
-        assert told["estimate"] == (None if math.isnan(known.estimate) else known.estimate)
-        assert told["standard_deviation"] == known.standard_deviation
-        assert told["threshold"] == known.h
 
 
 def test_history_comes_in_columns(client: TestClient) -> None:

@@ -4,29 +4,16 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Protocol
 
 import pytest
-from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import Status
-from service.pipeline.snapshot import Snapshot
-from service.store.journal import Journal
 from service.web.server import serve
+from tests.service.web.conftest import Stage
 
 pytestmark = pytest.mark.browser
-
-
-class Stage(Protocol):
-    journal: Journal
-    snapshot: Snapshot
-    now_us: int
-
-    def app(self) -> FastAPI: ...
-
-    def healthy(self) -> None: ...
 
 
 class Daemon:

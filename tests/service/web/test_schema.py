@@ -1,13 +1,13 @@
 """openapi.json: every field is explained, every answer is what it says."""
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm
-from service.store.journal import Journal
+from tests.service.web.conftest import Stage
 
 PATHS = {
     "/api/v1/service": "/api/v1/service",
@@ -20,10 +20,6 @@ PATHS = {
     "/healthz": "/healthz",
     "/readyz": "/readyz",
 }
-
-
-class Stage(Protocol):
-    journal: Journal
 
 
 @pytest.fixture

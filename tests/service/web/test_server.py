@@ -2,17 +2,12 @@
 
 import socket
 import threading
-from typing import Protocol
 
 import httpx
 import pytest
-from fastapi import FastAPI
 
 from service.web.server import CannotListenError, listen, serve
-
-
-class Stage(Protocol):
-    def app(self) -> FastAPI: ...
+from tests.service.web.conftest import Stage
 
 
 def test_it_serves_on_a_free_port_until_it_is_stopped(stage: Stage) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from service.web.pages import STATIC
+from service.web.app import STATIC
 
 FILES = ["/", "/docs", *(f"/static/{path.name}" for path in sorted(STATIC.iterdir()))]
 
@@ -20,6 +20,6 @@ def test_pages_forbid_what_they_do_not_need(path: str, client: TestClient) -> No
 
 
 def test_no_file_outside_is_served(client: TestClient) -> None:
-    assert client.get("/static/../pages.py").status_code == 404
-    assert client.get("/static/%2e%2e/pages.py").status_code == 404
-    assert Path(STATIC / ".." / "pages.py").exists()
+    assert client.get("/static/../app.py").status_code == 404
+    assert client.get("/static/%2e%2e/app.py").status_code == 404
+    assert Path(STATIC / ".." / "app.py").exists()

@@ -1,0 +1,201 @@
+"""Cross-checks of the files of nominal values and of thresholds: they fit the axis, and contradict no key.
+
+Nominal values belong to the predictor of their identification: with another gain, delay or interval theta converges to
+other values, which the tests would report as a fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from monitor_core.drive import Output
+from service.config.axis_settings import untold
+from service.config.base_table import Undecidable
+from service.config.drives import plain_drive_of
+from service.config.found_file import FoundFileError, alike, read_found
+from service.config.model_rules import usable_drive, with_merged
+from service.config.nominal_file import NominalFile, nominal_file_of, structure_of
+from service.config.positions import Keys
+from service.config.problems import Finding
+from service.config.schema import AxisConfig
+from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
+
+NOMINAL: Keys = ("model", "nominal_file")
+THRESHOLDS: Keys = ("model", "thresholds_file")
+SOURCE: Keys = ("detector", "alarm_source")
+_INTERVAL = 0.01
+"""Relative: measured intervals are never quite the nominal one."""
+
+
+def readable(axis: AxisConfig) -> Iterator[Finding]:
+    """The files are there and are what they should be."""
+    files = (
+        (NOMINAL, NominalFile, axis.model.nominal_file),
+        (THRESHOLDS, ThresholdsFile, axis.model.thresholds_file),
+    )
+    for key, schema, path in files:
+        try:
+            if path is not None:
+                read_found(schema, path)
+        except FoundFileError as error:
+            yield Finding(key, str(error))
+
+
+# --- Nominal values ---------------------------------------------------------------------------------------------------
+
+
+def same_axis(axis: AxisConfig) -> Iterator[Finding]:
+    """The file was found with what is measured here, at this interval."""
+    found, measured = _nominal(axis), _measured(axis)
+    if found.drive.output != measured:
+        yield Finding(NOMINAL, f"found with the {found.drive.output}, but this axis measures the {measured}")
+    found_s, own_s = found.predictor.interval_s, axis.sample_interval_s
+    if not math.isclose(found_s, own_s, rel_tol=_INTERVAL):
+        yield Finding(NOMINAL, f"found with samples every {found_s:g} s, but sample_interval_s = {own_s:g}")
+
+
+def same_drive(axis: AxisConfig) -> Iterator[Finding]:
+    """The file was found with this drive, and has all its values."""
+    found = _nominal(axis)
+    if found.drive.output != _measured(axis):
+        return
+    usable_drive(axis)
+    drive = plain_drive_of(axis)
+    structure = structure_of(drive)
+    missing = [p.name for p in drive.parameters if p.name not in found.values]
+    if structure != found.drive.structure:
+        message = (
+            f"found with the drive {found.drive.name} (structure {found.drive.structure}), but this axis has"
+            f" {drive.name} ({structure}): identify it again"
+        )
+        yield Finding(NOMINAL, message)
+    elif missing:
+        yield Finding(NOMINAL, f"has no value of {', '.join(missing)}")
+
+
+def same_values(axis: AxisConfig) -> Iterator[Finding]:
+    """Nominal values that are also in the configuration equal those of the file; merged ones by their parts."""
+    found, given = _nominal(axis), with_merged(axis.model.nominal, usable_drive(axis))
+    other = [name for name, value in found.values.items() if name in given and not alike(given[name], value)]
+    if other:
+        name, more = other[0], f" and {len(other) - 1} more" if len(other) > 1 else ""
+        message = (
+            f"{name} = {given[name]:g}, but {found.path.name} has {found.values[name]:.6g}{more}: remove what is in"
+            " the file, or"
+        )
+        yield Finding(("model", "nominal"), message, NOMINAL)
+
+
+def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
+    """The settings of the predictor are not given twice with different values."""
+    found = _nominal(axis)
+    p, noise = found.predictor, found.noise
+    in_file: dict[Keys, tuple[object, ...]] = {
+        ("estimator", "predictor"): (p.kind,),
+        ("estimator", "torque_noise"): (noise.torque or None,),
+        ("estimator", "output_noise"): (noise.output or None,),
+        ("torque_delay_s",): (p.torque_delay_s,),
+        ("model", "friction_speed_scale"): (found.drive.friction_speed_scale,),
+        ("estimator", "innovation_variance"): (p.innovation_variance, p.lam0),  # either will do
+    }
+    for path, rights in in_file.items():
+        given, right = _given(axis, path), rights[-1]
+        if given is not None and not any(alike(given, value) for value in rights):
+            shown = f"{right:.6g}" if isinstance(right, float) else right or "none"
+            yield Finding(path, f"but {found.path.name} has {shown}: remove this, or", NOMINAL)
+    if axis.estimator.gain and not alike(axis.estimator.gain, p.gain):
+        message = f"differs from that in {found.path.name}: remove this, or"
+        yield Finding(("estimator", "gain"), message, NOMINAL)
+
+
+def initial_p(axis: AxisConfig) -> Iterator[Finding]:
+    """P(0) belongs to the predictor and nominal values; with new ones it is no longer valid."""
+    found = _nominal(axis)
+    if axis.estimator.initial_p:
+        message = (
+            f"belongs to the predictor that it was found with, not to the one in {found.path.name}: remove it, and P(0)"
+            " is found from the first samples, or remove"
+        )
+        yield Finding(("estimator", "initial_p"), message, NOMINAL)
+
+
+def told_apart(axis: AxisConfig) -> Iterator[Finding]:
+    """Parameters that the nominal values do not distinguish cannot be distinguished by a detector."""
+    if axis.detector.alarm_source == "multimodel" and (doubtful := untold(axis)):
+        pairs = ", ".join(" and ".join(pair) for pair in doubtful)
+        yield Finding(SOURCE, f"the nominal values cannot tell {pairs} apart: identify the axis again")
+
+
+# --- Thresholds -------------------------------------------------------------------------------------------------------
+
+
+def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
+    """The file has a threshold for every monitored parameter, and for no other."""
+    names = [entry.parameter for entry in _thresholds(axis).threshold]
+    if names != list(axis.model.monitor):
+        watched = ", ".join(axis.model.monitor)
+        message = f"has thresholds of {', '.join(names)}, but {watched} are monitored: calibrate again"
+        yield Finding(THRESHOLDS, message)
+
+
+def said_once(axis: AxisConfig) -> Iterator[Finding]:
+    """Thresholds that are also in the configuration equal those of the file."""
+    found = _thresholds(axis)
+    for key in ("alpha_1", "alpha_2"):
+        given = _given(axis, ("detector", key))
+        if given is not None and any(getattr(threshold, key) != given for threshold in found.threshold):
+            message = f"but {found.path.name} has one for each parameter: remove this, or"
+            yield Finding(("detector", key), message, THRESHOLDS)
+
+
+def its_own_thresholds(axis: AxisConfig) -> Iterator[Finding]:
+    """A file that was made without the multi-model detector has no thresholds for it; one with it leaves no choice."""
+    found = _thresholds(axis)
+    of_it = "thresholds of the multi-model detector"
+    if axis.detector.alarm_source == "multimodel" and not found.hypothesis:
+        yield Finding(SOURCE, f'{found.path.name} has no {of_it}: calibrate again, or use "cusum"')
+    if found.hypothesis and _given(axis, ("detector", "budget_s")) is not None:
+        yield Finding(("detector", "budget_s"), f"{found.path.name} has {of_it}: remove this, or", THRESHOLDS)
+
+
+# --- What the checks have in common -----------------------------------------------------------------------------------
+
+
+def _nominal(axis: AxisConfig) -> NominalFile:
+    if (found := nominal_file_of(axis)) is None:
+        raise Undecidable("nominal_file")
+    return found
+
+
+def _thresholds(axis: AxisConfig) -> ThresholdsFile:
+    if (found := thresholds_file_of(axis)) is None:
+        raise Undecidable("thresholds_file")
+    return found
+
+
+def _measured(axis: AxisConfig) -> Output:
+    return "mean speed" if axis.interval_mean else axis.output
+
+
+def _given(axis: AxisConfig, path: Keys) -> Any:
+    """The value of a key if the user wrote it, else None."""
+    table: Any = axis
+    for part in path[:-1]:
+        table = getattr(table, str(part))
+    return getattr(table, str(path[-1])) if path[-1] in table.model_fields_set else None
+
+
+FILE_RULES = (
+    readable,
+    same_axis,
+    same_drive,
+    same_values,
+    same_predictor,
+    initial_p,
+    told_apart,
+    same_parameters,
+    said_once,
+    its_own_thresholds,
+)

@@ -1,0 +1,124 @@
+"""Remarks on a valid configuration for the user: what it takes for granted, and what is weaker than it could be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from monitor_core.monitoring import short_memory, unidentifiable_words
+from monitor_core.wording import duration
+from service.can.dbc import find_message, find_signal, read_dbc
+from service.config.axis_settings import axis_model, axis_settings, predictor_of, rounded, step_noise, untold
+from service.config.conditions import varying_of
+from service.config.detector_choice import configured_detectors
+from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
+from service.config.thresholds_file import thresholds_file_of
+
+_NEARLY = 1e-3
+_EXACT = 1e-7
+
+
+def remarks(config: Config) -> Iterator[str]:
+    """All remarks.
+
+    Raises:
+        AxisError: an axis cannot be monitored as configured.
+        DbcError: a DBC cannot be used.
+    """
+    for kind in (unsaid, short_memories, doubtful_nominals, remarks_on_encoders, remarks_on_detectors):
+        yield from kind(config)
+
+
+def unsaid(config: Config) -> Iterator[str]:
+    """Assumptions where the configuration does not state the conditions, robot by robot."""
+    for robot in config.robot:
+        names = [axis.name for axis in robot.axis if _says_nothing(axis, robot)]
+        if names:
+            yield (
+                f"{robot.name}: {', '.join(names)}: monitored as if the other axes stood still. Where their pose"
+                " changes the inertia, there will be alarms. Let nominal values follow it"
+                " ([[robot.axis.model.schedule]]),"
+                " monitor a reference motion only ([[robot.axis.gate]]), or say"
+                ' conditions = "others stand still" in [robot.axis.model]'
+            )
+
+
+def _says_nothing(axis: AxisConfig, robot: RobotConfig) -> bool:
+    stated = axis.model.conditions is not None or axis.gate or varying_of(axis)
+    return len(robot.axis) > 1 and not stated
+
+
+def short_memories(config: Config) -> Iterator[str]:
+    """Axes whose memory is short compared with their predictor."""
+    for axis in config.axes:
+        model = axis_model(axis.config)
+        short = short_memory(model, axis_settings(axis, model), axis.config.estimator.joint_state)
+        if short is None:
+            continue
+        words = (
+            f"{axis.id}: a memory of {short.memory_s:.3g} s is short compared with {short.slowest_s:.3g} s, the slowest"
+            " time constant of the predictor"
+        )
+        if short.joint_by_default:
+            yield (
+                f"{words}: its state moves with the estimates (joint_state), so that they scatter as reported; from"
+                f" {short.needed_s:.3g} s on this is not needed, and a change is detected up to 30 % sooner"
+            )
+        else:
+            yield f"{words}: from {short.needed_s:.3g} s on estimates scatter as reported"
+
+
+def doubtful_nominals(config: Config) -> Iterator[str]:
+    """Axes that are not tested because their nominal values do not allow it."""
+    for axis in config.axes:
+        for words in unidentifiable_words(untold(axis.config)):
+            yield f"{axis.id}: {words}. Identify it with a record that moves it more variously"
+
+
+def remarks_on_encoders(config: Config) -> Iterator[str]:
+    """Noises that are smaller than the resolution, and turns that are nearly two pi."""
+    for axis in config.axes:
+        given, least = predictor_of(axis.config).output_noise, _least_noise(config, axis.config)
+        if given is not None and least is not None and given < least * (1 - _NEARLY):
+            yield (
+                f"{axis.id}: output_noise = {given:.3g} is below {least:.3g}, which the resolution of the"
+                f" {axis.config.output} makes by itself (a step over the root of 12): the predictor would follow the"
+                " steps"
+            )
+        yield from _nearly_a_turn(axis)
+
+
+def _least_noise(config: Config, axis: AxisConfig) -> float | None:
+    """The noise of the encoder's resolution, or, if that is not given, of that of its signal on the bus."""
+    if (noise := step_noise(axis)) is not None or axis.records_only:
+        return noise
+    bus = next(bus for bus in config.bus if bus.name == axis.bus)
+    signal = find_signal(find_message(read_dbc(bus.dbc), axis.motion.message), axis.motion.signal)
+    return None if signal.is_float else rounded(float(signal.scale) * axis.motion.factor)
+
+
+def _nearly_a_turn(axis: NamedAxis) -> Iterator[str]:
+    angle = axis.config.angle
+    if angle is None or angle.wrap_period is None:
+        return
+    turns = abs(angle.factor) * angle.wrap_period / (2 * math.pi)
+    short = abs(turns - round(turns))
+    if round(turns) > 0 and _EXACT < short < _NEARLY:
+        yield (
+            f"{axis.id}: wrap_period differs from a turn by {2 * math.pi * short:.2g} rad, so the angle would jump each"
+            f" time; exact is {2 * math.pi * round(turns) / abs(angle.factor):.10g}"
+        )
+
+
+def remarks_on_detectors(config: Config) -> Iterator[str]:
+    """Multi-model detectors that do not run, or have no thresholds of their own."""
+    for axis in config.axes:
+        found, wanted = configured_detectors(axis), axis.config.detector
+        if found.multimodel is None and wanted.shadow and found.why:
+            yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"
+        elif found.alarm_source == "multimodel" and thresholds_file_of(axis.config) is None:
+            yield (
+                f"{axis.id}: the thresholds of the multi-model detector are the guaranteed ones: at most one false"
+                f" alarm in {duration(wanted.budget_s)} if the model is exact. A real axis needs thresholds of its own:"
+                " `axiswatch calibrate`"
+            )

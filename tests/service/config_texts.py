@@ -1,0 +1,184 @@
+"""Right configurations that the tests change: on a bus, with operating conditions, with a drive drawn, of tables."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from functools import cache
+from pathlib import Path
+
+from service.config import Config, load
+from tests.service.calibration.thresholds_texts import thresholds_text
+from tests.service.identification.nominal_texts import nominal_text
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
+
+TEMPERATURE = """\
+[[robot.axis.signal]]
+name = "temperature"
+message = "RobotState"
+signal = "Temperature1"
+"""
+MODE = """\
+[[robot.axis.signal]]
+name = "mode"
+message = "RobotState"
+signal = "Mode"
+max_age_s = 2.0
+"""
+OTHER = """\
+[[robot.axis.signal]]
+name = "speed2"
+axis = "second"
+factor = 0.01
+"""
+GATES = """\
+[[robot.axis.gate]]
+signal = "mode"
+equals = [3, 4.0]
+[[robot.axis.gate]]
+signal = "temperature"
+above = 5
+"""
+SCHEDULES = """\
+[[robot.axis.model.schedule]]
+parameter = "fm"
+signal = "temperature"
+slope = -0.0004
+reference = 40.0
+range = [20.0, 60.0]
+[[robot.axis.model.schedule]]
+parameter = "kT"
+signal = "cos(speed2)"
+slope = 0.1
+reference = 1.0
+"""
+
+
+def with_conditions(
+    signals: str = TEMPERATURE + MODE + OTHER, gates: str = GATES, schedules: str = SCHEDULES, model: str = ""
+) -> str:
+    """The base, whose first axis has these."""
+    text = BASE.replace(
+        "[robot.axis.model]\nmonitor", f"{signals}{gates}[robot.axis.model]\n{model}monitor", 1
+    )
+    bounds = "bounds = { kT = [0.5, 2.0] }\n"
+    return text.replace(bounds, f"{bounds}{schedules}", 1)
+
+
+HEAD = """\
+[[bus]]
+name = "can0"
+channel = "can0"
+dbc = "demo.dbc"
+[[robot]]
+name = "r"
+[[robot.axis]]
+name = "a"
+bus = "can0"
+sample_interval_s = 0.005
+torque = { message = "Axis1State", signal = "Torque" }
+angle = { message = "Axis1State", signal = "Angle" }
+estimator = { torque_noise = 0.05, output_noise = 1e-4 }
+[robot.axis.model]
+"""
+RIGID = """\
+model Rigid "A motor and a load on a rigid gear"
+  import Modelica.Mechanics.Rotational.*;
+  parameter Real Jm(unit = "kg.m2") = 0.001 "inertia of the motor";
+  parameter Real Jl(unit = "kg.m2") = 2 "inertia of the load";
+  parameter Real f(unit = "N.m.s/rad") = 0.004 "friction";
+  parameter Real r(unit = "1") = 0.02 "gear ratio";
+  Sources.Torque torque;
+  Components.Inertia motor(J = Jm);
+  Components.Damper bearing(d = f);
+  Components.Fixed housing;
+  Components.IdealGear gear(ratio = 1/r);
+  Components.Inertia load(J = Jl);
+  Sensors.AngleSensor encoder;
+equation
+  connect(torque.flange, motor.flange_a);
+  connect(bearing.flange_a, motor.flange_a);
+  connect(bearing.flange_b, housing.flange);
+  connect(motor.flange_b, gear.flange_a);
+  connect(gear.flange_b, load.flange_a);
+  connect(encoder.flange, motor.flange_a);
+end Rigid;
+"""
+"""The file rigid.mo"""
+FILE = 'drive = "rigid.mo"\nmonitor = ["f"]\n'
+DRAWN = """\
+monitor = ["f"]
+nominal = { J = 0.01, f = 0.03 }
+[robot.axis.model.components]
+motor = { type = "torque", at = "shaft", kT = 1 }
+rotor = { type = "inertia", at = "shaft", J = "J" }
+bearing = { type = "viscous-friction", at = "shaft", d = "f" }
+encoder = { type = "angle-sensor", at = "shaft" }
+"""
+TABLES = """\
+[[robot]]
+name = "cell1"
+[[robot.axis]]
+name = "axis1"
+sample_interval_s = 0.005
+torque = { column = "torque" }
+angle = { column = "angle" }
+model = { drive = "three-mass", monitor = ["1/Ja"], nominal = { kT = 1, r = 0.0085 } }
+"""
+
+
+def demo_axis() -> str:
+    """The first axis of the demo, without P(0)."""
+    parts = (CONFIG / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")
+    return re.sub(r"^initial_p = .*\n", "", "[[robot.axis]]".join(parts[:2]), flags=re.MULTILINE)
+
+
+def watched() -> str:
+    """An axis that also monitors the delay of the torque and has limits."""
+    text = demo_axis().replace('"fm"]', '"fm", "delay"]')
+    limits = "[robot.axis.model.limits]\nfm = 0.09\nkT = [0.9, 1.1]\n"
+    return text.replace("[robot.axis.estimator]", f"{limits}[robot.axis.trend]\n[robot.axis.estimator]")
+
+
+def found() -> str:
+    """An axis with files of nominal values and of thresholds, in place of values, noises and thresholds of its own."""
+    start, rest = demo_axis().split("[robot.axis.model.nominal]")
+    text = start + rest[rest.index("[robot.axis.estimator]") :]
+    text = re.sub(r"^(torque_noise|output_noise|alpha_[12]) = .*\n", "", text, flags=re.MULTILINE)
+    files = 'nominal_file = "nominal.toml"\nthresholds_file = "thresholds.toml"\n'
+    return text.replace('drive = "three-mass"\n', f'drive = "three-mass"\n{files}')
+
+
+@cache
+def found_files() -> dict[str, str]:
+    """The files that ``found`` names: they fit each other."""
+    axis = load(CONFIG / "demo.toml", {}).axes[0].config
+    return {"nominal.toml": nominal_text(axis), "thresholds.toml": thresholds_text(axis, 1.5, 7.0)}
+
+
+TEXTS = {
+    "base": BASE,
+    "conditions": with_conditions(),
+    "drawn": HEAD + DRAWN,
+    "file": HEAD + FILE,
+    "found": found(),
+    "tables": TABLES,
+    "watched": watched(),
+}
+
+
+def furnish(folder: Path) -> Path:
+    """A folder with the files that the texts name."""
+    shutil.copy(CONFIG / "robot.dbc", folder)
+    shutil.copy(CONFIG / "demo.dbc", folder)
+    for name, text in {"rigid.mo": RIGID, **found_files()}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+def loaded(folder: Path, text: str) -> Config:
+    """The configuration of a text in a folder, without the environment."""
+    (folder / "a.toml").write_text(text, encoding="utf-8")
+    return load(folder / "a.toml", {})

@@ -1,0 +1,57 @@
+"""Each mistake is reported with its line, its key, its value, and what would be right.
+
+The files config_mistakes/*.golden are the table: a text of config_texts.py by the name of the file, changes to it, one
+in a line, `old => new`, and below them all that is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+
+import pytest
+
+from service.config import ConfigErrors, load
+from tests import golden
+from tests.service.config_texts import TEXTS, furnish, loaded
+
+FOLDER = Path(__file__).parent / "config_mistakes"
+
+
+def mistakes(path: Path) -> Iterator[list[str]]:
+    """The changes of each mistake of a file."""
+    rows = path.read_text(encoding="utf-8").splitlines()
+    for is_report, group in groupby(rows, lambda row: row.startswith("    ")):
+        if not is_report:
+            yield list(group)
+
+
+def report(text: str, changes: list[str], folder: Path) -> str:
+    """All that is reported; a change that begins with the name of another file is made there."""
+    (folder / "a.toml").write_text(text, encoding="utf-8")
+    for change in changes:
+        place, _, rest = change.partition(": ")
+        name, here = (place, rest) if place.endswith(".toml") else ("a.toml", change)
+        old, _, new = here.replace("\\n", "\n").partition(" =>")
+        content = (folder / name).read_text(encoding="utf-8")
+        assert content.count(old) == 1, change
+        (folder / name).write_text(content.replace(old, new.removeprefix(" ")), encoding="utf-8")
+    with pytest.raises(ConfigErrors) as caught:
+        load(folder / "a.toml", {})
+    return str(caught.value).replace(f"{folder}/", "")
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_mistakes_are_reported(name: str, tmp_path: Path) -> None:
+    path, found = FOLDER / f"{name}.golden", ""
+    for changes in mistakes(path):
+        problems = report(TEXTS[name], changes, furnish(tmp_path))
+        found += "".join(f"{row}\n" for row in changes)
+        found += "".join(f"    {problem}\n" for problem in problems.splitlines())
+    golden.check(found, path)
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_without_a_mistake_the_texts_load(name: str, tmp_path: Path) -> None:
+    assert loaded(furnish(tmp_path), TEXTS[name]).axes
