@@ -12,7 +12,7 @@ import can
 import can.interfaces
 from can.typechecking import CanFilter
 
-from service.can.decode import FrameKey
+from service.can.frames import FrameKey
 from service.can.user_errors import BusError
 
 Bus = can.BusABC

@@ -51,7 +51,15 @@ def with_drive(axis: AxisConfig, name: str, model: str | None, monitor: Sequence
     chosen = tuple(monitor) or watchable(engine, turning, lines, torque_rms, noises)
     if not chosen:
         raise ModelError("nothing of it can be watched by the motor's torque and angle", _origin(name))
-    return _changed(axis, name, model, found, chosen, torque_rms / _USUAL_TORQUE, noises)
+    drive = {"drive": name, "drive_model": model, "nominal": dict(found.values), "monitor": chosen}
+    estimator = {"torque_noise": noises[0], "output_noise": noises[1], "initial_p": {}}
+    return axis.model_copy(
+        update={
+            "model": axis.model.model_copy(update=drive),
+            "estimator": axis.estimator.model_copy(update=estimator),
+            "torque": axis.torque.model_copy(update={"factor": torque_rms / _USUAL_TORQUE}),
+        }
+    )
 
 
 def watching(axis: AxisConfig, monitor: Sequence[str]) -> AxisConfig:
@@ -86,23 +94,3 @@ def _engine(name: str, found: Modelled) -> AxisModel:
 
 def _origin(name: str) -> Origin:
     return Origin(file=name) if name.endswith(SUFFIX) else Origin(name)
-
-
-def _changed(
-    axis: AxisConfig,
-    name: str,
-    model: str | None,
-    found: Modelled,
-    monitor: tuple[str, ...],
-    factor: float,
-    noises: tuple[float, float],
-) -> AxisConfig:
-    drive = {"drive": name, "drive_model": model, "nominal": dict(found.values), "monitor": monitor}
-    estimator = {"torque_noise": noises[0], "output_noise": noises[1], "initial_p": {}}
-    return axis.model_copy(
-        update={
-            "model": axis.model.model_copy(update=drive),
-            "estimator": axis.estimator.model_copy(update=estimator),
-            "torque": axis.torque.model_copy(update={"factor": factor}),
-        }
-    )

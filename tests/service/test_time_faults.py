@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from service.can.frames import Frame
-from service.can.recorder import FrameRecorder
+from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest.encode import FrameEncoder
@@ -74,8 +74,8 @@ def of_the_daemon(config: Config, frames: list[Frame]) -> dict[str, Mapping[str,
     ingest = core.ingests["can0"]
     return {
         "counters": core.monitors.by_id["demo.axis1"].status().counters,
-        "dropped": ingest.axis_dropped("demo.axis1"),
-        "clock": ingest.axis_events("demo.axis1"),
+        "dropped": ingest.axes["demo.axis1"].dropped,
+        "clock": ingest.axes["demo.axis1"].events,
     }
 
 

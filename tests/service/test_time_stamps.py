@@ -23,7 +23,7 @@ from monitor_core.settings import Settings
 from service.can.frames import Frame
 from service.commands.main import app
 from service.config import Config, load
-from service.ingest.cyclic import CyclicClock
+from service.ingest.clocks import CyclicClock
 from service.ingest.encode import FrameEncoder
 from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.robot import SimulatedRobot
@@ -152,7 +152,7 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
     assert [p["estimate"] for p in fitted["parameters"]] == [p.estimate for p in facts.parameters]
     assert fitted["innovation_variance"] == facts.innovation_variance
     assert fitted["samples"] == facts.samples
-    assert fitted["dropped"] == core.ingests["can0"].axis_dropped("demo.axis1")
+    assert fitted["dropped"] == core.ingests["can0"].axes["demo.axis1"].dropped
     assert fitted["clock"] == {"clock_reanchored": 0, "clock_set_back": 0}
 
     assert fitted["stamps"]["clock"] == "cyclic"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.can.recorder import FrameRecorder
+from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import load
 from service.config.nominal_file import read_nominal

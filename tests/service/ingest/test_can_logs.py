@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.can.frames import Frame
-from service.can.log_files import LOG_SUFFIXES, CanLog
-from service.can.recorder import FrameRecorder
+from service.can.log_files import LOG_SUFFIXES, CanLog, FrameRecorder
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
@@ -238,9 +237,9 @@ def test_buses_are_told_apart_by_their_names(tmp_path: Path) -> None:
     record = read_record(tmp_path / "a.log", two_buses(tmp_path))
     (step,) = record.steps()
     assert len(step.samples["r.two"].t_us) == 30
-    assert record.bus_dropped["bus0"]["unwanted"] == 10
-    assert record.bus_dropped["a.log"]["other_bus"] == 1
-    assert set(record.axis_dropped["r.two"].values()) == {0}
+    assert record.losses.bus_dropped["bus0"]["unwanted"] == 10
+    assert record.losses.bus_dropped["a.log"]["other_bus"] == 1
+    assert set(record.losses.axis_dropped["r.two"].values()) == {0}
 
 
 def test_a_log_with_another_name_goes_with_the_only_bus(tmp_path: Path) -> None:
@@ -253,7 +252,7 @@ def test_values_that_wait_at_the_end_are_counted(tmp_path: Path) -> None:
     write(tmp_path / "a.log", [Frame(START_US, 0x100, False, bytes(4))])
     record = read_record(tmp_path / "a.log", make_config(tmp_path, axis1()))
     assert [step.samples for step in record.steps()] == [{}]
-    assert record.axis_dropped["r.one"]["unpaired"] == 1
+    assert record.losses.axis_dropped["r.one"]["unpaired"] == 1
 
 
 @pytest.mark.records

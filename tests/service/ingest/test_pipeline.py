@@ -35,12 +35,12 @@ def drops(ingest: Ingest) -> dict[str, int]:
 
 
 def axis_drops(ingest: Ingest, axis_id: str) -> dict[str, int]:
-    return {reason: n for reason, n in ingest.axis_dropped(axis_id).items() if n}
+    return {reason: n for reason, n in ingest.axes[axis_id].dropped.items() if n}
 
 
 def test_two_axes_of_one_bus(tmp_path: Path) -> None:
     ingest = Ingest(make_config(tmp_path, axis1(), axis2()), "bus0")
-    assert ingest.axis_ids == ("r.one", "r.two")
+    assert tuple(ingest.axes) == ("r.one", "r.two")
     assert set(ingest.keys) == {(0x100, False), (ANGLE_ID, True), (0x110, False)}
     samples = ingest.feed(
         [torque1(START_US, 1.5), both2(START_US + 100, -0.25, 12.5), angle1(START_US + 200, -3.0)]
@@ -171,7 +171,7 @@ def test_a_counter_tells_repeated_frames_and_gaps(tmp_path: Path) -> None:
     times = [s.t_us - START_US for s in ingest.feed(frames)["r.two"]]
     assert times == [0, 5000, 10_000, 30_000]
     assert axis_drops(ingest, "r.two") == {"repeated": 2, "out_of_order": 2, "missing": 3}
-    assert ingest.axis_events("r.two") == {"clock_reanchored": 0, "clock_set_back": 0}
+    assert ingest.axes["r.two"].events == {"clock_reanchored": 0, "clock_set_back": 0}
 
 
 def test_a_counter_that_starts_again(tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ def test_a_counter_that_starts_again(tmp_path: Path) -> None:
     frames = [both2(START_US + 5000 * k, 1.0, 2.0, 30_000 + k if k < 10 else k) for k in range(300)]
     assert len(ingest.feed(frames)["r.two"]) == 100
     assert axis_drops(ingest, "r.two") == {"untimed": 2 * 200, "missing": 200}
-    assert ingest.axis_events("r.two") == {"clock_reanchored": 1, "clock_set_back": 0}
+    assert ingest.axes["r.two"].events == {"clock_reanchored": 1, "clock_set_back": 0}
 
 
 def test_values_as_decoded(tmp_path: Path) -> None:

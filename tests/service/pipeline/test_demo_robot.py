@@ -25,7 +25,7 @@ def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Faul
         for change in core.update():
             found.setdefault((change.axis_id, change.alarm.parameter, change.alarm.direction), change)
     core.flush()
-    assert all(sum(core.ingests["can0"].axis_dropped(axis.id).values()) == 0 for axis in config.axes)
+    assert all(sum(core.ingests["can0"].axes[axis.id].dropped.values()) == 0 for axis in config.axes)
     return list(found.values())
 
 

@@ -15,11 +15,11 @@ from service.config import Config
 from service.config.schema_watching import DetectorConfig
 from service.ingest.encode import FrameEncoder
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
-from service.pipeline.checkpointing import Checkpointer, multimodel_id
+from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.restoring import loss_messages, restore
 from service.simulation.robot import Fault, SimulatedRobot
-from service.store.checkpoints import Checkpoints
+from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from service.texts.alarm_texts import episode_words
 from tests.service.pipeline.robots import START_US, demo
@@ -141,10 +141,10 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
     broken = monitor.multimodel.bank.to_arrays() | {
         "memory_x": monitor.multimodel.bank.to_arrays()["memory_x"][:2]
     }
-    checkpoints.save(multimodel_id("demo.axis1"), monitor.multimodel_key, broken, START_US)
-    checkpoints.save(
-        multimodel_id("demo.axis2"), "another version", monitor.multimodel.bank.to_arrays(), START_US
-    )
+    other = monitor.multimodel.bank.to_arrays()
+    names = ("demo.axis1 (multi-model detector)", "demo.axis2 (multi-model detector)")
+    states = [(monitor.multimodel_key, broken), ("another version", other)]
+    checkpoints.save([AxisState(n, *state) for n, state in zip(names, states, strict=True)], START_US)
     again = start(config, journal, checkpoints)
     broken_state, other_version = again.messages
     assert broken_state.startswith("demo.axis1: part of its checkpoint is not used")

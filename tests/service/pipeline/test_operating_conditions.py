@@ -12,11 +12,11 @@ import pytest
 from typer.testing import CliRunner
 
 from service.can.frames import Frame
-from service.can.recorder import FrameRecorder
+from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest.encode import FrameEncoder
-from service.ingest.log_record import LogRecord
+from service.ingest.records import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.robot import Fault, SimulatedRobot

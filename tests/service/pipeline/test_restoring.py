@@ -15,7 +15,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.restoring import Restored, restore
-from service.store.checkpoints import Checkpoints
+from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, demo
 
@@ -169,7 +169,7 @@ def test_arrays_of_another_shape_are_quarantine(
     tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
 ) -> None:
     arrays = monitors[AXIS].to_arrays()
-    checkpoints.save(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)}, NOW_US)
+    checkpoints.save([AxisState(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)})], NOW_US)
     found, restored = again(tmp_path, checkpoints, journal)
     assert "does not fit this version" in restored.losses[0].reason
     assert len(checkpoints.quarantined()) == 1

@@ -14,14 +14,13 @@ from structlog.testing import capture_logs
 
 from monitor_core.monitoring import Status
 from service.can.frames import Frame
-from service.can.recorder import FrameRecorder
+from service.can.log_files import FrameRecorder
 from service.config import Config
 from service.pipeline import worker as worker_module
 from service.pipeline.alarms import Alarms, quantities
-from service.pipeline.bus_intake import BusIntake, Recording
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.worker import COMPILING, Worker
+from service.pipeline.worker import COMPILING, BusIntake, Recording, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
 from service.store.journal import Journal

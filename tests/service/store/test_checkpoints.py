@@ -15,8 +15,16 @@ from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from service.store.array_files import Arrays, UnreadableError, pack, unpack
-from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
+from service.store.checkpoints import (
+    Arrays,
+    AxisState,
+    Checkpoint,
+    Checkpoints,
+    QuarantinedCheckpoint,
+    UnreadableError,
+    pack,
+    unpack,
+)
 
 ROOT = Path(__file__).resolve().parents[3]
 FILE = "checkpoints.sqlite"
@@ -43,7 +51,7 @@ def assert_equal(a: Arrays, b: Arrays) -> None:
 
 
 def test_arrays_come_back_bit_by_bit(checkpoints: Checkpoints, seed: int) -> None:
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     found = checkpoints.load("demo.axis1", "key", now_us=6)
     assert isinstance(found, Checkpoint)
     assert found.at_us == 5
@@ -60,7 +68,7 @@ def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: i
     whole, first, second = monitor(), monitor(), monitor()
     whole.update(SampleBlock(t, u, y))
     first.update(SampleBlock(t[:200], u[:200], y[:200]))
-    checkpoints.save("demo.axis1", first.key, first.to_arrays(), at_us=1)
+    checkpoints.save([AxisState("demo.axis1", first.key, first.to_arrays())], 1)
     found = checkpoints.load("demo.axis1", second.key, now_us=2)
     assert isinstance(found, Checkpoint)
     second.from_arrays(found.arrays)
@@ -71,7 +79,7 @@ def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: i
 def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -> None:
     for at_us in (1, 2):
         states = [AxisState(f"demo.axis{k}", "key", arrays(seed + k + at_us)) for k in range(3)]
-        checkpoints.save_many(states, at_us)
+        checkpoints.save(states, at_us)
     for k in range(3):
         found = checkpoints.load(f"demo.axis{k}", "key", now_us=3)
         assert isinstance(found, Checkpoint)
@@ -80,7 +88,7 @@ def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -
 
 
 def test_another_key_is_quarantined_once(checkpoints: Checkpoints, seed: int) -> None:
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     found = checkpoints.load("demo.axis1", "other key", now_us=6)
     assert isinstance(found, QuarantinedCheckpoint)
     assert found.axis == "demo.axis1"
@@ -90,7 +98,7 @@ def test_another_key_is_quarantined_once(checkpoints: Checkpoints, seed: int) ->
 
 
 def test_what_the_monitor_refuses_can_be_quarantined(checkpoints: Checkpoints, seed: int) -> None:
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.quarantine("demo.axis1", "no array 'ints'", now_us=6)
     assert checkpoints.load("demo.axis1", "key", now_us=7) is None
     assert [kept.reason for kept in checkpoints.quarantined()] == ["no array 'ints'"]
@@ -99,7 +107,7 @@ def test_what_the_monitor_refuses_can_be_quarantined(checkpoints: Checkpoints, s
 @pytest.mark.parametrize("column", ["arrays", "key", "checksum"])
 def test_a_flipped_bit_is_noticed(column: str, tmp_path: Path, seed: int) -> None:
     checkpoints = Checkpoints(tmp_path / FILE)
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.close()
     flip_a_bit(tmp_path / FILE, column, random.Random(seed))
     checkpoints = Checkpoints(tmp_path / FILE)
@@ -123,7 +131,7 @@ def flip_a_bit(path: Path, column: str, random_: random.Random) -> None:
 
 def test_a_time_of_another_checkpoint_is_noticed(tmp_path: Path, seed: int) -> None:
     checkpoints = Checkpoints(tmp_path / FILE)
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.close()
     connection = sqlite3.connect(tmp_path / FILE)
     connection.execute("UPDATE checkpoint SET at_us = at_us + 1")
@@ -173,7 +181,7 @@ k = 0
 while True:
     k += 1
     states = [AxisState(f"demo.axis{a}", "key", {"k": np.full(200, k)}) for a in range(4)]
-    checkpoints.save_many(states, k)
+    checkpoints.save(states, k)
     print(k, flush=True)
 """
 
