@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import random
-import struct
 from pathlib import Path
 
 import can
@@ -19,6 +18,7 @@ from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, make_config
+from tests.service.ingest.test_pipeline import both2
 
 START_US = 1_760_000_000_123_456
 
@@ -199,10 +199,6 @@ def test_lines_that_are_no_frames_are_counted(tmp_path: Path) -> None:
 
 
 # --- as records ---------------------------------------------------------------------------------------
-
-
-def both2(t_us: int, torque: float, speed: float) -> Frame:
-    return Frame(t_us, 0x110, False, struct.pack("<hiH", int(torque * 1024), int(speed * 65536), 0))
 
 
 def plant_frames() -> list[Frame]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from pathlib import Path
 
@@ -102,32 +103,27 @@ def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
     assert drops(ingest) == {"signal_absent": 2}
 
 
-def test_values_that_are_no_numbers(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ([(math.nan, 1.0), (1.0, -math.inf)], "not_finite"),
+        # A torque of 1e30 would leave fm at twice its value for a long time.
+        ([(1e30, 1.0), (1.0, -1e30), (-1.1e6, 1.0)], "absurd"),
+    ],
+)
+def test_values_that_no_motor_ever_had(
+    tmp_path: Path, values: list[tuple[float, float]], reason: str
+) -> None:
     ingest = Ingest(make_config(tmp_path, axis3()), "bus0")
-    for k, (torque, speed) in enumerate([(float("nan"), 1.0), (1.0, float("-inf")), (1.0, 2.0)]):
+    for k, (torque, speed) in enumerate([*values, (1.0, 2.0)]):
         t_us = START_US + 5000 * k
         frames = [
             Frame(t_us, 0x120, False, struct.pack("<Bf3x", 1, torque)),
             Frame(t_us, 0x120, False, struct.pack("<Bf3x", 2, speed)),
         ]
-        assert bool(ingest.feed(frames)) == (k == 2)
+        assert bool(ingest.feed(frames)) == (k == len(values))
     ingest.flush()
-    assert axis_drops(ingest, "r.three") == {"not_finite": 2, "unpaired": 2}
-
-
-def test_values_that_no_motor_ever_had(tmp_path: Path) -> None:
-    """A torque of 1e30 would leave fm at twice its value for a long time."""
-    ingest = Ingest(make_config(tmp_path, axis3()), "bus0")
-    values = [(1e30, 1.0), (1.0, -1e30), (-1.1e6, 1.0), (1.0, 2.0)]
-    for k, (torque, speed) in enumerate(values):
-        t_us = START_US + 5000 * k
-        frames = [
-            Frame(t_us, 0x120, False, struct.pack("<Bf3x", 1, torque)),
-            Frame(t_us, 0x120, False, struct.pack("<Bf3x", 2, speed)),
-        ]
-        assert bool(ingest.feed(frames)) == (k == 3)
-    ingest.flush()
-    assert axis_drops(ingest, "r.three") == {"absurd": 3, "unpaired": 3}
+    assert axis_drops(ingest, "r.three") == {reason: len(values), "unpaired": len(values)}
 
 
 def test_can_fd(tmp_path: Path) -> None:

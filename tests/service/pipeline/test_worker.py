@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
@@ -24,6 +22,7 @@ from service.pipeline.worker import COMPILING, BusIntake, Recording, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints
 from service.store.journal import Journal
+from tests.service.ingest.test_can_logs import fill_the_disk
 from tests.service.pipeline.robots import Waiting, blocks, demo
 
 NOW_US = 1_760_000_100_000_000
@@ -111,16 +110,6 @@ def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[
         assert (found.arrays["floats"] == monitor.to_arrays()["floats"]).all()
 
 
-def test_history_has_a_point_each_interval(bench: Bench) -> None:
-    bench.compiled.set_result(None)
-    bench.worker.start()
-    bench.worker.stop()
-    points = bench.worker.snapshot.axes[0].history.points
-    steps = [(b.time_us - a.time_us) / 1e6 for a, b in itertools.pairwise(points)]
-    assert len(points) >= 2
-    assert min(steps) >= 1.0
-
-
 def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
     bench: Bench, frames: Sequence[Frame]
 ) -> None:
@@ -147,9 +136,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
     tmp_path: Path, frames: Sequence[Frame]
 ) -> None:
     recorder = FrameRecorder(tmp_path / "frames.log")
-    full = os.open("/dev/full", os.O_WRONLY)
-    os.dup2(full, recorder._file.fileno())
-    os.close(full)
+    fill_the_disk(recorder)
     bench = Bench(tmp_path, demo(tmp_path, 2), Waiting(frames), recorder)
     bench.compiled.set_result(None)
     bench.worker.start()
