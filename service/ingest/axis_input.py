@@ -142,8 +142,7 @@ class AxisInput:
             return ()
         if sample_us is not None:
             self._meter.timed(t_us, sample_us)
-        sample = self._assemble(values, t_us, sample_us)
-        return () if sample is None else (sample,)
+        return self._assemble(values, t_us, sample_us)
 
     def _timed(self, read: Iterable[tuple[_Values, int | str]]) -> list[Sample]:
         """The samples completed by values whose times are known now."""
@@ -154,19 +153,19 @@ class AxisInput:
                 continue
             if values.motion is not None:
                 self._meter.timed(values.t_us, time_us)
-            sample = self._assemble(values, time_us)
-            if sample is not None:
-                samples.append(sample)
+            samples += self._assemble(values, time_us)
         return samples
 
-    def _assemble(self, values: _Values, t_us: int, sample_us: int | None = None) -> Sample | None:
+    def _assemble(self, values: _Values, t_us: int, sample_us: int | None = None) -> Sequence[Sample]:
         _, torque, motion = values
         if torque is not None and motion is not None:
-            return self._assembler.add_pair(t_us, torque, motion, sample_us)
-        if torque is not None:
-            return self._assembler.add("torque", t_us, torque, sample_us)
-        assert motion is not None
-        return self._assembler.add("motion", t_us, motion, sample_us)
+            sample = self._assembler.add_pair(t_us, torque, motion, sample_us)
+        elif torque is not None:
+            sample = self._assembler.add("torque", t_us, torque, sample_us)
+        else:
+            assert motion is not None
+            sample = self._assembler.add("motion", t_us, motion, sample_us)
+        return () if sample is None else (sample,)
 
     def _count(self, key: FrameKey, t_us: int, signals: Mapping[str, float]) -> int | str | None:
         """The time [us] by the counter in these signals, or why there is none; None: no counter in them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -42,8 +43,9 @@ def read(
     samples, sources = [], []
     for number, text in enumerate(texts):
         want = wanted(text)
-        before, record = number / len(texts), read_record(want.path, config)
-        block = samples_of(record, axis.id, lambda done, b=before: progress(b + done / len(texts)))  # type: ignore[misc]
+        block = samples_of(
+            read_record(want.path, config), axis.id, partial(_part, progress, number, len(texts))
+        )
         if not block.size:
             raise RecordError(f"{want.path}: no samples of axis {axis.id}")
         block = _with_conditions(block._replace(name=want.path.name), axis, model)
@@ -58,6 +60,10 @@ def read(
         seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
         sources.append(Source(text, sha256_of(want.path), block.size, seconds))
     return samples, sources
+
+
+def _part(progress: Callable[[float], None], number: int, count: int, done: float) -> None:
+    progress((number + done) / count)
 
 
 def _with_conditions(block: SampleBlock, axis: NamedAxis, model: AxisModel) -> SampleBlock:

@@ -52,19 +52,6 @@ def test_two_axes_of_one_bus(tmp_path: Path) -> None:
     }
 
 
-def test_blocks_may_be_cut_anywhere(tmp_path: Path) -> None:
-    frames = [
-        frame
-        for k in range(50)
-        for frame in (torque1(START_US + 5000 * k, 0.1 * k), angle1(START_US + 5000 * k + 700, 0.2 * k))
-    ]
-    config = make_config(tmp_path, axis1())
-    whole = Ingest(config, "bus0").feed(frames)["r.one"]
-    by_one = Ingest(config, "bus0")
-    assert [s for f in frames for s in by_one.feed([f]).get("r.one", [])] == whole
-    assert len(whole) == 50
-
-
 def test_factor_and_offset(tmp_path: Path) -> None:
     axis = axis2()
     axis["torque"] |= {"factor": -2.0, "offset": 0.5}
@@ -124,12 +111,6 @@ def test_values_that_no_motor_ever_had(
         assert bool(ingest.feed(frames)) == (k == len(values))
     ingest.flush()
     assert axis_drops(ingest, "r.three") == {reason: len(values), "unpaired": len(values)}
-
-
-def test_can_fd(tmp_path: Path) -> None:
-    ingest = Ingest(make_config(tmp_path, axis4()), "bus0")
-    data = struct.pack("<f56xf", 1.5, 2.5)
-    assert ingest.feed([Frame(START_US, 0x130, False, data)])["r.four"] == [Sample(START_US, 1.5, 2.5)]
 
 
 def test_longer_than_the_dbc_says(tmp_path: Path) -> None:

@@ -56,6 +56,13 @@ class Bench:
             self.failed.set,
         )
 
+    def run(self) -> Worker:
+        """To the end of the frames, with a kernel that is ready at once."""
+        self.compiled.set_result(None)
+        self.worker.start()
+        self.worker.stop()
+        return self.worker
+
     def close(self) -> None:
         self.journal.close()
         self.checkpoints.close()
@@ -96,10 +103,7 @@ def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
 
 
 def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[Frame]) -> None:
-    bench.compiled.set_result(None)
-    bench.worker.start()
-    bench.worker.stop()
-    last = bench.worker.snapshot
+    last = bench.run().snapshot
     assert [axis.status.samples for axis in last.axes] == [2400, 2400]
     assert (last.buses[0].frames, last.buses[0].up, last.checkpoint_us) == (len(frames), True, NOW_US)
     assert sum(last.processing.counts) > 1
@@ -138,9 +142,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
     recorder = FrameRecorder(tmp_path / "frames.log")
     fill_the_disk(recorder)
     bench = Bench(tmp_path, demo(tmp_path, 2), Waiting(frames), recorder)
-    bench.compiled.set_result(None)
-    bench.worker.start()
-    bench.worker.stop()
+    bench.run()
     with capture_logs() as logs:
         bench.recording.close()
     bench.close()
@@ -150,11 +152,9 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
     assert bench.worker.snapshot.axes[0].status.samples == 2400
 
 
-def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: Bench, tmp_path: Path) -> None:
-    bench.compiled.set_result(None)
+def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: Bench) -> None:
     bench.checkpoints.close()
-    bench.worker.start()
-    bench.worker.stop()
-    assert bench.worker.error is None
-    assert bench.worker.snapshot.checkpoint_us is None
-    assert "the state of the monitors cannot be saved" in bench.worker.snapshot.messages[0]
+    worker = bench.run()
+    assert worker.error is None
+    assert worker.snapshot.checkpoint_us is None
+    assert "the state of the monitors cannot be saved" in worker.snapshot.messages[0]
