@@ -237,7 +237,7 @@ def _log_samples(path: Path, config: Config, axis: NamedAxis) -> _AxisSamples:
     """Samples from a CAN log, with the signals as last received up to half an interval after each."""
     log = LogRecord(path, config)
     block = samples_of(log, axis.id)
-    dropped = dict(log.losses.axis_dropped[axis.id])
+    dropped = dict(log.quality.axis_dropped[axis.id])
     sound = (abs(block.u) <= PHYSICAL_LIMITS["torque"]) & (
         abs(block.y) <= PHYSICAL_LIMITS[axis.config.output]
     )

@@ -32,7 +32,7 @@ _Counts = Mapping[str, Mapping[str, int]]
 _NONE: Mapping[str, Any] = MappingProxyType({})
 
 
-class Losses(NamedTuple):
+class Quality(NamedTuple):
     """What became no sample so far, and how good the times are; of a table only the first is known."""
 
     axis_dropped: _Counts
@@ -58,8 +58,8 @@ class Record(Protocol):
         """
 
     @property
-    def losses(self) -> Losses:
-        """Counts of what has been read so far."""
+    def quality(self) -> Quality:
+        """Of what has been read so far."""
 
 
 def read_record(path: Path, config: Config) -> Record:
@@ -125,9 +125,9 @@ class TableRecord:
         check_columns(path, self._table, self._wanted)
 
     @property
-    def losses(self) -> Losses:
-        """Counts of what has been read so far."""
-        return Losses({axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()})
+    def quality(self) -> Quality:
+        """Of what has been read so far."""
+        return Quality({axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()})
 
     def steps(self) -> Iterator[Step]:
         """The samples in order, once.
@@ -162,12 +162,12 @@ class LogRecord:
         self._other_bus = 0
 
     @property
-    def losses(self) -> Losses:
-        """Counts of what has been read so far."""
+    def quality(self) -> Quality:
+        """Of what has been read so far."""
         by_bus: dict[str, Mapping[str, int]] = {name: i.dropped for name, i in self._ingests.items()}
         by_bus[self.path.name] = {**self._log.dropped, "other_bus": self._other_bus}
         axes = {axis_id: axis for i in self._ingests.values() for axis_id, axis in i.axes.items()}
-        return Losses(
+        return Quality(
             {axis_id: axis.dropped for axis_id, axis in axes.items()},
             by_bus,
             {axis_id: axis.events for axis_id, axis in axes.items()},

@@ -233,9 +233,9 @@ def test_buses_are_told_apart_by_their_names(tmp_path: Path) -> None:
     record = read_record(tmp_path / "a.log", two_buses(tmp_path))
     (step,) = record.steps()
     assert len(step.samples["r.two"].t_us) == 30
-    assert record.losses.bus_dropped["bus0"]["unwanted"] == 10
-    assert record.losses.bus_dropped["a.log"]["other_bus"] == 1
-    assert set(record.losses.axis_dropped["r.two"].values()) == {0}
+    assert record.quality.bus_dropped["bus0"]["unwanted"] == 10
+    assert record.quality.bus_dropped["a.log"]["other_bus"] == 1
+    assert set(record.quality.axis_dropped["r.two"].values()) == {0}
 
 
 def test_a_log_with_another_name_goes_with_the_only_bus(tmp_path: Path) -> None:
@@ -248,7 +248,7 @@ def test_values_that_wait_at_the_end_are_counted(tmp_path: Path) -> None:
     write(tmp_path / "a.log", [Frame(START_US, 0x100, False, bytes(4))])
     record = read_record(tmp_path / "a.log", make_config(tmp_path, axis1()))
     assert [step.samples for step in record.steps()] == [{}]
-    assert record.losses.axis_dropped["r.one"]["unpaired"] == 1
+    assert record.quality.axis_dropped["r.one"]["unpaired"] == 1
 
 
 @pytest.mark.records

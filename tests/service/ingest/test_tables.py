@@ -39,7 +39,7 @@ def samples_of(path: Path, folder: Path, axis: dict[str, Any]) -> tuple[SampleBl
     blocks = [step.samples[f"r.{axis['name']}"] for step in steps if step.samples]
     assert [step.done for step in steps] == sorted(step.done for step in steps)
     assert steps[-1].done == 1.0
-    dropped = record.losses.axis_dropped[f"r.{axis['name']}"]
+    dropped = record.quality.axis_dropped[f"r.{axis['name']}"]
     return concatenate(blocks), {reason: n for reason, n in dropped.items() if n}
 
 
