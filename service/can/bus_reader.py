@@ -57,10 +57,6 @@ class FrameQueue:
             self._frames -= len(frames)
         return frames
 
-    def __len__(self) -> int:
-        """Frames that wait."""
-        return self._frames
-
 
 @dataclass(frozen=True, slots=True)
 class ReaderStats:

@@ -50,7 +50,6 @@ class Checkpointer:
         interval_s: time between two checkpoints [s].
         saved_us: time of the checkpoint that the monitors were restored from.
         now_us: wall clock.
-        clock: seconds, for the interval.
         trends: the slow histories, saved with them.
     """
 
@@ -61,24 +60,23 @@ class Checkpointer:
         interval_s: float,
         saved_us: int | None,
         now_us: Callable[[], int],
-        clock: Callable[[], float] = monotonic,
         trends: Trends | None = None,
     ) -> None:
         self._checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
-        self._now_us, self._clock, self._trends = now_us, clock, trends
-        self._due = clock() + interval_s
+        self._now_us, self._trends = now_us, trends
+        self._due = monotonic() + interval_s
         self.saved_us = saved_us
         self.problem: str | None = None
         """Why the last try failed, for the operator; None when it did not."""
 
     def save_if_due(self) -> None:
         """Save when the interval is over."""
-        if self._clock() >= self._due:
+        if monotonic() >= self._due:
             self.save()
 
     def save(self) -> None:
         """Save now; a failure is reported to the operator and retried after the interval."""
-        self._due = self._clock() + self._interval_s
+        self._due = monotonic() + self._interval_s
         now_us = self._now_us()
         states = [*self._states(), *(self._trends.to_save() if self._trends else ())]
         try:
