@@ -12,7 +12,7 @@ import can
 import can.interfaces
 from can.typechecking import CanFilter
 
-from service.can.decode import FrameKey
+from service.can.frames import FrameKey
 from service.can.user_errors import BusError
 
 Bus = can.BusABC
@@ -110,17 +110,14 @@ def _check_device(name: str) -> None:
 
 
 def _hint(config: BusSettings, error: OSError) -> str:
-    where = _where(config)
-    if config.interface != "socketcan":
-        return f"cannot open {where}: {error.strerror or error}"
-    if error.errno == errno.ENODEV:
+    code = error.errno if config.interface == "socketcan" else None
+    if code == errno.ENODEV:
         return (
             f"there is no network interface {config.channel}: connect the adapter, or for a virtual one run "
             f"`ip link add dev {config.channel} type vcan && ip link set {config.channel} up`"
         )
-    if error.errno == errno.EAFNOSUPPORT:
-        return f"cannot open {where}: this kernel has no CAN (modprobe can-raw)"
-    return f"cannot open {where}: {error.strerror or error}"
+    reason = "this kernel has no CAN (modprobe can-raw)" if code == errno.EAFNOSUPPORT else error.strerror
+    return f"cannot open {_where(config)}: {reason or error}"
 
 
 def _where(config: BusSettings) -> str:

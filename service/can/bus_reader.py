@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import threading
 import time
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +14,7 @@ from types import MappingProxyType
 import can
 
 from service.can.bus import BusSettings, open_bus
-from service.can.decode import FrameKey
-from service.can.frame_queue import FrameQueue
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameKey
 from service.can.receivers import Receiver, receiver_of
 from service.can.user_errors import BusError
 
@@ -26,6 +25,37 @@ _BLOCK_FRAMES, _BLOCK_S = 256, 0.02
 _IDLE_S = 0.1
 _RETRY_S, _LONGEST_RETRY_S = 0.25, 5.0
 _IFF_UP = 1
+
+
+class FrameQueue:
+    """Blocks of frames from the reader to the worker, at most that number of frames.
+
+    A block that does not fit is refused as a whole, so that there is a single gap.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._blocks: deque[list[Frame]] = deque()
+        self._frames = 0
+        self._lock = threading.Lock()
+
+    def put(self, block: list[Frame]) -> bool:
+        """Add a block; False, and nothing added, when it does not fit."""
+        with self._lock:
+            if self._frames + len(block) > self._most:
+                return False
+            self._blocks.append(block)
+            self._frames += len(block)
+        return True
+
+    def take(self, most: int) -> list[Frame]:
+        """The oldest frames, whole blocks until there are ``most`` or more; empty when none wait."""
+        frames: list[Frame] = []
+        with self._lock:
+            while self._blocks and len(frames) < most:
+                frames += self._blocks.popleft()
+            self._frames -= len(frames)
+        return frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +76,11 @@ class CanReader:
     Args:
         config: the bus.
         wanted: the frames to let through.
-        ready: set whenever frames wait; readers may share one.
     """
 
-    def __init__(
-        self, config: BusSettings, wanted: Iterable[FrameKey], ready: threading.Event | None = None
-    ) -> None:
+    def __init__(self, config: BusSettings, wanted: Iterable[FrameKey]) -> None:
         self._config, self._wanted = config, tuple(wanted)
-        self._queue = FrameQueue(config.queue_frames, ready)
+        self._queue = FrameQueue(config.queue_frames)
         self._block_frames = min(_BLOCK_FRAMES, config.queue_frames // 4)
         self._bus: can.BusABC | None = None
         self._receiver: Receiver | None = None
@@ -64,11 +91,6 @@ class CanReader:
         self._retry_s = _RETRY_S
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-
-    @property
-    def ready(self) -> threading.Event:
-        """Set whenever frames wait; the one who takes them clears it first."""
-        return self._queue.ready
 
     def open(self) -> None:
         """Open the bus now.

@@ -1,24 +1,20 @@
-"""DBC files: which messages and signals a bus carries."""
+"""DBC files: which messages and signals a bus carries, and decoding of frames by them."""
 
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import cantools.database
 from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error as CodingError
 
 from monitor_core.wording import did_you_mean
+from service.can.frames import Frame, FrameKey
 
-__all__ = [
-    "CodingError",
-    "DbcError",
-    "Message",
-    "Signal",
-    "find_counter",
-    "find_message",
-    "find_signal",
-    "read_dbc",
-]
+__all__ = ["CodingError", "DbcError", "Decoder", "Message", "Signal"]
+
+Undecoded = Literal["unwanted", "too_short", "undecodable"]
 
 
 class DbcError(Exception):
@@ -103,5 +99,67 @@ def _text(data: bytes) -> str:
         return data.decode("cp1252", errors="replace")
 
 
-def _identifier(message: Message) -> tuple[int, bool]:
-    return message.frame_id, message.is_extended_frame
+def _identifier(message: Message) -> FrameKey:
+    return FrameKey(message.frame_id, message.is_extended_frame)
+
+
+# --- decoding -------------------------------------------------------------------------------------------
+
+
+class _Wanted(NamedTuple):
+    message: Message
+    signals: tuple[str, ...]
+
+
+class Decoder:
+    """Decodes the wanted signals of a bus.
+
+    Args:
+        dbc: the DBC file.
+        wanted: (message, signal) by their names in the DBC.
+
+    Raises:
+        DbcError: the file cannot be read, or has no such message or signal.
+    """
+
+    def __init__(self, dbc: Path, wanted: Iterable[tuple[str, str]]) -> None:
+        database = read_dbc(dbc)
+        self._messages: dict[FrameKey, _Wanted] = {}
+        self._by_name: dict[str, FrameKey] = {}
+        for name, signal in wanted:
+            message = find_message(database, name)
+            find_signal(message, signal)
+            key = _identifier(message)
+            known = self._messages.get(key, _Wanted(message, ())).signals
+            self._messages[key] = _Wanted(message, tuple(dict.fromkeys((*known, signal))))
+            self._by_name[name] = key
+
+    @property
+    def keys(self) -> tuple[FrameKey, ...]:
+        """The frames with wanted signals: for the filters of the bus."""
+        return tuple(self._messages)
+
+    def key(self, message: str) -> FrameKey:
+        """The frames of a wanted message."""
+        return self._by_name[message]
+
+    def message(self, key: FrameKey) -> Message:
+        """The message that those frames carry."""
+        return self._messages[key].message
+
+    def wanted(self, key: FrameKey) -> tuple[str, ...]:
+        """The names of the wanted signals of those frames."""
+        return self._messages[key].signals
+
+    def decode(self, frame: Frame) -> dict[str, float] | Undecoded:
+        """The wanted signals in this frame (multiplexed ones may be absent), or the reason why there are none."""
+        known = self._messages.get(frame.key)
+        if known is None:
+            return "unwanted"
+        if len(frame.data) < known.message.length:
+            return "too_short"
+        try:
+            values = known.message.decode_simple(frame.data, decode_choices=False)
+        except CodingError:
+            return "undecodable"
+        return {name: float(values[name]) for name in known.signals if name in values}  # type: ignore[arg-type]

@@ -1,6 +1,13 @@
-"""Types of ingest: frames as received, and samples of one axis."""
+"""Types of ingest: frames as received, their identifiers, and samples of one axis."""
 
 from typing import NamedTuple
+
+
+class FrameKey(NamedTuple):
+    """Identifies the messages of a bus."""
+
+    can_id: int
+    extended: bool
 
 
 class Frame(NamedTuple):
@@ -10,6 +17,11 @@ class Frame(NamedTuple):
     can_id: int
     extended: bool
     data: bytes
+
+    @property
+    def key(self) -> FrameKey:
+        """The messages that it belongs to."""
+        return FrameKey(self.can_id, self.extended)
 
 
 class Sample(NamedTuple):

@@ -6,7 +6,7 @@ import select
 import socket
 import struct
 import time
-from typing import Literal, Protocol
+from typing import Literal
 
 import can
 from can.interfaces.socketcan import SocketcanBus
@@ -27,11 +27,14 @@ _EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
 _EARLIEST_S = 946_684_800
 
 
-class Receiver(Protocol):
-    """Frames from one bus."""
+class Receiver:
+    """Reads any bus of python-can; frames dropped by the interface are not reported."""
 
-    overflow: int
+    overflow = 0
     """Frames that the kernel dropped because they were not read fast enough"""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
 
     def read(self, timeout_s: float) -> Frame | Rejected | None:
         """The next frame; the reason if it carries no data; or None when there was none in time.
@@ -39,17 +42,19 @@ class Receiver(Protocol):
         Raises:
             can.CanOperationError, OSError: the bus is down or gone.
         """
+        message = self._bus.recv(timeout_s)
+        return None if message is None else frame_of(message)
 
 
-class SocketReceiver:
+class SocketReceiver(Receiver):
     """Reads the socket of a SocketCAN bus, with kernel timestamps in nanoseconds and the drop counter of the kernel.
 
     python-can's own ``recv`` has no counter of drops and leaves the default buffer of 278 frames.
     """
 
     def __init__(self, bus: SocketcanBus) -> None:
+        super().__init__(bus)
         self._socket = bus.socket
-        self.overflow = 0
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _BUFFER_BYTES)
         except PermissionError:  # not root: as much as net.core.rmem_max allows
@@ -86,23 +91,9 @@ class SocketReceiver:
         return Frame(t_us, can_id & (0x1FFFFFFF if extended else 0x7FF), extended, raw[8 : 8 + length])
 
 
-class BusReceiver:
-    """Reads any bus of python-can; frames dropped by the interface are not reported."""
-
-    overflow = 0
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
-
-    def read(self, timeout_s: float) -> Frame | Rejected | None:
-        """See Receiver."""
-        message = self._bus.recv(timeout_s)
-        return None if message is None else frame_of(message)
-
-
 def receiver_of(bus: can.BusABC) -> Receiver:
     """The receiver for this kind of bus."""
-    return SocketReceiver(bus) if isinstance(bus, SocketcanBus) else BusReceiver(bus)
+    return SocketReceiver(bus) if isinstance(bus, SocketcanBus) else Receiver(bus)
 
 
 def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:

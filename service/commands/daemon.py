@@ -11,16 +11,15 @@ from types import FrameType
 import structlog
 
 from service.can.bus_reader import CanReader
-from service.can.recorder import FrameRecorder
+from service.can.log_files import FrameRecorder
 from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.bus_intake import BusIntake, Recording
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.restoring import loss_messages, restore, restore_trends
 from service.pipeline.warming import CacheFiller
-from service.pipeline.worker import Worker
+from service.pipeline.worker import BusIntake, Recording, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 from service.texts.timestamps import now_us

@@ -7,7 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 import typer
 
 from service.config.base_table import SUFFIX
@@ -130,11 +129,10 @@ def _read(path: Path, config: Path, axis_id: str, axis: AxisConfig) -> TorqueExp
     from service.can.user_errors import RecordError
     from service.commands.configuration import configuration
     from service.config import predictor_of
-    from service.ingest.records import read_record
+    from service.ingest.records import read_record, samples_of
 
-    steps = read_record(path, configuration(config, without_bus=True)).steps()
-    torques = [step.samples[axis_id].u for step in steps if axis_id in step.samples]
-    torque = np.concatenate(torques)[:LONGEST] if torques else np.empty(0)
+    record = read_record(path, configuration(config, without_bus=True))
+    torque = samples_of(record, axis_id).u[:LONGEST]
     if len(torque) < 2:
         raise RecordError(f"{path}: no samples of {axis_id}")
     seconds = len(torque) * axis.sample_interval_s

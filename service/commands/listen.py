@@ -105,7 +105,7 @@ def _buses(config: Config, sources: _Sources) -> list[str]:
 
 
 def _stamps(sources: _Sources) -> dict[str, Stamps]:
-    return {axis_id: ingest.axis_stamps(axis_id) for _, ingest in sources for axis_id in ingest.axis_ids}
+    return {axis_id: axis.stamps for _, ingest in sources for axis_id, axis in ingest.axes.items()}
 
 
 def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:

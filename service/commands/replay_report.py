@@ -44,14 +44,14 @@ class Report:
 
     def add_dropped(self, record: Record) -> None:
         """Add the drops of a record and its time stamps."""
-        for axis_id, counts in record.axis_dropped.items():
+        quality = record.quality
+        for axis_id, counts in quality.axis_dropped.items():
             _count(self.dropped.setdefault(axis_id, {}), counts.items())
-        for bus, counts in record.bus_dropped.items():
+        for bus, counts in quality.bus_dropped.items():
             _count(self.frames_dropped.setdefault(bus, {}), counts.items())
-
-        for axis_id, events in record.axis_events.items():
+        for axis_id, events in quality.axis_events.items():
             _count(self.clock[axis_id], events.items())
-        self.stamps.update(record.axis_stamps)
+        self.stamps.update(quality.axis_stamps)
 
     def dropped_of(self, axis_id: str) -> dict[str, int]:
         """Drops before the monitor of an axis, by reason."""

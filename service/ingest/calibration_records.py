@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.drive import AxisModel, Operating
-from monitor_core.samples import SampleBlock, concatenate
+from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
-from service.ingest.identification_records import wanted
-from service.ingest.records import read_record
+from service.ingest.identification_records import sha256_of, wanted
+from service.ingest.records import read_record, samples_of
 from service.ingest.unwrap import turns_of
 
 
@@ -43,34 +43,35 @@ def read(
     samples, sources = [], []
     for number, text in enumerate(texts):
         want = wanted(text)
-        blocks = []
-        for step in read_record(want.path, config).steps():
-            if axis.id in step.samples:
-                blocks.append(step.samples[axis.id])
-            progress((number + step.done) / len(texts))
-        if not blocks:
+        block = samples_of(
+            read_record(want.path, config), axis.id, partial(_part, progress, number, len(texts))
+        )
+        if not block.size:
             raise RecordError(f"{want.path}: no samples of axis {axis.id}")
-        record = _samples(want.path.name, concatenate(blocks), axis, model)
-        since = (record.t_us - record.t_us[0]) * 1e-6
+        block = _with_conditions(block._replace(name=want.path.name), axis, model)
+        since = (block.t_us - block.t_us[0]) * 1e-6
         start, end = np.searchsorted(
             since, [want.start_s or 0.0, np.inf if want.end_s is None else want.end_s]
         )
-        record = record.select(slice(int(start), int(end)))
-        if len(record.t_us) < 2:
-            raise RecordError(f"{text}: {len(record.t_us)} samples of axis {axis.id} in that range")
-        samples.append(record)
-        digest = hashlib.sha256(want.path.read_bytes()).hexdigest()
-        sources.append(Source(text, digest, len(record.t_us), float(record.t_us[-1] - record.t_us[0]) * 1e-6))
+        block = block.select(slice(int(start), int(end)))
+        if block.size < 2:
+            raise RecordError(f"{text}: {block.size} samples of axis {axis.id} in that range")
+        samples.append(block)
+        seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
+        sources.append(Source(text, sha256_of(want.path), block.size, seconds))
     return samples, sources
 
 
-def _samples(name: str, block: SampleBlock, axis: NamedAxis, model: AxisModel) -> SampleBlock:
+def _part(progress: Callable[[float], None], number: int, count: int, done: float) -> None:
+    progress((number + done) / count)
+
+
+def _with_conditions(block: SampleBlock, axis: NamedAxis, model: AxisModel) -> SampleBlock:
     turns = turns_of(axis.config)
     if turns is not None:
-        angle, sure = turns.take(block.t_us, block.y)
-        block = block._replace(y=angle).select(sure)
+        block = turns.unwrapped(block)
     conditions = conditions_of(axis)
     shift = gate = None
     if conditions:
         shift, gate = Operating(model, conditions).take(block.t_us, block.y, block.signals)
-    return SampleBlock(block.t_us, block.u, block.y, shift, gate, name=name)
+    return block._replace(shift=shift, gate=gate, signals=None)

@@ -91,8 +91,7 @@ class Drift:
         window_us: length of a window along the line [us].
         keep: number of windows whose delays are fitted by a straight line; 1: the delay of the last one.
         most, part: of the ``most`` earliest frames of a window that quantile counts which is this part of all frames;
-            the
-            very earliest may have a wrong number.
+            the very earliest may have a wrong number.
         step_us: two consecutive windows that are off by more than this [us] are a step, and the fit restarts.
         rate: relative error of the interval, where that is known from before.
         quick: the line first follows early frames immediately, as the one it began with may have been late.

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import NamedTuple
 
 from service.can.dbc import CodingError, Message, Signal
-from service.can.decode import FrameKey
+from service.can.frames import FrameKey
 from service.can.user_errors import IngestError
 from service.config.schema import Config
-from service.ingest.axis_input import AxisInput, Quantity
+from service.ingest.axis_input import AxisInput
 from service.ingest.bus_samples import Ingest
+from service.ingest.quantities import Quantity
 
 Raw = dict[str, int | float]
 Page = tuple[tuple[str, int], ...]
 Values = tuple[float, float] | tuple[float, float, tuple[float, ...]]
 """Torque [N m], motion [rad or rad/s], and the further signals that the axis needs, where they are known."""
+
+_QuantityRaw = tuple[Quantity, int | float]
 
 
 class Encoded(NamedTuple):
@@ -37,13 +41,13 @@ class FrameEncoder:
 
     def __init__(self, config: Config, bus: str) -> None:
         ingest = Ingest(config, bus)
-        self._axes = {axis.id: axis for axis in ingest.axes}
+        self._axes = ingest.axes
         self._messages = {key: ingest.decoder.message(key) for key in ingest.keys}
         # A signal that is the motion of another axis is sent by that axis.
-        own = {(q.key, q.signal) for axis in ingest.axes for q in axis.sampled()}
+        own = {(q.key, q.signal) for axis in self._axes.values() for q in axis.sampled}
         self._further = {
-            axis.id: [None if (q.key, q.signal) in own else q for q in axis.further_quantities()]
-            for axis in ingest.axes
+            axis.id: [None if (h.quantity.key, h.quantity.signal) in own else h.quantity for h in axis.held]
+            for axis in self._axes.values()
         }
 
     def encode(self, values: Mapping[str, Values], count: int) -> list[Encoded]:
@@ -58,32 +62,23 @@ class FrameEncoder:
         """
         messages: dict[FrameKey, dict[Page, Raw]] = {}
         mine = {axis_id: of_axis for axis_id, of_axis in values.items() if axis_id in self._axes}
-        for axis_id, of_axis in mine.items():
-            for quantity, raw in self._further_raws(axis_id, *of_axis[2:3]):
-                self._add(messages, quantity, raw)
-        for axis_id, of_axis in mine.items():
-            for quantity, raw in self._raws(self._axes[axis_id], count, of_axis[0], of_axis[1]):
-                self._add(messages, quantity, raw)
+        raws = [self._auxiliary(axis_id, *of_axis[2:3]) for axis_id, of_axis in mine.items()]
+        raws += [self._raws(self._axes[axis_id], count, v[0], v[1]) for axis_id, v in mine.items()]
+        for quantity, raw in chain.from_iterable(raws):
+            page = _page(self._messages[quantity.key], self._signal(quantity))
+            messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw
         return [
             Encoded(key, data)
             for key, pages in messages.items()
             for data in _data(self._messages[key], pages)
         ]
 
-    def _add(self, messages: dict[FrameKey, dict[Page, Raw]], quantity: Quantity, raw: int | float) -> None:
-        page = _page(self._messages[quantity.key], self._signal(quantity))
-        messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw
-
-    def _further_raws(
-        self, axis_id: str, signals: tuple[float, ...] = ()
-    ) -> Iterator[tuple[Quantity, int | float]]:
+    def _auxiliary(self, axis_id: str, signals: tuple[float, ...] = ()) -> Iterator[_QuantityRaw]:
         for quantity, value in zip(self._further[axis_id], signals, strict=False):
             if quantity is not None and math.isfinite(value):
                 yield quantity, self._raw(axis_id, quantity, value)
 
-    def _raws(
-        self, axis: AxisInput, count: int, torque: float, motion: float
-    ) -> Iterator[tuple[Quantity, int | float]]:
+    def _raws(self, axis: AxisInput, count: int, torque: float, motion: float) -> Iterator[_QuantityRaw]:
         for quantity, value in ((axis.torque, torque), (axis.motion, motion)):
             yield quantity, self._raw(axis.id, quantity, value)
         if axis.counter is not None:

@@ -10,18 +10,24 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.identification import Record, between
-from service.can.log_files import LOG_SUFFIXES
+from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
+from service.can.dbc import Decoder
 from service.can.user_errors import RecordError
 from service.config.schema import Config, NamedAxis
-from service.ingest.axis_samples import AxisSamples, log_samples, table_samples
-from service.ingest.records import RECORD_SUFFIXES
-from service.ingest.table_files import TABLE_SUFFIXES
+from service.ingest.axis_columns import AxisColumns
+from service.ingest.quantities import quantity_of
+from service.ingest.records import LogRecord, is_table, samples_of
+from service.ingest.tables import CsvTable, Rows, check_columns, open_table
+from service.ingest.torn_rows import Bools, ahead, torn
 from service.ingest.unwrap import AMBIGUOUS, turns_of
 
 _RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
-_CHUNK = 1 << 20
+_NO_NUMBER = 1e30
+"""In a column of which nothing is known: above that it is no measurement, not even a time in nanoseconds."""
 
 
 class Wanted(NamedTuple):
@@ -51,14 +57,9 @@ class Source:
     @property
     def words(self) -> str:
         """One line for the user."""
-        part = (
-            ""
-            if self.used == self.samples
-            else f", {self.used} of them from {self.start_s:g} to {self.end_s:g} s"
-        )
-        lost = ", ".join(
-            f"{count} {reason.replace('_', ' ')}" for reason, count in self.dropped.items() if count
-        )
+        whole = self.used == self.samples
+        part = "" if whole else f", {self.used} of them from {self.start_s:g} to {self.end_s:g} s"
+        lost = ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in self.dropped.items() if n)
         return f"{self.path}: {self.samples} samples{part}; dropped: {lost or 'nothing'}"
 
 
@@ -101,34 +102,35 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
         RecordError: no such axis; the file cannot be read, is damaged, or holds too few samples of the axis.
         DbcError, IngestError: the configuration cannot be used.
     """
-    want, axis = wanted(text), axis_named(config, axis_id)
-    samples = unwrapped(_samples(want.path, config, axis), axis)
+    want, axis = wanted(text), _axis_named(config, axis_id)
+    samples = _unwrapped(_samples(want.path, config, axis), axis)
     if samples.block.size < 2:
         dropped = ", ".join(f"{count} {reason}" for reason, count in samples.dropped.items() if count)
         raise RecordError(
             f"{want.path}: {samples.block.size} samples of axis {axis.id} in it; dropped: {dropped or 'nothing'}"
         )
-    full = _record(samples, axis, Path(want.path).name)
+    full = _record(samples, axis, want.path.name)
     record = _in_range(full, want)
-    since = record.t - full.t[0]
-    source = Source(
-        want.path,
-        _sha256(want.path),
-        len(full),
-        len(record),
-        float(since[0]),
-        float(since[-1]),
-        samples.dropped,
-    )
+    start_s, end_s = (float(t - full.t[0]) for t in record.t[[0, -1]])
+    digest = sha256_of(want.path)
+    source = Source(want.path, digest, len(full), len(record), start_s, end_s, samples.dropped)
     return Loaded(record, source)
 
 
-def axis_named(config: Config, axis_id: str) -> NamedAxis:
-    """The axis of that name.
+def sha256_of(path: Path) -> str:
+    """Hash of a file.
 
     Raises:
-        RecordError: there is none.
+        RecordError: it cannot be read.
     """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise RecordError(f"cannot read {path}: {error.strerror}") from None
+
+
+def _axis_named(config: Config, axis_id: str) -> NamedAxis:
     for axis in config.axes:
         if axis.id == axis_id:
             return axis
@@ -137,30 +139,7 @@ def axis_named(config: Config, axis_id: str) -> NamedAxis:
     )
 
 
-def _samples(path: Path, config: Config, axis: NamedAxis) -> AxisSamples:
-    suffix = path.suffix.lower()
-    if suffix in TABLE_SUFFIXES:
-        return table_samples(path, axis)
-    if suffix in LOG_SUFFIXES:
-        if axis.config.records_only:
-            raise RecordError(
-                f"{path} is a CAN log, and there is no [[bus]] in the configuration that tells its DBC"
-            )
-        return log_samples(path, config, axis)
-    raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")
-
-
-def unwrapped(samples: AxisSamples, axis: NamedAxis) -> AxisSamples:
-    """The samples with continuous angles, where the configured one wraps after each turn."""
-    turns = turns_of(axis.config)
-    if turns is None:
-        return samples
-    angle, sure = turns.take(samples.block.t_us, samples.block.y)
-    block = samples.block._replace(y=angle).select(sure)
-    return AxisSamples(block, samples.signal_names, {**samples.dropped, AMBIGUOUS: turns.refused})
-
-
-def _record(samples: AxisSamples, axis: NamedAxis, name: str) -> Record:
+def _record(samples: _AxisSamples, axis: NamedAxis, name: str) -> Record:
     # Times since the first sample: those since 1970 have no digits left for microseconds.
     block = samples.block
     columns = () if block.signals is None else block.signals.T
@@ -179,12 +158,121 @@ def _in_range(record: Record, want: Wanted) -> Record:
         raise RecordError(f"{want.path}: {error}") from None
 
 
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    try:
-        with path.open("rb") as file:
-            while chunk := file.read(_CHUNK):
-                digest.update(chunk)
-    except OSError as error:
-        raise RecordError(f"cannot read {path}: {error.strerror}") from None
-    return digest.hexdigest()
+# --- all samples of the axis, with all its auxiliary signals ----------------------------------------------
+
+
+class _AxisSamples(NamedTuple):
+    block: SampleBlock
+    signal_names: tuple[str, ...]
+    dropped: Mapping[str, int]
+
+
+def _samples(path: Path, config: Config, axis: NamedAxis) -> _AxisSamples:
+    if is_table(path):
+        return _table_samples(path, axis)
+    if axis.config.records_only:
+        raise RecordError(
+            f"{path} is a CAN log, and there is no [[bus]] in the configuration that tells its DBC"
+        )
+    return _log_samples(path, config, axis)
+
+
+def _unwrapped(samples: _AxisSamples, axis: NamedAxis) -> _AxisSamples:
+    """The samples with continuous angles, where the configured one wraps after each turn."""
+    turns = turns_of(axis.config)
+    if turns is None:
+        return samples
+    block = turns.unwrapped(samples.block)
+    return samples._replace(block=block, dropped={**samples.dropped, AMBIGUOUS: turns.refused})
+
+
+def _with_signals(
+    block: SampleBlock, signals: Mapping[str, Floats], dropped: Mapping[str, int]
+) -> _AxisSamples:
+    columns = np.stack(list(signals.values()), axis=1) if signals else None
+    return _AxisSamples(block._replace(signals=columns), tuple(signals), dropped)
+
+
+def _table_samples(path: Path, axis: NamedAxis) -> _AxisSamples:
+    """Samples from a .csv, .parquet or .mat file.
+
+    A row with an absurd number is refused as a whole and counted as "absurd": where one cell is broken the others of
+    its row, shifted or torn, cannot be trusted.  Rows next to it that belong to the same damage are counted as "torn",
+    rows whose time alone runs ahead of the others' as "ahead".  In a CSV without names all columns are checked,
+    otherwise those that are read.
+    """
+    table = open_table(path)
+    columns = AxisColumns(axis.id, axis.config)
+    sources = [source for source in axis.sources if source.column is not None]
+    wanted = columns.wanted() | {str(s.column): f"the signal {s.name} of axis {axis.id}" for s in sources}
+    check_columns(path, table, wanted)
+    unnamed = table.names if isinstance(table, CsvTable) and not table.has_names else ()
+    names = list(dict.fromkeys((*wanted, *unnamed)))
+    blocks = list(table.rows(names))
+    joined = {name: np.concatenate([np.zeros(0), *(b.columns[name] for b in blocks)]) for name in names}
+    rows = Rows(joined, 1.0)
+    refused = _refused(rows, columns, axis)
+    index, block = columns.samples(rows, 0, ~np.any(list(refused.values()), axis=0))
+    signals = {s.name: s.factor * joined[str(s.column)][index] + s.offset for s in sources}
+    counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
+    return _with_signals(block, signals, columns.dropped | counts)
+
+
+def _refused(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> dict[str, Bools]:
+    """Which rows (N,) cannot be trusted, by reason; a missing number is not absurd."""
+    time = axis.config.time.column
+    torque, motion = columns.quantities(rows)
+    absurd = (abs(torque) > PHYSICAL_LIMITS["torque"]) | (abs(motion) > PHYSICAL_LIMITS[axis.config.output])
+    for values in rows.columns.values():
+        absurd |= abs(values) > _NO_NUMBER
+    beside = torn(np.column_stack([column for name, column in rows.columns.items() if name != time]), absurd)
+    late = np.zeros(len(absurd), np.bool_)
+    if time is not None:
+        times = rows.columns[time]
+        late = ahead(times, ~absurd & ~beside & np.isfinite(times))
+    return {"absurd": absurd, "torn": beside, "ahead": late}
+
+
+def _log_samples(path: Path, config: Config, axis: NamedAxis) -> _AxisSamples:
+    """Samples from a CAN log, with the signals as last received up to half an interval after each."""
+    log = LogRecord(path, config)
+    block = samples_of(log, axis.id)
+    dropped = dict(log.quality.axis_dropped[axis.id])
+    sound = (abs(block.u) <= PHYSICAL_LIMITS["torque"]) & (
+        abs(block.y) <= PHYSICAL_LIMITS[axis.config.output]
+    )
+    block = block.select(sound)
+    dropped["absurd"] += int(np.count_nonzero(~sound))
+    late = round(axis.config.sample_interval_s * 1e6 / 2)
+    received = _received(path, config, axis)
+    return _with_signals(block, {name: _held(r, block.t_us + late) for name, r in received.items()}, dropped)
+
+
+def _received(path: Path, config: Config, axis: NamedAxis) -> dict[str, list[tuple[int, float]]]:
+    """The auxiliary signals of an axis, by name: times of receipt and values."""
+    sources = [s for s in axis.sources if s.message is not None and s.signal is not None]
+    received: dict[str, list[tuple[int, float]]] = {s.name: [] for s in sources}
+    if not sources:
+        return received
+    bus = next(bus for bus in config.bus if bus.name == axis.config.bus)
+    decoder = Decoder(bus.dbc, [(str(s.message), str(s.signal)) for s in sources])
+    quantities = [quantity_of(s.name, s, decoder) for s in sources]
+    for of_bus, _ in LogRecord(path, config).frames():
+        for frame in of_bus.get(bus.name, ()):
+            found = decoder.decode(frame)
+            for q in quantities:
+                if q.key == frame.key and not isinstance(found, str):
+                    value = q.value(found)
+                    if value is not None:
+                        received[q.name].append((frame.t_us, value))
+    return received
+
+
+def _held(received: list[tuple[int, float]], t_us: NDArray[np.int64]) -> Floats:
+    """The last value received by each time."""
+    if not received:
+        return np.full(len(t_us), np.nan)
+    times, values = np.array([t for t, _ in received]), np.array([value for _, value in received])
+    order = np.argsort(times, kind="stable")
+    k = np.searchsorted(times[order], t_us, side="right") - 1
+    return np.where(k >= 0, values[order][k], np.nan)

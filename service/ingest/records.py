@@ -2,23 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Protocol
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol
 
-from monitor_core.samples import SampleBlock
-from service.can.log_files import LOG_SUFFIXES
+from monitor_core.samples import SampleBlock, concatenate
+from service.can.frames import Frame
+from service.can.log_files import LOG_SUFFIXES, CanLog
 from service.can.user_errors import RecordError
-from service.config.schema import Config
-from service.ingest.bus_samples import Step
-from service.ingest.log_record import LogRecord
-from service.ingest.table_files import TABLE_SUFFIXES
-from service.ingest.table_record import TableRecord
+from service.config.conditions import needed
+from service.config.schema import AxisConfig, Config
+from service.ingest.axis_columns import AxisColumns
+from service.ingest.bus_samples import Ingest, block_of
+from service.ingest.tables import TABLE_SUFFIXES, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
-__all__ = ["RECORD_SUFFIXES", "Record", "SampleBlock", "Step", "read_record"]
-
 RECORD_SUFFIXES = (*TABLE_SUFFIXES, *LOG_SUFFIXES)
+
+
+class Step(NamedTuple):
+    """Samples by axis of a part of a record; ``done`` is how much of it has been read, 0 to 1."""
+
+    samples: Mapping[str, SampleBlock]
+    done: float
+
+
+_Counts = Mapping[str, Mapping[str, int]]
+_NONE: Mapping[str, Any] = MappingProxyType({})
+
+
+class Quality(NamedTuple):
+    """What became no sample so far, and how good the times are; of a table only the first is known."""
+
+    axis_dropped: _Counts
+    """Values (CAN logs) or rows (tables), by axis and reason"""
+    bus_dropped: _Counts = _NONE
+    """Frames, by bus and reason; those of no bus are under the name of the file"""
+    axis_events: _Counts = _NONE
+    """How often the time line of an axis restarted, by cause"""
+    axis_stamps: Mapping[str, Stamps] = _NONE
+    """Scatter of the time stamps of each axis"""
 
 
 class Record(Protocol):
@@ -34,20 +58,8 @@ class Record(Protocol):
         """
 
     @property
-    def axis_dropped(self) -> Mapping[str, Mapping[str, int]]:
-        """Values (CAN logs) or rows (tables) that became no sample so far, by axis and reason."""
-
-    @property
-    def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
-        """Frames that yielded nothing so far, by bus and reason."""
-
-    @property
-    def axis_events(self) -> Mapping[str, Mapping[str, int]]:
-        """How often the time line of an axis restarted, by cause."""
-
-    @property
-    def axis_stamps(self) -> Mapping[str, Stamps]:
-        """Scatter of the time stamps of each axis, where the record has any."""
+    def quality(self) -> Quality:
+        """Of what has been read so far."""
 
 
 def read_record(path: Path, config: Config) -> Record:
@@ -57,9 +69,151 @@ def read_record(path: Path, config: Config) -> Record:
         RecordError: it cannot be read, has an unknown suffix or lacks a column.
         DbcError, IngestError: the configuration cannot be used.
     """
+    return TableRecord(path, config) if is_table(path) else LogRecord(path, config)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a record is a table; otherwise it is a CAN log.
+
+    Raises:
+        RecordError: an unknown suffix.
+    """
     suffix = path.suffix.lower()
-    if suffix in TABLE_SUFFIXES:
-        return TableRecord(path, config)
-    if suffix in LOG_SUFFIXES:
-        return LogRecord(path, config)
-    raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")
+    if suffix not in RECORD_SUFFIXES:
+        raise RecordError(f"{path}: no such kind of record; there is {' '.join(RECORD_SUFFIXES)}")
+    return suffix in TABLE_SUFFIXES
+
+
+def samples_of(
+    record: Record, axis_id: str, progress: Callable[[float], None] = lambda _: None
+) -> SampleBlock:
+    """All samples of one axis, maybe none.
+
+    Raises:
+        RecordError: the file is damaged.
+    """
+    blocks = []
+    for step in record.steps():
+        if axis_id in step.samples:
+            blocks.append(step.samples[axis_id])
+        progress(step.done)
+    return concatenate(blocks)
+
+
+class TableRecord:
+    """A .csv, .parquet or .mat file with the columns named in the configuration.
+
+    Axes without columns in the configuration are ignored.
+
+    Raises:
+        RecordError: the file cannot be read, or lacks a column.
+    """
+
+    def __init__(self, path: Path, config: Config) -> None:
+        self.path = path
+        self._table = open_table(path)
+        axes = [axis for axis in config.axes if _has_columns(axis.config)]
+        self._axes = {axis.id: AxisColumns(axis.id, axis.config, needed(axis)) for axis in axes}
+        if not self._axes:
+            raise RecordError(
+                f"{path}: no axis says where it is in a table: set torque.column and angle.column or "
+                "speed.column in the configuration"
+            )
+        self._wanted: dict[str, str] = {}
+        for columns in self._axes.values():
+            self._wanted |= columns.wanted()
+        check_columns(path, self._table, self._wanted)
+
+    @property
+    def quality(self) -> Quality:
+        """Of what has been read so far."""
+        return Quality({axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()})
+
+    def steps(self) -> Iterator[Step]:
+        """The samples in order, once.
+
+        Raises:
+            RecordError: a cell is no number, or the file is damaged.
+        """
+        first_row = 0
+        for rows in self._table.rows(list(self._wanted)):
+            samples = {axis_id: axis.samples(rows, first_row)[1] for axis_id, axis in self._axes.items()}
+            first_row += len(next(iter(rows.columns.values())))
+            yield Step({axis_id: block for axis_id, block in samples.items() if block.size}, rows.done)
+
+
+def _has_columns(config: AxisConfig) -> bool:
+    return config.torque.column is not None or config.motion.column is not None
+
+
+class LogRecord:
+    """A .log, .asc, .blf or .trc file: its frames pass through the same pipeline as those of a bus.
+
+    Raises:
+        RecordError: it cannot be opened.
+        DbcError, IngestError: the configuration cannot be used.
+    """
+
+    def __init__(self, path: Path, config: Config) -> None:
+        self.path = path
+        self._config = config
+        self._log = CanLog(path)
+        self._ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self._other_bus = 0
+
+    @property
+    def quality(self) -> Quality:
+        """Of what has been read so far."""
+        by_bus: dict[str, Mapping[str, int]] = {name: i.dropped for name, i in self._ingests.items()}
+        by_bus[self.path.name] = {**self._log.dropped, "other_bus": self._other_bus}
+        axes = {axis_id: axis for i in self._ingests.values() for axis_id, axis in i.axes.items()}
+        return Quality(
+            {axis_id: axis.dropped for axis_id, axis in axes.items()},
+            by_bus,
+            {axis_id: axis.events for axis_id, axis in axes.items()},
+            {axis_id: axis.stamps for axis_id, axis in axes.items()},
+        )
+
+    def frames(self) -> Iterator[tuple[dict[str, list[Frame]], float]]:
+        """The frames by name of their bus, and how much of the log has been read, 0 to 1.
+
+        Raises:
+            RecordError: the file is damaged.
+        """
+        channels: Mapping[str, str] | None = None
+        for block in self._log.blocks():
+            if channels is None:
+                channels = self._channels({channel for channel, _ in block.frames})
+            of_bus: dict[str, list[Frame]] = {}
+            for channel, frame in block.frames:
+                bus = channels.get(channel, channels.get(""))
+                if bus is None:
+                    self._other_bus += 1
+                else:
+                    of_bus.setdefault(bus, []).append(frame)
+            yield of_bus, block.done
+
+    def steps(self) -> Iterator[Step]:
+        """The samples in order, once.
+
+        Raises:
+            RecordError: the file is damaged.
+        """
+        for of_bus, done in self.frames():
+            fed = [self._ingests[bus].feed(frames) for bus, frames in of_bus.items()]
+            yield Step({axis_id: block_of(found) for axes in fed for axis_id, found in axes.items()}, done)
+        flushed = [ingest.flush() for ingest in self._ingests.values()]
+        last = {axis_id: block_of(found) for axes in flushed for axis_id, found in axes.items()}
+        if last:
+            yield Step(last, 1.0)
+
+    def _channels(self, seen: set[str]) -> Mapping[str, str]:
+        """Bus by channel in the log; "" stands for all others.
+
+        A log of another plant, or one with numbers only, is used with a configuration of one bus.
+        """
+        buses = self._config.bus
+        known = {bus.channel: bus.name for bus in buses} | {bus.name: bus.name for bus in buses}
+        if len(buses) == 1 and not seen & known.keys():
+            return {"": buses[0].name}
+        return known

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
+from monitor_core.samples import SampleBlock
 from service.config.schema import AxisConfig
 
 AMBIGUOUS = "ambiguous"
@@ -20,7 +22,6 @@ SURE = 0.4
 """Part of a period: further away than this from where it was expected, an angle could be one of two."""
 
 Times = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 class Motion(NamedTuple):
@@ -56,6 +57,11 @@ class Turns:
         sure = np.array([value is not None for value in unwrapped], np.bool_)
         self.refused += len(unwrapped) - int(np.count_nonzero(sure))
         return np.array([np.nan if value is None else value for value in unwrapped]), sure
+
+    def unwrapped(self, block: SampleBlock) -> SampleBlock:
+        """The unambiguous samples, with continuous angles."""
+        angle, sure = self.take(block.t_us, block.y)
+        return block._replace(y=angle).select(sure)
 
     def _next(self, t_us: int, value: float) -> float | None:
         last = self._last

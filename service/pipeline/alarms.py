@@ -108,11 +108,11 @@ class Alarms:
         """Show the alarm as it is in the journal, and log the change."""
         key, alarm = _key(*change), change.alarm
         before = self._open.pop(key, None)
-        if alarm.ended_us is None:
-            self._open[key] = change
         if alarm.ended_us is not None:
             log.info("alarm ended", **self._facts(change))
-        elif before is None:
+            return
+        self._open[key] = change
+        if before is None:
             log.warning("alarm raised", **self._facts(change))
         elif _name(before.alarm) != _name(alarm):
             log.warning("alarm named", **self._facts(change))

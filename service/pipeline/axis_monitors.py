@@ -10,7 +10,7 @@ from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.detector_choice import detectors_of
-from service.ingest.unwrap import AMBIGUOUS, Motion, Turns, turns_of
+from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.trends import Trends
 from service.pipeline.warming import HYPOTHESES
@@ -83,7 +83,7 @@ class AxisMonitors:
                 if (motion := _motion(self.by_id[axis_id])) is not None:
                     turns.resume(motion)
         return {
-            axis_id: _unwrapped(block, self._turns[axis_id]) if axis_id in self._turns else block
+            axis_id: self._turns[axis_id].unwrapped(block) if axis_id in self._turns else block
             for axis_id, block in samples.items()
         }
 
@@ -114,8 +114,3 @@ def _motion(monitor: AxisMonitor) -> Motion | None:
     A, _, C = monitor.model.matrices()
     angle, speed = float(C[0] @ state.x[:, lane]), float((C @ A)[0] @ state.x[:, lane])
     return Motion(int(state.t[lane]), angle, speed * 1e-6)
-
-
-def _unwrapped(block: SampleBlock, turns: Turns) -> SampleBlock:
-    angle, sure = turns.take(block.t_us, block.y)
-    return block._replace(y=angle).select(sure)

@@ -2,20 +2,43 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from time import monotonic
+from typing import Literal, NamedTuple
 
 import structlog
 
-from monitor_core.monitoring import AxisMonitor
+from monitor_core.monitoring import Arrays, AxisMonitor
 from service.pipeline.trends import Trends
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.database import StoreError
 
 log = structlog.get_logger(__name__)
 
+Part = Literal["estimates", "multimodel", "history"]
 
-def multimodel_id(axis_id: str) -> str:
-    """Name under which the state of the multi-model detector of an axis is saved."""
-    return f"{axis_id} (multi-model detector)"
+
+class SavedState(NamedTuple):
+    """A state of an axis that is saved separately: its name and key, its arrays, and what restores it."""
+
+    part: Part
+    name: str
+    key: str
+    arrays: Callable[[], Arrays | None]
+    """None: there is none yet"""
+    restore: Callable[[Arrays], None]
+
+
+def states_of(axis_id: str, monitor: AxisMonitor) -> Iterator[SavedState]:
+    """The states of a monitor: estimates, and the evidence of its multi-model detector."""
+    yield SavedState("estimates", axis_id, monitor.key, monitor.to_arrays, monitor.from_arrays)
+    multimodel = monitor.multimodel
+    if multimodel is not None:
+        yield SavedState(
+            "multimodel",
+            f"{axis_id} (multi-model detector)",
+            monitor.multimodel_key,
+            lambda: multimodel.bank.to_arrays() if multimodel.made else None,
+            lambda arrays: multimodel.bank.from_arrays(arrays),
+        )
 
 
 class Checkpointer:
@@ -27,7 +50,6 @@ class Checkpointer:
         interval_s: time between two checkpoints [s].
         saved_us: time of the checkpoint that the monitors were restored from.
         now_us: wall clock.
-        clock: seconds, for the interval.
         trends: the slow histories, saved with them.
     """
 
@@ -38,30 +60,27 @@ class Checkpointer:
         interval_s: float,
         saved_us: int | None,
         now_us: Callable[[], int],
-        clock: Callable[[], float] = monotonic,
         trends: Trends | None = None,
     ) -> None:
         self._checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
-        self._now_us, self._clock, self._trends = now_us, clock, trends
-        self._due = clock() + interval_s
+        self._now_us, self._trends = now_us, trends
+        self._due = monotonic() + interval_s
         self.saved_us = saved_us
         self.problem: str | None = None
         """Why the last try failed, for the operator; None when it did not."""
 
     def save_if_due(self) -> None:
         """Save when the interval is over."""
-        if self._clock() >= self._due:
+        if monotonic() >= self._due:
             self.save()
 
     def save(self) -> None:
         """Save now; a failure is reported to the operator and retried after the interval."""
-        self._due = self._clock() + self._interval_s
+        self._due = monotonic() + self._interval_s
         now_us = self._now_us()
-        states = [state for axis_id, m in self._monitors.items() for state in _states(axis_id, m)]
-        parts = self._trends.to_save() if self._trends else ()
-        states += [AxisState(part.name, part.key, part.arrays) for part in parts]
+        states = [*self._states(), *(self._trends.to_save() if self._trends else ())]
         try:
-            self._checkpoints.save_many(states, now_us)
+            self._checkpoints.save(states, now_us)
         except StoreError as error:
             self.problem = f"the state of the monitors cannot be saved: {error}"
             log.error("checkpoint failed", reason=str(error))
@@ -70,10 +89,9 @@ class Checkpointer:
         if self._trends:
             self._trends.saved()
 
-
-def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[AxisState]:
-    """State of the monitor, and of the multi-model detector once it has one."""
-    yield AxisState(axis_id, monitor.key, monitor.to_arrays())
-    if monitor.multimodel is not None and monitor.multimodel.made:
-        state = monitor.multimodel.bank.to_arrays()
-        yield AxisState(multimodel_id(axis_id), monitor.multimodel_key, state)
+    def _states(self) -> Iterator[AxisState]:
+        for axis_id, monitor in self._monitors.items():
+            for state in states_of(axis_id, monitor):
+                arrays = state.arrays()
+                if arrays is not None:
+                    yield AxisState(state.name, state.key, arrays)

@@ -30,9 +30,8 @@ def choose(environ: MutableMapping[str, str]) -> Path:
     except OSError as error:
         folder = _folder_of_this_run(folder, error)
     environ[VARIABLE] = str(folder)
-    environ.setdefault(
-        "NUMBA_OPT", "2"
-    )  # compiles a tenth faster than numba's default of 3; the code is as fast
+    # Compiles a tenth faster than numba's default of 3; the code is as fast.
+    environ.setdefault("NUMBA_OPT", "2")
     return folder
 
 

@@ -1,13 +1,14 @@
 """Snapshots of axes: status of the monitor, recent history of the estimates, alarms as recorded in the journal."""
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
 
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import AxisMonitor, AxisStatus, Status
+from monitor_core.monitoring import AxisStatus, Status
 from service.config import NamedAxis
-from service.ingest.timestamp_jitter import Stamps
+from service.pipeline.alarms import Alarms
+from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.snapshot import AxisSnapshot, History, HistoryPoint
 
 _CHUNK = 60
@@ -45,52 +46,43 @@ def _point(t_us: int, status: AxisStatus) -> HistoryPoint:
     )
 
 
-@dataclass(frozen=True)
 class AxisView:
-    """An axis and the sources of its snapshots."""
+    """Snapshots of one axis, from its input, its monitor and the journal."""
 
-    axis: NamedAxis
-    monitor: AxisMonitor
-    history: RecentHistory
-    nominal: Mapping[str, tuple[float, str]]
+    def __init__(
+        self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: RecentHistory
+    ) -> None:
+        self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
+        self._model = model = pipeline.monitors.by_id[axis.id].model
+        self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
 
-    def snapshot(
-        self,
-        open_alarms: tuple[Alarm, ...],
-        dropped: Mapping[str, int],
-        clock: Mapping[str, int],
-        gated_by: str,
-        stamps: Stamps,
-    ) -> AxisSnapshot:
-        """Snapshot of the axis now.  ``open_alarms`` are those of the journal: no others are shown."""
-        status = self.monitor.status()
-        self.history.add(status)
-        drive = self.monitor.model.drive
+    def snapshot(self) -> AxisSnapshot:
+        """Snapshot of the axis now.  Its alarms are those of the journal: no others are shown."""
+        axis, drive, monitors = self._axis, self._model.drive, self._pipeline.monitors
+        monitor = monitors.by_id[axis.id]
+        source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
+        status, open_alarms = monitor.status(), self._alarms.open(axis.id)
+        self._history.add(status)
         return AxisSnapshot(
-            id=self.axis.id,
-            robot=self.axis.robot,
-            name=self.axis.config.name,
-            bus=self.axis.config.bus,
+            id=axis.id,
+            robot=axis.robot,
+            name=axis.config.name,
+            bus=axis.config.bus,
             drive=drive.name,
             output=drive.output,
-            interval_s=self.axis.config.sample_interval_s,
-            nominal=self.nominal,
+            interval_s=axis.config.sample_interval_s,
+            nominal=self._nominal,
             status=_as_recorded(status, open_alarms),
             open_alarms=open_alarms,
-            dropped=dropped,
-            clock=clock,
-            history=self.history.history,
-            gated_by=gated_by,
-            stamps=stamps,
-            other_causes=tuple(c for c in self.monitor.causes if c not in self.monitor.model.monitored),
+            dropped={**source.dropped, **monitors.dropped(axis.id)},
+            clock=source.events,
+            history=self._history.history,
+            gated_by=monitors.waits_for(axis.id),
+            stamps=source.stamps,
+            other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),
+            trends=monitors.trends.for_axis(axis.id),
+            histories_lost=monitors.trends.lost[axis.id],
         )
-
-
-def axis_view(axis: NamedAxis, monitor: AxisMonitor, interval_s: float, length_s: float) -> AxisView:
-    """The view of an axis with an empty history of that interval and length."""
-    model = monitor.model
-    nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
-    return AxisView(axis, monitor, RecentHistory(interval_s, length_s), nominal)
 
 
 def _as_recorded(status: AxisStatus, open_alarms: Iterable[Alarm]) -> AxisStatus:

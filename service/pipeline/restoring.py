@@ -1,17 +1,21 @@
 """Restart: estimates and trends from the checkpoints, open alarms from the journal, and a report of what was lost."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Literal, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
+import numpy as np
+
+from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import Arrays, AxisMonitor
+from monitor_core.monitoring import AxisMonitor
+from monitor_core.trend import SlowHistory
 from service.pipeline.alarms import AxisAlarm
-from service.pipeline.checkpointing import multimodel_id
-from service.pipeline.trends import Trends
-from service.store.checkpoints import Checkpoints, QuarantinedCheckpoint
+from service.pipeline.checkpointing import Part, states_of
+from service.pipeline.trends import Trends, completed_id, gathered_id
+from service.store.checkpoints import Arrays, Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.journal import Journal
 
-Part = Literal["estimates", "multimodel", "history"]
 PART_NAMES: Mapping[Part, str] = {
     "estimates": "the estimates",
     "multimodel": "the evidence of the multi-model detector",
@@ -54,25 +58,24 @@ def restore(
         StoreError: a file cannot be read or written.
     """
     messages: list[str] = [*checkpoints.messages, *journal.messages]
-    losses: list[Loss] = []
-    times: list[int] = []
+    loader, times = _Loader(checkpoints, now_us), list[int]()
     opened: list[AxisAlarm] = []
     unrecorded: list[AxisAlarm] = []
     for axis_id, monitor in monitors.items():
-        for state in _states(axis_id, monitor):
-            loaded = _load(state, checkpoints, now_us)
-            if isinstance(loaded, QuarantinedCheckpoint):
-                losses.append(Loss(axis_id, state.part, loaded.reason))
-            elif loaded is not None:
-                times.append(loaded)
+        for state in states_of(axis_id, monitor):
+            at = Loss(axis_id, state.part, "")
+            found = loader.load(at, state.name, state.key)
+            if found is not None and loader.use(at, state.name, state.restore, found.arrays):
+                times.append(found.at_us)
         messages += _close_unmonitored(axis_id, monitor, journal, now_us)
         recorded = journal.open_alarms(axis_id)
         opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
         changes = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
         unrecorded += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, changes, journal)]
     messages += _removed_axes(monitors, journal)
-    found = tuple(opened), tuple(unrecorded), tuple(messages), tuple(losses)
-    return Restored(min(times, default=None), *found)
+    return Restored(
+        min(times, default=None), tuple(opened), tuple(unrecorded), tuple(messages), tuple(loader.losses)
+    )
 
 
 def restore_trends(trends: Trends, checkpoints: Checkpoints, now_us: int) -> list[Loss]:
@@ -83,58 +86,48 @@ def restore_trends(trends: Trends, checkpoints: Checkpoints, now_us: int) -> lis
     Raises:
         StoreError: the file cannot be read or written.
     """
-    found: dict[str, Arrays] = {}
-    losses = []
-    parts = list(trends.to_load())
-    for axis_id, part in parts:
-        loaded = checkpoints.load(part.name, part.key, now_us)
-        if isinstance(loaded, QuarantinedCheckpoint):
-            trends.lost[axis_id] += 1
-            losses.append(Loss(axis_id, "history", loaded.reason, part.parameter))
-        elif loaded is not None:
-            found[part.name] = loaded.arrays
-    by_name = {part.name: (axis_id, part.parameter) for axis_id, part in parts}
-    for name, reason in trends.restore(found):
-        checkpoints.quarantine(name, reason, now_us)
-        axis_id, parameter = by_name[name]
-        losses.append(Loss(axis_id, "history", reason, parameter))
-    return losses
+    loader = _Loader(checkpoints, now_us)
+    for axis_id, (names, monitor, key) in trends.axes.items():
+        each = [(Loss(axis_id, "history", "", name), completed_id(axis_id, name)) for name in names]
+        completed = [loader.load(at, name, key) for at, name in each]
+        gathered = loader.load(Loss(axis_id, "history", ""), gathered_id(axis_id), key)
+        opened = {} if gathered is None else gathered.arrays
+        for (at, name), history, found in zip(each, monitor.histories, completed, strict=True):
+            nothing: Arrays = {"entries": history.closed_to_array()}
+            resume = partial(_restore_history, history, np.asarray(opened.get(at.parameter, ()), float))
+            loader.use(at, name, resume, nothing if found is None else found.arrays)
+    trends.resume(loss.axis_id for loss in loader.losses)
+    return loader.losses
 
 
-# --- states of a monitor --------------------------------------------------------------------------------
+def _restore_history(history: SlowHistory, gathered: Floats, arrays: Arrays) -> None:
+    history.restore(np.asarray(arrays["entries"], float), gathered)
 
 
-class _State(NamedTuple):
-    """A state that is saved separately: its name and key, and what restores it."""
+class _Loader:
+    """Loads checkpoints; those that cannot be used are quarantined, and are ``losses``."""
 
-    part: Part
-    name: str
-    key: str
-    restore: Callable[[Arrays], None]
+    def __init__(self, checkpoints: Checkpoints, now_us: int) -> None:
+        self._checkpoints, self._now_us = checkpoints, now_us
+        self.losses: list[Loss] = []
 
-
-def _states(axis_id: str, monitor: AxisMonitor) -> Iterator[_State]:
-    yield _State("estimates", axis_id, monitor.key, monitor.from_arrays)
-    multimodel = monitor.multimodel
-    if multimodel is not None:
-        name, key = multimodel_id(axis_id), monitor.multimodel_key
-        yield _State("multimodel", name, key, lambda arrays: multimodel.bank.from_arrays(arrays))
-
-
-def _load(state: _State, checkpoints: Checkpoints, now_us: int) -> int | QuarantinedCheckpoint | None:
-    """The time of the checkpoint that is used now, or why it is not used; None: there never was one."""
-    found = checkpoints.load(state.name, state.key, now_us)
-    if found is None or isinstance(found, QuarantinedCheckpoint):
+    def load(self, at: Loss, name: str, key: str) -> Checkpoint | None:
+        found = self._checkpoints.load(name, key, self._now_us)
+        if isinstance(found, QuarantinedCheckpoint):
+            self.losses.append(at._replace(reason=found.reason))
+            return None
         return found
-    try:
-        state.restore(dict(found.arrays))
-    except (KeyError, ValueError) as error:
-        quarantined = QuarantinedCheckpoint(
-            state.name, found.at_us, f"it does not fit this version ({error})"
-        )
-        checkpoints.quarantine(state.name, quarantined.reason, now_us)
-        return quarantined
-    return found.at_us
+
+    def use(self, at: Loss, name: str, restore: Callable[[Arrays], None], arrays: Arrays) -> bool:
+        """Restore the state; whether it fits."""
+        try:
+            restore(dict(arrays))
+        except (KeyError, ValueError) as error:
+            reason = f"it does not fit this version ({error})"
+            self._checkpoints.quarantine(name, reason, self._now_us)
+            self.losses.append(at._replace(reason=reason))
+            return False
+        return True
 
 
 # --- open alarms ----------------------------------------------------------------------------------------

@@ -59,7 +59,7 @@ class AxisSnapshot:
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (service.ingest.assemble.REASONS)"""
     clock: Mapping[str, int]
-    """How often the time line of the samples restarted, by cause (service.ingest.bus_samples.Ingest.axis_events)"""
+    """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
     history: History
     gated_by: str = ""
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""

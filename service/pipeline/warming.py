@@ -32,14 +32,12 @@ HYPOTHESES = 0
 
 def compile_kernel(lanes: int) -> None:
     """Compile the kernel for batches of this number of axes, or load it from its cache; then mark the cache."""
+    settings, empty = Settings(interval_s=INTERVAL_S), np.zeros((0, lanes))
     if lanes == HYPOTHESES:
-        nothing = np.zeros(0)
-        HypothesisBank(reference_model(), Settings(interval_s=INTERVAL_S)).run(
-            np.zeros(0, np.int64), nothing, nothing
-        )
+        HypothesisBank(reference_model(), settings).run(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
     else:
-        bank = AxisBatch([reference_model()] * lanes, [Settings(interval_s=INTERVAL_S)] * lanes)
-        bank.run(np.zeros((0, lanes), np.int64), np.zeros((0, lanes)), np.zeros((0, lanes)))
+        bank = AxisBatch([reference_model()] * lanes, [settings] * lanes)
+        bank.run(np.zeros((0, lanes), np.int64), empty, empty)
     if mark := _mark(lanes):
         mark.touch()
 
@@ -67,10 +65,7 @@ class CacheFiller:
         A failure is only logged: the kernel is then compiled where it is called.
         """
         missing = {_shape(n): n for n in lanes if not _is_cached(n)}
-        started = [
-            self._start([sys.executable, "-P", "-c", _CHILD, str(n)], _effort(n)) for n in missing.values()
-        ]
-        for child in started:
+        for child in [self._start(n) for n in missing.values()]:
             if child is not None:
                 self._wait(child)
         return not self._stopped
@@ -82,27 +77,22 @@ class CacheFiller:
             for child in self._children:
                 child.kill()
 
-    def _start(self, command: list[str], environ: dict[str, str]) -> subprocess.Popen[str] | None:
-        quiet, pipe = subprocess.DEVNULL, subprocess.PIPE
-        try:
-            with self._lock:
-                if self._stopped:
-                    return None
+    def _start(self, lanes: int) -> subprocess.Popen[str] | None:
+        command, null = [sys.executable, "-P", "-c", _CHILD, str(lanes)], subprocess.DEVNULL
+        with self._lock:
+            if self._stopped:
+                return None
+            try:
                 # A session of its own: Ctrl-C is for the daemon, which ends the child itself.
                 child = subprocess.Popen(
-                    command,
-                    stdin=quiet,
-                    stdout=quiet,
-                    stderr=pipe,
-                    text=True,
-                    start_new_session=True,
-                    env=environ,
-                )
-                self._children.append(child)
-                return child
-        except OSError as error:
-            _log_failure(str(error))
-            return None
+                    command, stdin=null, stdout=null, stderr=subprocess.PIPE, text=True,
+                    start_new_session=True, env=_effort(lanes),
+                )  # fmt: skip
+            except OSError as error:
+                _log_failure(str(error))
+                return None
+            self._children.append(child)
+            return child
 
     def _wait(self, child: subprocess.Popen[str]) -> None:
         _, messages = child.communicate()

@@ -1,4 +1,4 @@
-"""The worker: one thread that owns all monitors.
+"""The worker: one thread that takes the frames of all buses and owns all monitors.
 
 Frames of the readers become samples, samples go through the kernel, alarms go to the journal.  Then the snapshot that
 shows them is replaced in one assignment.
@@ -8,18 +8,22 @@ import threading
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 from time import perf_counter
+from typing import Protocol
 
 import structlog
 
+from service.can.bus_reader import ReaderStats
+from service.can.frames import Frame
+from service.can.log_files import FrameRecorder
+from service.can.user_errors import RecordError
 from service.config import Config
+from service.ingest.bus_samples import Ingest
 from service.pipeline.alarms import Alarms
-from service.pipeline.bus_intake import BusIntake, Recording
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.publishing import AxisView, axis_view
-from service.pipeline.snapshot import AxisSnapshot, Histogram, Snapshot
+from service.pipeline.publishing import AxisView, RecentHistory
+from service.pipeline.snapshot import BusSnapshot, Histogram, Snapshot
 
 TICK_S = 0.1
 """Time between blocks and between snapshots: long enough for one call of the kernel to pay."""
@@ -30,6 +34,70 @@ MOST_FRAMES = 10_000
 COMPILING = "the numeric kernel is being compiled; frames wait until it is ready"
 
 log = structlog.get_logger(__name__)
+
+
+class Reader(Protocol):
+    """Interface of service.can.bus_reader.CanReader as the worker uses it."""
+
+    def take(self, most: int = 4096) -> list[Frame]:
+        """About that many of the waiting frames, oldest first."""
+
+    def stats(self) -> ReaderStats:
+        """State and counters."""
+
+
+class Recording:
+    """Recording of frames to a file, until the disk refuses them."""
+
+    def __init__(self, recorder: FrameRecorder | None) -> None:
+        self._recorder = recorder
+        self.problem: str | None = None
+        """Why recording has ended, for the operator."""
+
+    def write(self, bus: str, frames: list[Frame]) -> None:
+        """Write frames as received; a failure ends the recording, not the monitoring."""
+        if self._recorder is None or self.problem is not None:
+            return
+        try:
+            self._recorder.write(bus, frames)
+        except RecordError as error:
+            self.problem = f"recording has ended: {error}"
+            log.error("recording has ended", reason=str(error))
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._recorder is None:
+            return
+        try:
+            self._recorder.close()
+        except RecordError as error:
+            log.error("the end of the recording is lost", reason=str(error))
+
+
+class BusIntake:
+    """One bus: its frames, and its state, which is shown and logged."""
+
+    def __init__(self, name: str, reader: Reader, ingest: Ingest, recording: Recording) -> None:
+        self.name = name
+        self._reader, self._ingest, self._recording = reader, ingest, recording
+        self._state = "up"
+
+    def take(self, most: int) -> list[Frame]:
+        """The waiting frames, recorded."""
+        frames = self._reader.take(most)
+        if frames:
+            self._recording.write(self.name, frames)
+        return frames
+
+    def snapshot(self) -> BusSnapshot:
+        """State of the bus now; a change is logged."""
+        stats = self._reader.stats()
+        if stats.state != self._state:
+            self._state = stats.state
+            say = log.info if stats.up or stats.state == "closed" else log.error
+            say("bus", bus=self.name, state=stats.state)
+        dropped = {**stats.dropped, **self._ingest.dropped}
+        return BusSnapshot(self.name, stats.state, stats.up, stats.frames, dropped)
 
 
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -85,15 +153,8 @@ class Worker:
         self._alarms, self._checkpointer, self._compiled = alarms, checkpointer, compiled
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
         self._time = ProcessingTime()
-        self._views = [
-            axis_view(
-                axis,
-                pipeline.monitors.by_id[axis.id],
-                config.service.history_interval_s,
-                config.service.history_length_s,
-            )
-            for axis in config.axes
-        ]
+        kept = config.service.history_interval_s, config.service.history_length_s
+        self._views = [AxisView(axis, pipeline, alarms, RecentHistory(*kept)) for axis in config.axes]
         self._started_us = now_us()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
@@ -160,22 +221,12 @@ class Worker:
         return Snapshot(
             taken_us=self._now_us(),
             started_us=self._started_us,
-            axes=tuple(self._axis(view) for view in self._views),
+            axes=tuple(view.snapshot() for view in self._views),
             buses=tuple(bus.snapshot() for bus in self._buses),
             processing=self._time.histogram(),
             checkpoint_us=self._checkpointer.saved_us,
             messages=self._all_messages(),
         )
-
-    def _axis(self, view: AxisView) -> AxisSnapshot:
-        axis_id, ingest = view.axis.id, self._pipeline.ingests[view.axis.config.bus]
-        open_alarms = self._alarms.open(axis_id)
-        dropped = {**ingest.axis_dropped(axis_id), **self._pipeline.monitors.dropped(axis_id)}
-        gated_by = self._pipeline.monitors.waits_for(axis_id)
-        events, stamps = ingest.axis_events(axis_id), ingest.axis_stamps(axis_id)
-        trends = self._pipeline.monitors.trends
-        shown = view.snapshot(open_alarms, dropped, events, gated_by, stamps)
-        return replace(shown, trends=trends.for_axis(axis_id), histories_lost=trends.lost[axis_id])
 
     def _all_messages(self) -> tuple[str, ...]:
         now = (self._alarms.problem, self._checkpointer.problem, self._recording.problem)

@@ -44,7 +44,7 @@ class ControlledAxis:
 
     def __init__(self, axis: NamedAxis, rng: np.random.Generator) -> None:
         config = axis.config
-        self.id, self.interval_s = axis.id, config.sample_interval_s
+        self.axis, self.interval_s = axis, config.sample_interval_s
         predictor = predictor_of(config)
         self._delay_s = predictor.torque_delay_s
         self._output, self._averaged = config.output, config.interval_mean
@@ -54,13 +54,8 @@ class ControlledAxis:
         self._model = model = AxisModel(drive_of(config, "angle"), self._given, ())
         self._drive = SimulatedAxis(model.nominal, predictor.friction_speed_scale, drive=model.drive)
         self._motion = motion_of(model, lines_of_motion(self.interval_s))
-        self._test_signal = multisine(
-            rng,
-            round(PERIOD_S / self.interval_s),
-            self.interval_s,
-            _band(self.interval_s),
-            self._motion.torque_rms,
-        )
+        length, band = round(PERIOD_S / self.interval_s), _band(self.interval_s)
+        self._test_signal = multisine(rng, length, self.interval_s, band, self._motion.torque_rms)
         self._ripple = RIPPLE * (predictor.torque_noise or 0.0)
         self._noise = predictor.output_noise or 0.0
         self._torque_before = self._angle_before = 0.0

@@ -11,14 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from service.can.bus import Bus, send
-from service.can.decode import FrameKey
-from service.can.log_files import LOG_SUFFIXES
+from service.can.frames import FrameKey
 from service.can.user_errors import IngestError, RecordError
 from service.config.schema import Config
-from service.ingest.bus_samples import Step
 from service.ingest.encode import FrameEncoder, Values
-from service.ingest.log_record import LogRecord
-from service.ingest.records import Record, read_record
+from service.ingest.records import LogRecord, Record, Step, is_table, read_record
 
 _NAP_S = 0.05
 
@@ -41,9 +38,9 @@ def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
         RecordError: the record cannot be read, or a value does not fit into its signal.
         DbcError, IngestError: the configuration cannot be used.
     """
-    if path.suffix.lower() in LOG_SUFFIXES:
-        return _log_frames(LogRecord(path, config))
-    return encode_table(read_record(path, config), config)
+    if is_table(path):
+        return encode_table(read_record(path, config), config)
+    return _log_frames(LogRecord(path, config))
 
 
 def encode_table(record: Record, config: Config) -> Iterator[PlayFrame]:
@@ -122,5 +119,4 @@ def _log_frames(record: LogRecord) -> Iterator[PlayFrame]:
         frames = [(frame, bus) for bus, frames in of_bus.items() for frame in frames]
         for frame, bus in sorted(frames, key=lambda entry: entry[0].t_us):
             first_us = frame.t_us if first_us is None else first_us
-            key = FrameKey(frame.can_id, frame.extended)
-            yield PlayFrame((frame.t_us - first_us) / 1e6, bus, key, frame.data, done)
+            yield PlayFrame((frame.t_us - first_us) / 1e6, bus, frame.key, frame.data, done)

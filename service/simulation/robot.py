@@ -46,7 +46,6 @@ class SimulatedRobot:
     def __init__(self, config: Config, seed: int | None = None, faults: Sequence[Fault] = ()) -> None:
         rng = np.random.default_rng(seed)
         self._axes = {axis.id: ControlledAxis(axis, rng) for axis in config.axes}
-        self._named = {axis.id: axis for axis in config.axes}
         self._sent: dict[str, dict[str, float]] = {robot.name: {} for robot in config.robot}
         self._faults = sorted(faults, key=lambda fault: fault.after_s)
         for fault in faults:
@@ -62,13 +61,13 @@ class SimulatedRobot:
                 fault = waiting.pop(0)
                 self._axes[fault.axis_id].break_down(fault.factors)
                 happened(fault)
-            axes = [axis for axis in self._axes.values() if axis.interval_s == interval_s]
-            yield Moment(time_s, interval_s, k, {axis.id: self._sample(axis, k) for axis in axes})
+            axes = [(i, axis) for i, axis in self._axes.items() if axis.interval_s == interval_s]
+            yield Moment(time_s, interval_s, k, {i: self._sample(axis, k) for i, axis in axes})
             heapq.heappush(groups, ((k + 1) * interval_s, interval_s, k + 1))
 
     def _sample(self, axis: ControlledAxis, k: int) -> Reading:
         """The sample; its motion is available to the other axes, as it is on the bus."""
-        named = self._named[axis.id]
+        named = axis.axis
         sent, motion = self._sent[named.robot], named.config.motion
         reading = axis.sample(k, sent)
         if motion.factor:

@@ -1,7 +1,9 @@
 """Checkpoints: the last state of every monitor, with a key for the model and settings that it belongs to."""
 
 import hashlib
+import io
 import sqlite3
+import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from service.store.array_files import Arrays, UnreadableError, pack, unpack
 from service.store.database import Database
 
 MIGRATIONS = (
@@ -38,6 +39,8 @@ MIGRATIONS = (
     ALTER TABLE quarantine RENAME COLUMN set_aside_us TO quarantined_us;
     """,
 )
+
+Arrays = dict[str, NDArray[np.generic]]
 
 _SAVE = "INSERT OR REPLACE INTO checkpoint VALUES (?, CAST(? AS TEXT), ?, ?, ?)"
 
@@ -90,12 +93,8 @@ class Checkpoints:
         self._db = Database(path, MIGRATIONS, "NORMAL")
         self.messages = self._db.messages
 
-    def save(self, axis: str, key: str, arrays: Mapping[str, NDArray[np.generic]], at_us: int) -> None:
-        """Save the state of one axis, replacing its last one."""
-        self.save_many([AxisState(axis, key, arrays)], at_us)
-
-    def save_many(self, states: Iterable[AxisState], at_us: int) -> None:
-        """As ``save`` for several axes, all or none of them.
+    def save(self, states: Iterable[AxisState], at_us: int) -> None:
+        """Save these states, replacing the last ones of their names: all or none.
 
         Raises:
             ValueError: an array holds Python objects.
@@ -165,3 +164,43 @@ def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
 def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -> None:
     connection.execute(_MOVE, (now_us, reason, axis))
     connection.execute("DELETE FROM checkpoint WHERE axis = ?", (axis,))
+
+
+# --- arrays as bytes and back: the npz format of numpy, without pickles, so that reading cannot execute code -------
+
+
+class UnreadableError(ValueError):
+    """The bytes are not arrays that ``pack`` wrote."""
+
+
+def pack(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
+    """The arrays as the bytes of an .npz file; equal arrays give equal bytes.
+
+    Raises:
+        ValueError: an array holds Python objects.
+    """
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name in sorted(arrays):
+            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w") as member:
+                np.lib.format.write_array(member, np.asarray(arrays[name]), allow_pickle=False)
+    return buffer.getvalue()
+
+
+def unpack(data: bytes) -> Arrays:
+    """The arrays that ``pack`` packed.
+
+    Raises:
+        UnreadableError: the bytes are damaged, or hold pickles.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return {name.removesuffix(".npy"): _read(archive, name) for name in archive.namelist()}
+    except (ValueError, EOFError, OSError, NotImplementedError, RuntimeError, zipfile.BadZipFile) as error:
+        raise UnreadableError(str(error)) from error
+
+
+def _read(archive: zipfile.ZipFile, name: str) -> NDArray[np.generic]:
+    with archive.open(name) as member:
+        array: NDArray[np.generic] = np.lib.format.read_array(member, allow_pickle=False)
+        return array

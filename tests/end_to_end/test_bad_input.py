@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from service.can.bus import open_bus, send
-from service.can.decode import FrameKey
+from service.can.frames import FrameKey
 from service.config import load
 from tests.end_to_end.processes import Daemon, daemon, demo_config, running, wait_for
 

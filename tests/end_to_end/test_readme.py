@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from service.can.recorder import FrameRecorder
+from service.can.log_files import FrameRecorder
 from service.config import Config, load
 from service.simulation.robot import Fault
 from tests.end_to_end.processes import (

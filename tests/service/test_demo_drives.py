@@ -19,7 +19,7 @@ from service.simulation.axis import ControlledAxis
 from service.simulation.demonstration import usual_fault
 from service.simulation.planned_motion import SPEED_RMS
 from service.simulation.robot import Fault
-from tests.service.pipeline.robots import blocks, demo
+from tests.service.pipeline.robots import blocks, demo, live
 
 FAULT_S = 15.0
 
@@ -118,10 +118,8 @@ def test_the_usual_fault_is_named_and_nothing_else(name: str, tmp_path: Path, se
     broken = usual_fault(read.axes[0].config)
     core, found = FramePipeline(read), dict[tuple[str, str], AxisAlarm]()
     faults = [Fault("demo.axis2", {broken: 1.3}, FAULT_S)]
-    for block in blocks(read, FAULT_S + 15, seed, faults):
-        core.take("can0", block)
-        for change in core.update():
-            found.setdefault((change.axis_id, change.alarm.parameter), change)
+    for change in live(core, blocks(read, FAULT_S + 15, seed, faults)):
+        found.setdefault((change.axis_id, change.alarm.parameter), change)
     first = next(iter(found.values()))
     assert set(found) == {("demo.axis2", broken)}
     assert first.alarm.direction == "up"

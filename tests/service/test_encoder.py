@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.samples import SampleBlock
 from service.commands.main import app
-from service.config import Config, ConfigErrors, load
+from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.remarks import remarks_on_encoders
 from service.ingest.identification_records import load as load_record
@@ -23,7 +23,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.frame_pipeline import FramePipeline
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault
-from tests.service.pipeline.robots import blocks
+from tests.service.pipeline.robots import blocks, live
 from tests.service.test_skew import replayed, written
 
 H, N, FAULT = 0.005, 4400, 3000  # the first 2000 samples find P(0)
@@ -164,14 +164,6 @@ def test_a_record_to_identify_from_is_made_whole(course: Course, tmp_path: Path)
     assert source.dropped["ambiguous"] == 0
 
 
-def run_live(read: Config, frames: list[list[Any]]) -> FramePipeline:
-    core = FramePipeline(read)
-    for block in frames:
-        core.take(read.bus[0].name, block)
-        core.update()
-    return core
-
-
 def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
     """Frames as such an encoder makes them; the daemon's own pipeline sees one course."""
     fault = [Fault("demo.axis1", {"kT": 0.66}, 14.0)]
@@ -181,7 +173,9 @@ def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
         for name, line in (("a", f"wrap_period = {period!r}"), ("b", ""))
     )
     courses = [list(blocks(read, 20.0, seed, fault)) for read in (wrapping, plain)]
-    a, b = (run_live(read, frames) for read, frames in zip((wrapping, plain), courses, strict=True))
+    a, b = FramePipeline(wrapping), FramePipeline(plain)
+    for core, frames in zip((a, b), courses, strict=True):
+        live(core, frames)
     values = (v for block in courses[0] for v in a.ingests[wrapping.bus[0].name].feed_values(block))
     angles = [v.si for v in values if v.quantity == "angle"]
     assert 0.9 * period < max(angles) - min(angles) <= period

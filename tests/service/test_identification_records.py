@@ -9,11 +9,7 @@ from typing import Any
 
 import can
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 import pytest
-import scipy.io
 
 from monitor_core.identification.record_checks import Known, suspicions
 from service.can.user_errors import RecordError
@@ -21,7 +17,7 @@ from service.config.condition_rules import sources as signal_sources
 from service.config.schema import Config
 from service.ingest.identification_records import Loaded, Wanted, load, wanted
 from service.ingest.records import read_record
-from tests.service.ingest.plant import axis1, axis2, make_config
+from tests.service.ingest.plant import axis1, axis2, make_config, write_table
 
 N = 20_000  # more than one block of rows
 SPEED = {"name": "speed", "message": "Both2", "signal": "Speed", "column": "w", "factor": 2.0, "offset": 1.0}
@@ -37,20 +33,10 @@ def timed(folder: Path, **other: Any) -> Config:
     return make_config(folder, axis1(time={"column": "t"}, signal=[SPEED], **other))
 
 
-def write(path: Path, columns: dict[str, Any]) -> Path:
-    if path.suffix == ".csv":
-        pa.csv.write_csv(pa.table(columns), path)
-    elif path.suffix == ".parquet":
-        pa.parquet.write_table(pa.table(columns), path)
-    else:
-        scipy.io.savemat(path, columns, oned_as="column")
-    return path
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
 def test_a_table_becomes_a_record(tmp_path: Path, suffix: str, seed: int) -> None:
     columns = table(seed)
-    path = write(tmp_path / f"a{suffix}", columns)
+    path = write_table(tmp_path / f"a{suffix}", columns)
     found = load(str(path), timed(tmp_path), "r.one")
     record = found.record
     assert (record.quantity, record.name, len(record)) == ("angle", f"a{suffix}", N)
@@ -95,7 +81,7 @@ def test_ranges_that_are_none(text: str, problem: str) -> None:
 
 def test_a_range_counts_from_the_first_sample(tmp_path: Path, seed: int) -> None:
     columns = table(seed)
-    path = write(tmp_path / "a.csv", columns)
+    path = write_table(tmp_path / "a.csv", columns)
     found = load(f"{path}@10:60", timed(tmp_path), "r.one")
     assert np.array_equal(found.record.u, columns["torque_one"][2000:12001])
     assert (found.source.used, found.source.start_s, found.source.end_s) == (10001, 10.0, 60.0)
@@ -114,7 +100,7 @@ def test_rows_that_are_no_samples_are_dropped_by_reason(tmp_path: Path, seed: in
     columns["w"][7] = 1e200
     columns["t"][9] = columns["t"][8]
     columns["t"][11] = columns["t"][2]
-    path = write(tmp_path / "a.parquet", columns)
+    path = write_table(tmp_path / "a.parquet", columns)
     found = load(str(path), timed(tmp_path), "r.one")
     dropped = {reason: count for reason, count in found.source.dropped.items() if count}
     assert dropped == {"not_finite": 1, "absurd": 4, "repeated": 1, "out_of_order": 1, "missing": 7}
@@ -146,7 +132,7 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     columns = table(seed, 100)
     columns["t"][[20, 21]] *= 1000
     columns["t"][40] = 50.41
-    found = load(str(write(tmp_path / "a.csv", columns)), timed(tmp_path), "r.one")
+    found = load(str(write_table(tmp_path / "a.csv", columns)), timed(tmp_path), "r.one")
     assert np.array_equal(found.record.u, np.delete(columns["torque_one"], [20, 21, 40]))
     assert "3 missing, 3 ahead" in found.source.words
 
@@ -154,7 +140,7 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
 def test_a_signal_that_a_table_lacks_or_that_no_table_has(tmp_path: Path, seed: int) -> None:
     columns = table(seed, 100)
     del columns["w"]
-    path = write(tmp_path / "a.csv", columns)
+    path = write_table(tmp_path / "a.csv", columns)
     with pytest.raises(RecordError, match=r'no column "w" for the signal speed of axis r\.one'):
         load(str(path), timed(tmp_path), "r.one")
     only_on_the_bus = make_config(tmp_path, axis1(signal=[{**SPEED, "column": None}]))
@@ -183,7 +169,7 @@ def test_mistakes_in_words(tmp_path: Path, name: str, axis: str, problem: str) -
 def test_an_axis_that_is_in_no_table(tmp_path: Path, seed: int) -> None:
     axis = axis1()
     del axis["torque"]["column"]
-    path = write(tmp_path / "a.csv", table(seed, 10))
+    path = write_table(tmp_path / "a.csv", table(seed, 10))
     with pytest.raises(RecordError, match=r"axis r\.one: torque\.column is missing in the configuration"):
         load(str(path), make_config(tmp_path, axis), "r.one")
 

@@ -96,17 +96,8 @@ def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarra
     ]
     (tmp_path / "a.csv").write_text("t,u,phi\n" + "\n".join(rows[:FAULT]))
     found = tmp_path / "a" / "nominal.toml"
-    args = [
-        "identify",
-        str(tmp_path / "a.csv"),
-        "--config",
-        str(file),
-        "-o",
-        str(found),
-        "--free",
-        "Jm,Ja,fm",
-    ]
-    result = CliRunner().invoke(app, [*args, "--start", "values"])
+    args = ["identify", str(tmp_path / "a.csv"), "--config", str(file), "-o", str(found)]
+    result = CliRunner().invoke(app, [*args, "--free", "Jm,Ja,fm", "--start", "values"])
     assert result.exit_code == 0, result.output
     values = tomllib.loads(found.read_text())["values"]
     assert values["Jm"] == pytest.approx(0.005896, rel=0.02)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from monitor_core.samples import SampleBlock
-from service.config import Config, NamedAxis
+from service.config import Config
 from service.config.schema_signals import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import ControlledAxis
@@ -19,36 +19,24 @@ from service.simulation.robot import Fault, Moment, SimulatedRobot
 from service.simulation.sending import run_robot
 from tests.service.pipeline.robots import demo
 
-
-def axis(tmp_path: Path, estimator: dict[str, Any], **changes: Any) -> NamedAxis:
-    found = demo(tmp_path, 1).axes[0]
-    parts = found.config.estimator.model_copy(update={"initial_p": {}, **estimator})
-    return found._replace(config=found.config.model_copy(update={"estimator": parts, **changes}))
-
-
-def kinds(tmp_path: Path) -> dict[str, NamedAxis]:
-    measured = SpeedConfig(message="Axis1State", signal="Angle")
-    return {
-        "angle": axis(tmp_path, {}),
-        "late torque": axis(tmp_path, {}, torque_delay_s=0.002),
-        "torque late by a whole interval": axis(tmp_path, {}, torque_delay_s=0.005),
-        "speed": axis(tmp_path, {"output_noise": 0.02}, angle=None, speed=measured),
-        "output error": axis(
-            tmp_path,
-            {"predictor": "output-error", "output_noise": 0.2, "torque_noise": None},
-            angle=None,
-            speed=measured,
-        ),
-        "slow samples": axis(tmp_path, {}, sample_interval_s=0.01, max_gap_s=0.1),
-    }
+SPEED = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
+OUTPUT_ERROR = {"predictor": "output-error", "output_noise": 0.2, "torque_noise": None}
+KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "angle": ({}, {}),
+    "late torque": ({}, {"torque_delay_s": 0.002}),
+    "torque late by a whole interval": ({}, {"torque_delay_s": 0.005}),
+    "speed": ({"output_noise": 0.02}, SPEED),
+    "output error": (OUTPUT_ERROR, SPEED),
+    "slow samples": ({}, {"sample_interval_s": 0.01, "max_gap_s": 0.1}),
+}
+"""Changes of the estimator and of the axis"""
 
 
-@pytest.mark.parametrize(
-    "kind",
-    ["angle", "late torque", "torque late by a whole interval", "speed", "output error", "slow samples"],
-)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
-    one = kinds(tmp_path)[kind]
+    (estimator, changes), one = KINDS[kind], demo(tmp_path, 1).axes[0]
+    parts = one.config.estimator.model_copy(update={"initial_p": {}, **estimator})
+    one = one._replace(config=one.config.model_copy(update={"estimator": parts, **changes}))
     robot = ControlledAxis(one, np.random.default_rng(seed))
     n = round(40 / robot.interval_s)
     readings = [robot.sample(k) for k in range(n)]

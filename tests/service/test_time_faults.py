@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from service.can.frames import Frame
-from service.can.recorder import FrameRecorder
-from service.commands.main import app
+from service.can.log_files import FrameRecorder
 from service.config import Config, load
-from service.ingest.encode import FrameEncoder
 from service.pipeline.frame_pipeline import FramePipeline
-from service.simulation.robot import SimulatedRobot
 from tests.end_to_end.processes import demo_config
+from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 
-START_US = 1_760_000_000_000_000
 COUNTER = 'counter_message = "Axis1State"\ncounter_signal = "Counter"'
 CLOCKS = {"receipt": "", "cyclic": 'clock = "cyclic"', "counter": COUNTER}
 CYCLE_US = 5000
@@ -33,13 +28,8 @@ def configured(folder: Path, clock: str) -> Path:
 
 
 def sent(config: Config, seed: int, samples: int) -> list[Frame]:
-    encoder, frames = FrameEncoder(config, "can0"), list[Frame]()
-    for moment in SimulatedRobot(config, seed).moments():
-        (frame,) = encoder.encode(moment.readings, moment.number)
-        frames.append(Frame(START_US + CYCLE_US * len(frames), *frame.key, frame.data))
-        if len(frames) == samples:
-            return frames
-    raise AssertionError("a robot without an end")
+    found = moments(config, (samples - 0.5) * CYCLE_US * 1e-6, seed)
+    return [Frame(START_US + CYCLE_US * k, *f.key, f.data) for k, (_, (f,)) in enumerate(found)]
 
 
 def received(frames: list[Frame]) -> list[Frame]:
@@ -58,25 +48,16 @@ def of_replay(file: Path, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
     log = file.with_name("faults.log")
     with FrameRecorder(log) as recorder:  # python-can's own does not let a time go back
         recorder.write("can0", frames)
-    result = CliRunner().invoke(app, ["replay", "--config", str(file), str(log), "--json", "-"])
-    assert result.exit_code == 0, result.output
-    (axis,) = json.loads(result.stdout)["axes"]
+    axis = replayed(file, log)
     return {what: axis[what] for what in ("counters", "dropped", "clock")}
 
 
 def of_the_daemon(config: Config, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
     core = FramePipeline(config)
-    for k in range(0, len(frames), 61):
-        core.take("can0", frames[k : k + 61])
-        core.update()
-    core.flush()
-    core.update()
-    ingest = core.ingests["can0"]
-    return {
-        "counters": core.monitors.by_id["demo.axis1"].status().counters,
-        "dropped": ingest.axis_dropped("demo.axis1"),
-        "clock": ingest.axis_events("demo.axis1"),
-    }
+    live(core, cut(frames, 61))
+    axis = core.ingests["can0"].axes["demo.axis1"]
+    counters = core.monitors.by_id["demo.axis1"].status().counters
+    return {"counters": counters, "dropped": axis.dropped, "clock": axis.events}
 
 
 @pytest.mark.parametrize(
@@ -93,11 +74,11 @@ def test_each_has_its_counter(
     file = configured(tmp_path, clock)
     config = load(file, {})
     frames = received(sent(config, seed, 1600))
-    live = of_the_daemon(config, frames)
-    assert of_replay(file, frames) == live
-    assert {reason: n for reason, n in live["dropped"].items() if n} == {**refused, "missing": 45}
-    assert live["clock"] == dict(zip(("clock_reanchored", "clock_set_back"), events, strict=True))
-    counters, samples = live["counters"], len(frames) - sum(refused.values()) // 2
+    found = of_the_daemon(config, frames)
+    assert of_replay(file, frames) == found
+    assert {reason: n for reason, n in found["dropped"].items() if n} == {**refused, "missing": 45}
+    assert found["clock"] == dict(zip(("clock_reanchored", "clock_set_back"), events, strict=True))
+    counters, samples = found["counters"], len(frames) - sum(refused.values()) // 2
     # Four lost samples are bridged; forty are more than max_gap_s, and so is an hour back.
     assert (counters["started"], counters["gap"], counters["not_increasing"]) == (1, 2, 0)
     assert sum(n for fate, n in counters.items() if fate != "projected") == samples

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
-import can
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -21,16 +18,15 @@ from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, 
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from service.can.frames import Frame
+from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
-from service.ingest.cyclic import CyclicClock
-from service.ingest.encode import FrameEncoder
+from service.ingest.clocks import CyclicClock
 from service.pipeline.frame_pipeline import FramePipeline
-from service.simulation.robot import SimulatedRobot
 from tests.end_to_end.processes import demo_config
+from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 
 Times = NDArray[np.int64]
-START_US = 1_760_000_000_000_000
 JITTER_US, LOST = 1000.0, 0.01
 AXES, SAMPLES, SETTLED = 48, 4600, 2600
 
@@ -106,33 +102,19 @@ def configured(folder: Path, clock: str) -> tuple[Path, Config]:
 
 def frames_of(config: Config, rng: np.random.Generator, length_s: float, jitter_us: float) -> list[Frame]:
     """What is received of the axis: late, in order, and not all of it."""
-    encoder, frames, before_us = FrameEncoder(config, "can0"), list[Frame](), 0
-    for moment in SimulatedRobot(config, int(rng.integers(2**31))).moments():
-        if moment.time_s > length_s:
-            return frames
+    frames, before_us = list[Frame](), 0
+    for time_s, (sent,) in moments(config, length_s, int(rng.integers(2**31))):
         late_us = rng.exponential(jitter_us) if jitter_us else 0.0
-        before_us = max(before_us + 1, START_US + round(moment.time_s * 1e6 + late_us))
+        before_us = max(before_us + 1, START_US + round(time_s * 1e6 + late_us))
         if rng.random() > LOST:
-            (sent,) = encoder.encode(moment.readings, moment.number)
             frames.append(Frame(before_us, *sent.key, sent.data))
-    raise AssertionError("a robot without an end")
+    return frames
 
 
 def write(path: Path, frames: Sequence[Frame]) -> Path:
-    with can.Logger(str(path)) as writer:
-        for f in frames:
-            message = can.Message(
-                f.t_us / 1e6, f.can_id, is_extended_id=f.extended, data=f.data, channel="can0"
-            )
-            writer.on_message_received(message)
+    with FrameRecorder(path) as recorder:
+        recorder.write("can0", frames)
     return path
-
-
-def replayed(file: Path, log: Path) -> dict[str, Any]:
-    result = CliRunner().invoke(app, ["replay", "--config", str(file), str(log), "--json", "-"])
-    assert result.exit_code == 0, result.output
-    (axis,) = json.loads(result.stdout)["axes"]
-    return dict(axis)
 
 
 def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path, seed: int) -> None:
@@ -142,17 +124,13 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
     exact = write(tmp_path / "exact.log", frames_of(config, np.random.default_rng(seed), 20.0, 0.0))
 
     core = FramePipeline(config)
-    for k in range(0, len(frames), 37):
-        core.take("can0", frames[k : k + 37])
-        core.update()
-    core.flush()
-    core.update()
+    live(core, cut(frames, 37))
     fitted, raw, known = replayed(file, log), replayed(raw_file, log), replayed(raw_file, exact)
     facts = core.monitors.by_id["demo.axis1"].status()
     assert [p["estimate"] for p in fitted["parameters"]] == [p.estimate for p in facts.parameters]
     assert fitted["innovation_variance"] == facts.innovation_variance
     assert fitted["samples"] == facts.samples
-    assert fitted["dropped"] == core.ingests["can0"].axis_dropped("demo.axis1")
+    assert fitted["dropped"] == core.ingests["can0"].axes["demo.axis1"].dropped
     assert fitted["clock"] == {"clock_reanchored": 0, "clock_set_back": 0}
 
     assert fitted["stamps"]["clock"] == "cyclic"

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.can.recorder import FrameRecorder
+from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import load
 from service.config.nominal_file import read_nominal
 from service.simulation.robot import Fault
-from tests.service.pipeline.test_operating_conditions import VARYING, frames_of, replayed, robot
+from tests.service.pipeline.robots import replayed
+from tests.service.pipeline.test_operating_conditions import VARYING, frames_of, robot
 
 pytestmark = pytest.mark.soak
 FAULT_S = 30.0

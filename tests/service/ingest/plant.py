@@ -6,8 +6,15 @@ Scales are powers of two, so that decoded values are exact.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+import scipy.io
 
 from service.config.base_table import Reading
 from service.config.schema import Config
@@ -92,6 +99,17 @@ def axis3(**other: Any) -> Axis:
 def axis4(**other: Any) -> Axis:
     """Torque and speed in one CAN FD message."""
     return axis("four", ("Wide4", "Torque"), ("Wide4", "Speed"), "speed", **other)
+
+
+def write_table(path: Path, columns: Mapping[str, Any]) -> Path:
+    """A .csv, .parquet or .mat file with these columns."""
+    if path.suffix == ".csv":
+        pa.csv.write_csv(pa.table(dict(columns)), path)
+    elif path.suffix == ".parquet":
+        pa.parquet.write_table(pa.table(dict(columns)), path)
+    else:
+        scipy.io.savemat(path, {name: np.asarray(c) for name, c in columns.items()}, oned_as="column")
+    return path
 
 
 _CHANNELS = itertools.count()

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from service.can.bus_reader import CanReader
-from service.can.decode import FrameKey
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameKey
 from service.config.schema import BusConfig
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import random
-import struct
 from pathlib import Path
 
 import can
@@ -13,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.can.frames import Frame
-from service.can.log_files import LOG_SUFFIXES, CanLog
-from service.can.recorder import FrameRecorder
+from service.can.log_files import LOG_SUFFIXES, CanLog, FrameRecorder
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.records import read_record
 from tests.service.ingest.plant import axis1, axis2, make_config
+from tests.service.ingest.test_pipeline import both2
 
 START_US = 1_760_000_000_123_456
 
@@ -202,10 +201,6 @@ def test_lines_that_are_no_frames_are_counted(tmp_path: Path) -> None:
 # --- as records ---------------------------------------------------------------------------------------
 
 
-def both2(t_us: int, torque: float, speed: float) -> Frame:
-    return Frame(t_us, 0x110, False, struct.pack("<hiH", int(torque * 1024), int(speed * 65536), 0))
-
-
 def plant_frames() -> list[Frame]:
     return [both2(START_US + 5000 * k, k % 50 / 2, -k / 16) for k in range(600)]
 
@@ -238,9 +233,9 @@ def test_buses_are_told_apart_by_their_names(tmp_path: Path) -> None:
     record = read_record(tmp_path / "a.log", two_buses(tmp_path))
     (step,) = record.steps()
     assert len(step.samples["r.two"].t_us) == 30
-    assert record.bus_dropped["bus0"]["unwanted"] == 10
-    assert record.bus_dropped["a.log"]["other_bus"] == 1
-    assert set(record.axis_dropped["r.two"].values()) == {0}
+    assert record.quality.bus_dropped["bus0"]["unwanted"] == 10
+    assert record.quality.bus_dropped["a.log"]["other_bus"] == 1
+    assert set(record.quality.axis_dropped["r.two"].values()) == {0}
 
 
 def test_a_log_with_another_name_goes_with_the_only_bus(tmp_path: Path) -> None:
@@ -253,7 +248,7 @@ def test_values_that_wait_at_the_end_are_counted(tmp_path: Path) -> None:
     write(tmp_path / "a.log", [Frame(START_US, 0x100, False, bytes(4))])
     record = read_record(tmp_path / "a.log", make_config(tmp_path, axis1()))
     assert [step.samples for step in record.steps()] == [{}]
-    assert record.axis_dropped["r.one"]["unpaired"] == 1
+    assert record.quality.axis_dropped["r.one"]["unpaired"] == 1
 
 
 @pytest.mark.records

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import threading
 import time
 from pathlib import Path
 
@@ -11,10 +10,8 @@ import can
 import pytest
 
 from service.can.bus import open_bus, send
-from service.can.bus_reader import CanReader
-from service.can.decode import FrameKey
-from service.can.frame_queue import FrameQueue
-from service.can.frames import Frame
+from service.can.bus_reader import CanReader, FrameQueue
+from service.can.frames import Frame, FrameKey
 from service.can.receivers import frame_of
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
@@ -53,8 +50,9 @@ def test_unwanted_frames_stay_outside(bus_config: BusConfig) -> None:
     with reading(bus_config, EXTENDED) as reader, open_bus(bus_config) as sender:
         for key in (STANDARD, FrameKey(0x100, True), FrameKey(0x0FF0100 & 0x7FF, False), EXTENDED):
             send(sender, key, b"x")
-        assert [FrameKey(f.can_id, f.extended) for f in take(reader, 1)] == [EXTENDED]
+        assert [f.key for f in take(reader, 1)] == [EXTENDED]
         assert reader.stats().frames == 1
+    assert (reader.stats().state, reader.stats().up) == ("closed", False)
 
 
 def test_long_frames(bus_config: BusConfig) -> None:
@@ -87,23 +85,6 @@ def test_what_does_not_fit_is_counted(tmp_path: Path) -> None:
         assert len(kept) == 1000 - dropped
         send(sender, STANDARD, b"on")  # and it goes on
         assert [f.data for f in take(reader, 1)] == [b"on"]
-
-
-def test_the_one_who_takes_frames_is_woken(tmp_path: Path) -> None:
-    first, second = make_config(tmp_path, axis1()).bus[0], make_config(tmp_path, axis1()).bus[0]
-    ready = threading.Event()
-    readers = [CanReader(config, [STANDARD], ready) for config in (first, second)]
-    for reader in readers:
-        reader.open()
-        reader.start()
-    with open_bus(second) as sender:
-        assert not ready.is_set()
-        send(sender, STANDARD, b"x")
-        assert ready.wait(20)
-    assert [len(reader.take()) for reader in readers] == [0, 1]
-    for reader in readers:
-        reader.close()
-        assert (reader.stats().state, reader.stats().up) == ("closed", False)
 
 
 def test_frames_that_wait_can_be_taken_after_closing(tmp_path: Path) -> None:
@@ -167,8 +148,6 @@ def test_the_queue_is_bounded_in_frames() -> None:
     assert queue.put([frame] * 3)
     assert not queue.put([frame] * 3)  # whole blocks only
     assert queue.put([frame] * 2)
-    assert len(queue) == 5
     assert len(queue.take(1)) == 3
     assert len(queue.take(100)) == 2
     assert queue.take(100) == []
-    assert len(queue) == 0

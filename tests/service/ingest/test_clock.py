@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.ingest.clock import SampleClock
+from service.ingest.clocks import SampleClock
 
 START_US = 1_760_000_000_000_000
 

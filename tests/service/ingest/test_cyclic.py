@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.ingest.clock_fit import QUICK, SLEW
-from service.ingest.cyclic import CyclicClock
+from service.ingest.clocks import CyclicClock
 
 START_US = 1_760_000_000_000_000
 CYCLE_US = 5000

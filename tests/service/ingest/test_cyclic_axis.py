@@ -12,7 +12,7 @@ import pytest
 from service.can.frames import Frame, Sample
 from service.config import ConfigErrors, load
 from service.ingest.bus_samples import Ingest
-from service.ingest.cyclic import WINDOW
+from service.ingest.clocks import WINDOW
 from tests.service.ingest.plant import axis1, axis2, axis3, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, axis_drops, both2, torque1
 
@@ -48,7 +48,7 @@ def test_torque_and_motion_of_one_frame(tmp_path: Path, seed: int) -> None:
     assert all(abs(late) < LATEST_US for late in late_us)  # of the first ten frames none may have been early
     assert all(abs(late) < LATEST_US / 3 for late in late_us[WINDOW:])
     assert axis_drops(ingest, "r.two") == {"missing": cycles[-1] + 1 - len(cycles)}
-    stamps = ingest.axis_stamps("r.two")
+    stamps = ingest.axes["r.two"].stamps
     assert stamps.clock == "cyclic"
     assert stamps.scatter_s == pytest.approx(LATEST_US * 1e-6 / 12**0.5, rel=0.15)
     assert stamps.interval_s == pytest.approx(0.005, rel=1e-4)
@@ -122,8 +122,8 @@ def test_blocks_may_be_cut_anywhere_and_the_last_frames_are_not_lost(tmp_path: P
         ]
     )
     whole, cut = Ingest(config, "bus0"), Ingest(config, "bus0")
-    at_once = {axis_id: sampled(Ingest(config, "bus0"), frames, axis_id) for axis_id in whole.axis_ids}
-    one_by_one: dict[str, list[Sample]] = {axis_id: [] for axis_id in cut.axis_ids}
+    at_once = {axis_id: sampled(Ingest(config, "bus0"), frames, axis_id) for axis_id in whole.axes}
+    one_by_one: dict[str, list[Sample]] = {axis_id: [] for axis_id in cut.axes}
     for frame in frames:
         for axis_id, found in cut.feed([frame]).items():
             one_by_one[axis_id] += found
@@ -131,7 +131,7 @@ def test_blocks_may_be_cut_anywhere_and_the_last_frames_are_not_lost(tmp_path: P
         one_by_one[axis_id] += found
     assert one_by_one == at_once
     taken = {axis_id: 2 * len(samples) for axis_id, samples in at_once.items()}
-    lost = {a: sum(cut.axis_dropped(a).values()) - cut.axis_dropped(a)["missing"] for a in taken}
+    lost = {a: sum(cut.axes[a].dropped.values()) - cut.axes[a].dropped["missing"] for a in taken}
     assert {a: taken[a] + lost[a] for a in taken} == dict.fromkeys(taken, 2 * len(frames) // 3)
 
 
@@ -145,7 +145,7 @@ def test_every_value_that_became_nothing_has_its_reason(tmp_path: Path) -> None:
     samples = sampled(ingest, frames, "r.two")
     assert len(samples) == 300 + 50 + 100
     assert axis_drops(ingest, "r.two") == {"repeated": 2, "out_of_order": 2, "untimed": 400, "missing": 4}
-    assert ingest.axis_events("r.two") == {"clock_reanchored": 1, "clock_set_back": 1}
+    assert ingest.axes["r.two"].events == {"clock_reanchored": 1, "clock_set_back": 1}
 
 
 def test_a_frame_that_is_held_has_the_further_signals_of_the_moment(tmp_path: Path) -> None:

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from service.can.frames import Frame, Sample
 from service.can.user_errors import RecordError
 from service.config import Config
-from service.ingest.auxiliary_signals import HeldColumns
 from service.ingest.bus_samples import Ingest
 from service.ingest.encode import FrameEncoder, Values
+from service.ingest.quantities import HeldColumns
 from service.ingest.records import read_record
 from service.simulation.playback import encode_table
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config
@@ -132,7 +132,10 @@ def test_what_is_needed_is_what_is_followed_or_gates(tmp_path: Path) -> None:
     axis = axis1(signal=signals, gate=[{"signal": "b", "above": 0.0}])
     axis["model"] |= {"schedule": varying}
     config = make_config(tmp_path, axis)
-    assert [held.name for held in Ingest(config, "bus0").axes[0].further] == ["b", "d"]
+    assert [held.quantity.name for held in next(iter(Ingest(config, "bus0").axes.values())).held] == [
+        "signal b",
+        "signal d",
+    ]
     names = [value.quantity for value in Ingest(config, "bus0").feed_values([heat(START_US, 30)])]
     assert names == ["signal b", "signal d"]
 

@@ -14,9 +14,8 @@ import pyarrow.csv
 import pytest
 
 from service.can.bus import open_bus
-from service.can.decode import FrameKey
-from service.can.frames import Frame, Sample
-from service.can.recorder import FrameRecorder
+from service.can.frames import Frame, FrameKey, Sample
+from service.can.log_files import FrameRecorder
 from service.can.user_errors import BusError, IngestError, RecordError
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest

@@ -17,10 +17,9 @@ from can.interfaces.socketcan import SocketcanBus
 
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
-from service.can.decode import FrameKey
-from service.can.frames import Frame
+from service.can.frames import Frame, FrameKey
+from service.can.log_files import FrameRecorder
 from service.can.receivers import SocketReceiver
-from service.can.recorder import FrameRecorder
 from service.can.user_errors import BusError
 from service.config.schema import BusConfig
 from service.ingest.bus_samples import Ingest

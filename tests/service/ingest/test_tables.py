@@ -3,43 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
 import pytest
 import scipy.io
 
 from monitor_core.samples import SampleBlock, concatenate
 from service.can.user_errors import RecordError
 from service.ingest.records import read_record
-from tests.service.ingest.plant import axis1, axis2, make_config
+from tests.service.ingest.plant import axis1, axis2, make_config, write_table
 
-Columns = Mapping[str, Any]
 N = 20_000  # more than one block of rows
-
-
-def write_csv(path: Path, columns: Columns) -> None:
-    pa.csv.write_csv(pa.table(dict(columns)), path)
-
-
-def write_parquet(path: Path, columns: Columns) -> None:
-    pa.parquet.write_table(pa.table(dict(columns)), path)
-
-
-def write_mat(path: Path, columns: Columns) -> None:
-    scipy.io.savemat(path, {name: np.asarray(column) for name, column in columns.items()}, oned_as="column")
-
-
-WRITERS: dict[str, Callable[[Path, Columns], None]] = {
-    ".csv": write_csv,
-    ".parquet": write_parquet,
-    ".mat": write_mat,
-}
+SUFFIXES = (".csv", ".parquet", ".mat")
 
 
 def columns(seed: int, count: int = N) -> dict[str, Any]:
@@ -62,14 +39,14 @@ def samples_of(path: Path, folder: Path, axis: dict[str, Any]) -> tuple[SampleBl
     blocks = [step.samples[f"r.{axis['name']}"] for step in steps if step.samples]
     assert [step.done for step in steps] == sorted(step.done for step in steps)
     assert steps[-1].done == 1.0
-    dropped = record.axis_dropped[f"r.{axis['name']}"]
+    dropped = record.quality.axis_dropped[f"r.{axis['name']}"]
     return concatenate(blocks), {reason: n for reason, n in dropped.items() if n}
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_columns_become_samples(tmp_path: Path, suffix: str, seed: int) -> None:
     table = columns(seed)
-    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    write_table(tmp_path / f"a{suffix}", table)
     axis = timed()
     axis["torque"] |= {"factor": -2.0, "offset": 0.5}
     block, dropped = samples_of(tmp_path / f"a{suffix}", tmp_path, axis)
@@ -79,15 +56,15 @@ def test_columns_become_samples(tmp_path: Path, suffix: str, seed: int) -> None:
     assert dropped == {}
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_without_a_time_rows_are_an_interval_apart(tmp_path: Path, suffix: str, seed: int) -> None:
-    WRITERS[suffix](tmp_path / f"a{suffix}", columns(seed))
+    write_table(tmp_path / f"a{suffix}", columns(seed))
     axis = axis1(sample_interval_s=1 / 3000, pairing_tolerance_s=1e-4)
     block, _ = samples_of(tmp_path / f"a{suffix}", tmp_path, axis)
     assert block.t_us.tolist() == [round(k * 1e6 / 3000) for k in range(N)]
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_rows_that_are_no_samples_are_counted(tmp_path: Path, suffix: str, seed: int) -> None:
     table = columns(seed, 12)
     table["torque_one"][3] = math.nan
@@ -97,7 +74,7 @@ def test_rows_that_are_no_samples_are_counted(tmp_path: Path, suffix: str, seed:
     table["t"][6] = 1e293
     table["t"][8] = table["t"][7]
     table["t"][9] = table["t"][2]
-    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    write_table(tmp_path / f"a{suffix}", table)
     block, dropped = samples_of(tmp_path / f"a{suffix}", tmp_path, timed())
     assert ((block.t_us - 100_000_000) // 5000).tolist() == [0, 2, 7, 10, 11]
     assert dropped == {"not_finite": 4, "absurd": 1, "repeated": 1, "out_of_order": 1, "missing": 1 + 4 + 2}
@@ -106,7 +83,7 @@ def test_rows_that_are_no_samples_are_counted(tmp_path: Path, suffix: str, seed:
 def test_the_order_of_times_counts_across_blocks(tmp_path: Path, seed: int) -> None:
     table = columns(seed)
     table["t"][8192] = table["t"][10]  # the first row of the second block
-    write_parquet(tmp_path / "a.parquet", table)
+    write_table(tmp_path / "a.parquet", table)
     block, dropped = samples_of(tmp_path / "a.parquet", tmp_path, timed())
     assert len(block.t_us) == N - 1
     assert dropped == {"out_of_order": 1, "missing": 1}
@@ -114,14 +91,14 @@ def test_the_order_of_times_counts_across_blocks(tmp_path: Path, seed: int) -> N
 
 def test_two_axes_in_one_table(tmp_path: Path, seed: int) -> None:
     table = columns(seed, 5)
-    write_csv(tmp_path / "a.csv", {**table, "torque_two": np.ones(5), "speed_two": np.ones(5)})
+    write_table(tmp_path / "a.csv", {**table, "torque_two": np.ones(5), "speed_two": np.ones(5)})
     (step,) = read_record(tmp_path / "a.csv", make_config(tmp_path, timed(), axis2())).steps()
     assert step.samples["r.one"].t_us[0] == 100_000_000
     assert step.samples["r.two"].y.tolist() == [1.0] * 5
 
 
 def test_an_axis_without_columns_is_left_out(tmp_path: Path, seed: int) -> None:
-    write_csv(tmp_path / "a.csv", columns(seed, 5))
+    write_table(tmp_path / "a.csv", columns(seed, 5))
     other = axis2()
     del other["torque"]["column"], other["speed"]["column"]
     (step,) = read_record(tmp_path / "a.csv", make_config(tmp_path, timed(), other)).steps()
@@ -163,11 +140,11 @@ def fault(path: Path, axis: dict[str, Any]) -> str:
     return str(caught.value).removeprefix(str(path))
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_missing_column(tmp_path: Path, suffix: str, seed: int) -> None:
     table = columns(seed, 5)
     table["Torque_one"] = table.pop("torque_one")
-    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    write_table(tmp_path / f"a{suffix}", table)
     message = fault(tmp_path / f"a{suffix}", timed())
     assert message.startswith(
         ': no column "torque_one" for the torque of axis r.one: did you mean "Torque_one"?'
@@ -208,7 +185,7 @@ def test_a_file_that_is_no_record(tmp_path: Path, name: str, content: bytes, mes
     assert fault(tmp_path / name, timed()).startswith(message)
 
 
-@pytest.mark.parametrize("suffix", [*WRITERS, ".log", ".blf"])
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".log", ".blf"])
 def test_a_file_that_is_not_there(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(RecordError, match=f"cannot read .*a{suffix}: .*No such file"):
         read_record(tmp_path / f"a{suffix}", make_config(tmp_path, timed()))
@@ -218,7 +195,7 @@ def test_a_file_that_is_not_there(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize("cut", [0.02, 0.5, 0.98])
 def test_a_file_that_is_cut_off(tmp_path: Path, suffix: str, cut: float, seed: int) -> None:
     path = tmp_path / f"a{suffix}"
-    WRITERS[suffix](path, columns(seed))
+    write_table(path, columns(seed))
     data = path.read_bytes()
     path.write_bytes(data[: int(cut * len(data))])
     assert fault(path, timed())
@@ -228,20 +205,20 @@ def test_a_file_that_is_cut_off(tmp_path: Path, suffix: str, cut: float, seed: i
 def test_a_column_of_words(tmp_path: Path, suffix: str, seed: int) -> None:
     table = columns(seed, 3)
     table["angle_one"] = ["a", "b", "c"]
-    WRITERS[suffix](tmp_path / f"a{suffix}", table)
+    write_table(tmp_path / f"a{suffix}", table)
     assert '"angle_one" holds' in fault(tmp_path / f"a{suffix}", timed())
 
 
 def test_variables_that_are_no_columns(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "a.mat"
-    write_mat(path, {**columns(seed, 4), "angle_one": np.ones((2, 2))})
+    write_table(path, {**columns(seed, 4), "angle_one": np.ones((2, 2))})
     assert fault(path, timed()) == ': variable "angle_one" is no vector, its size is (2, 2)'
-    write_mat(path, {**columns(seed, 4), "angle_one": np.ones(3)})
+    write_table(path, {**columns(seed, 4), "angle_one": np.ones(3)})
     assert fault(path, timed()).startswith(": the variables differ in length: {'torque_one': 4")
 
 
 def test_a_configuration_without_columns(tmp_path: Path, seed: int) -> None:
-    write_csv(tmp_path / "a.csv", columns(seed, 5))
+    write_table(tmp_path / "a.csv", columns(seed, 5))
     axis = timed()
     del axis["angle"]["column"]
     with pytest.raises(RecordError, match=r"axis r\.one: angle\.column is missing"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from service.ingest.axis_samples import ahead, torn
+from service.ingest.torn_rows import ahead, torn
 
 C = 8
 

@@ -1,15 +1,23 @@
-"""Frames of a simulated robot, without real time."""
+"""Frames of a simulated robot, without real time, and what the daemon and a replay make of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+from typer.testing import CliRunner
 
 from service.can.bus_reader import ReaderStats
 from service.can.frames import Frame
+from service.commands.main import app
 from service.config import Config, load
-from service.ingest.encode import FrameEncoder
-from service.simulation.robot import Fault, SimulatedRobot
+from service.ingest.encode import Encoded, FrameEncoder
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.frame_pipeline import FramePipeline
+from service.simulation.axis import Reading
+from service.simulation.robot import Fault, Moment, SimulatedRobot
 
 DEMO = Path(__file__).resolve().parents[3] / "config" / "demo.toml"
 START_US = 1_760_000_000_000_000
@@ -23,24 +31,62 @@ def demo(folder: Path, axes: int = 2, **service: float) -> Config:
     return config.model_copy(update={"robot": (robot,), "service": kept})
 
 
-def blocks(
-    config: Config, seconds: float, seed: int, faults: Sequence[Fault] = (), every_s: float = 0.1
-) -> Iterator[list[Frame]]:
-    """The frames of a robot in blocks of that length."""
+def moments(
+    config: Config,
+    seconds: float,
+    seed: int,
+    faults: Sequence[Fault] = (),
+    measured: Callable[[Moment], Mapping[str, Reading]] = lambda moment: moment.readings,
+) -> Iterator[tuple[float, list[Encoded]]]:
+    """Times since the start, and the frames that a robot sends then."""
     encoder = FrameEncoder(config, config.bus[0].name)
-    block: list[Frame] = []
-    ends_s = every_s
     for moment in SimulatedRobot(config, seed, faults).moments():
-        if moment.time_s >= ends_s or moment.time_s >= seconds:
-            yield block
-            block, ends_s = [], ends_s + every_s
         if moment.time_s >= seconds:
             return
-        t_us = START_US + round(moment.time_s * 1e6)
-        block += [
-            Frame(t_us, f.key.can_id, f.key.extended, f.data)
-            for f in encoder.encode(moment.readings, moment.number)
-        ]
+        yield moment.time_s, encoder.encode(measured(moment), moment.number)
+
+
+def blocks(
+    config: Config,
+    seconds: float,
+    seed: int,
+    faults: Sequence[Fault] = (),
+    every_s: float = 0.1,
+    measured: Callable[[Moment], Mapping[str, Reading]] = lambda moment: moment.readings,
+) -> Iterator[list[Frame]]:
+    """The frames of a robot in blocks of that length."""
+    block: list[Frame] = []
+    ends_s = every_s
+    for time_s, sent in moments(config, seconds, seed, faults, measured):
+        if time_s >= ends_s:
+            yield block
+            block, ends_s = [], ends_s + every_s
+        block += [Frame(START_US + round(time_s * 1e6), *f.key, f.data) for f in sent]
+    yield block
+
+
+def live(core: FramePipeline, frames: Iterable[list[Frame]], bus: str = "can0") -> list[AxisAlarm]:
+    """The daemon's core over blocks of frames to their end; returns all changes of alarms."""
+    changes = []
+    for block in frames:
+        core.take(bus, block)
+        changes += core.update()
+    core.flush()
+    return changes + core.update()
+
+
+def cut(frames: Sequence[Frame], every: int) -> Iterator[list[Frame]]:
+    """Blocks of that number of frames."""
+    return (list(frames[k : k + every]) for k in range(0, len(frames), every))
+
+
+def replayed(file: Path, *records: Path) -> dict[str, Any]:
+    """The first axis of a replay."""
+    words = ["replay", "--config", str(file), *map(str, records), "--json", "-"]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    (found, *_) = json.loads(result.stdout)["axes"]
+    return dict(found)
 
 
 class Waiting:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,15 @@ def journal(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Journal]:
     journal.close()
 
 
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Another program holds the file."""
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    yield
+    other.close()
+
+
 def test_an_alarm_is_shown_from_its_record_to_its_end(journal: Journal) -> None:
     alarms = Alarms(journal, QUANTITIES)
     alarms.record([AxisAlarm(AXIS, episode())])
@@ -51,14 +61,8 @@ def test_an_alarm_is_shown_from_its_record_to_its_end(journal: Journal) -> None:
     assert alarms.open(AXIS) == (episode(crossings=2),)
     alarms.record([AxisAlarm(AXIS, episode(crossings=2, ended_us=50))])
     assert alarms.open(AXIS) == ()
-    (found,), total = journal.query()
-    assert (total, found.nominal, found.unit, found.ended_us, found.crossings) == (
-        1,
-        0.06,
-        "N m s/rad",
-        50,
-        2,
-    )
+    (found,), _ = journal.query()
+    assert (found.nominal, found.unit, found.ended_us, found.crossings) == (0.06, "N m s/rad", 50, 2)
 
 
 def test_what_the_disk_refuses_is_not_shown_said_and_written_later_in_order(
@@ -66,17 +70,14 @@ def test_what_the_disk_refuses_is_not_shown_said_and_written_later_in_order(
 ) -> None:
     clock = Clock()
     alarms = Alarms(journal, QUANTITIES, clock)
-    other = sqlite3.connect(path, isolation_level=None)
-    other.execute("BEGIN IMMEDIATE")
-    alarms.record([AxisAlarm(AXIS, episode())])
-    assert alarms.open(AXIS) == ()
-    assert "alarm of cell.axis1 fm up: cannot be recorded yet, is tried again" in str(alarms.problem)
-    assert "locked" in str(alarms.problem)
-    # It ends and another one begins before the disk is there again.
-    alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
-    alarms.record([AxisAlarm(AXIS, episode(raised_us=70)), AxisAlarm(AXIS, episode("kT", raised_us=80))])
-    other.execute("ROLLBACK")
-    other.close()
+    with locked(path):
+        alarms.record([AxisAlarm(AXIS, episode())])
+        assert alarms.open(AXIS) == ()
+        assert "alarm of cell.axis1 fm up: cannot be recorded yet, is tried again" in str(alarms.problem)
+        assert "locked" in str(alarms.problem)
+        # It ends and another one begins before the disk is there again.
+        alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
+        alarms.record([AxisAlarm(AXIS, episode(raised_us=70)), AxisAlarm(AXIS, episode("kT", raised_us=80))])
     alarms.record([])
     assert journal.query()[1] == 0, "no second try so soon"
     clock.now += RETRY_S
@@ -90,11 +91,9 @@ def test_what_the_disk_refuses_is_not_shown_said_and_written_later_in_order(
 def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journal: Journal) -> None:
     alarms = Alarms(journal, QUANTITIES)
     alarms.record([AxisAlarm(AXIS, episode())])
-    other = sqlite3.connect(path, isolation_level=None)
-    other.execute("BEGIN IMMEDIATE")
-    alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
+    with locked(path):
+        alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
     assert alarms.open(AXIS) == (episode(),)
-    other.close()
 
 
 def test_alarms_of_the_last_run_are_open(journal: Journal) -> None:

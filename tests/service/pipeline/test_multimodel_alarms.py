@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,16 +13,16 @@ from monitor_core.detection import Alarm
 from service.can.frames import Frame
 from service.config import Config
 from service.config.schema_model import DetectorConfig
-from service.ingest.encode import FrameEncoder
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
-from service.pipeline.checkpointing import Checkpointer, multimodel_id
+from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.restoring import loss_messages, restore
-from service.simulation.robot import Fault, SimulatedRobot
-from service.store.checkpoints import Checkpoints
+from service.simulation.axis import Reading
+from service.simulation.robot import Fault, Moment
+from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from service.texts.alarm_texts import episode_words
-from tests.service.pipeline.robots import START_US, demo
+from tests.service.pipeline.robots import START_US, blocks, demo, live
 
 BROKEN_S, ENDS_S = 12.0, 20.0
 BLOCK_S = 0.5
@@ -39,22 +39,16 @@ def watched(folder: Path, axes: int = 3, **detector: object) -> Config:
     return config.model_copy(update={"robot": (robot,)})
 
 
-def frames(config: Config, seed: int) -> Iterator[list[Frame]]:
-    """Blocks of frames of a robot whose third axis measures its torque with the wrong sign from some time on."""
-    encoder, block, ends_s = FrameEncoder(config, config.bus[0].name), list[Frame](), BLOCK_S
-    for moment in SimulatedRobot(config, seed, FAULTS).moments():
-        if moment.time_s >= ends_s:
-            yield block
-            block, ends_s = [], ends_s + BLOCK_S
-        if moment.time_s >= ENDS_S:
-            return
-        readings = dict(moment.readings)
-        if moment.time_s >= BROKEN_S:
-            readings[SWAPPED] = readings[SWAPPED]._replace(torque=-readings[SWAPPED].torque)
-        t_us = START_US + round(moment.time_s * 1e6)
-        block += [
-            Frame(t_us, f.key.can_id, f.key.extended, f.data) for f in encoder.encode(readings, moment.number)
-        ]
+def measured(moment: Moment) -> Mapping[str, Reading]:
+    """The third axis measures its torque with the wrong sign from some time on."""
+    readings = dict(moment.readings)
+    if moment.time_s >= BROKEN_S:
+        readings[SWAPPED] = readings[SWAPPED]._replace(torque=-readings[SWAPPED].torque)
+    return readings
+
+
+def frames(config: Config, seed: int) -> list[list[Frame]]:
+    return list(blocks(config, ENDS_S, seed, FAULTS, BLOCK_S, measured))
 
 
 class Run(NamedTuple):
@@ -89,11 +83,9 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
     tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
 ) -> None:
     config = watched(tmp_path)
-    whole = list(frames(config, seed))
+    whole = frames(config, seed)
     straight = FramePipeline(config)
-    for block in whole:
-        straight.take("can0", block)
-        straight.update()
+    live(straight, whole)
     run, half = start(config, journal, checkpoints), round((BROKEN_S + 1) / BLOCK_S)
     for block in whole[:half]:
         run.take(block)
@@ -133,7 +125,7 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
 ) -> None:
     config = watched(tmp_path)
     run = start(config, journal, checkpoints)
-    for block in list(frames(config, seed))[:10]:
+    for block in frames(config, seed)[:10]:
         run.take(block)
     run.saver.save()
     monitor = run.core.monitors.by_id["demo.axis1"]
@@ -141,10 +133,10 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
     broken = monitor.multimodel.bank.to_arrays() | {
         "memory_x": monitor.multimodel.bank.to_arrays()["memory_x"][:2]
     }
-    checkpoints.save(multimodel_id("demo.axis1"), monitor.multimodel_key, broken, START_US)
-    checkpoints.save(
-        multimodel_id("demo.axis2"), "another version", monitor.multimodel.bank.to_arrays(), START_US
-    )
+    other = monitor.multimodel.bank.to_arrays()
+    names = ("demo.axis1 (multi-model detector)", "demo.axis2 (multi-model detector)")
+    states = [(monitor.multimodel_key, broken), ("another version", other)]
+    checkpoints.save([AxisState(n, *state) for n, state in zip(names, states, strict=True)], START_US)
     again = start(config, journal, checkpoints)
     broken_state, other_version = again.messages
     assert broken_state.startswith("demo.axis1: part of its checkpoint is not used")
@@ -160,7 +152,7 @@ def test_open_alarms_of_the_other_detector_are_taken_over(
     tmp_path: Path, journal: Journal, checkpoints: Checkpoints, seed: int
 ) -> None:
     """The configuration is changed while an alarm is open: the same alarm stays open, and is not raised again."""
-    whole = list(frames(watched(tmp_path), seed))
+    whole = frames(watched(tmp_path), seed)
     first = start(watched(tmp_path, alarm_source="cusum"), journal, checkpoints)
     for block in whole[: round((ENDS_S - 3) / BLOCK_S)]:
         first.take(block)

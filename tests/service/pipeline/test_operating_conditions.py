@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from monitor_core.monitoring import AxisMonitor
 from service.can.frames import Frame
-from service.can.recorder import FrameRecorder
-from service.commands.main import app
+from service.can.log_files import FrameRecorder
 from service.config import Config, load
-from service.ingest.encode import FrameEncoder
-from service.ingest.log_record import LogRecord
+from service.ingest.records import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.frame_pipeline import FramePipeline
-from service.simulation.robot import Fault, SimulatedRobot
-from tests.service.pipeline.robots import DEMO, START_US
+from service.simulation.robot import Fault
+from tests.service.pipeline.robots import DEMO, START_US, cut, live, moments, replayed
 
 LENGTH_S = 40.0
 FAULT_S = 30.0
@@ -92,32 +89,31 @@ def without_following(file: Path) -> Config:
 def frames_of(
     config: Config, seed: int, faults: Sequence[Fault] = (), length_s: float = LENGTH_S
 ) -> list[Frame]:
-    encoder, found = FrameEncoder(config, "can0"), list[Frame]()
-    for moment in SimulatedRobot(config, seed, faults).moments():
-        if moment.time_s >= length_s:
-            return found
-        t_us = START_US + round(moment.time_s * 1e6)
-        found += [
-            Frame(t_us + 40 * n, *f.key, f.data)
-            for n, f in enumerate(encoder.encode(moment.readings, moment.number))
-        ]
-    raise AssertionError("a robot without an end")
+    """The frames of a moment are received one after the other."""
+    return [
+        Frame(START_US + round(time_s * 1e6) + 40 * n, *f.key, f.data)
+        for time_s, sent in moments(config, length_s, seed, faults)
+        for n, f in enumerate(sent)
+    ]
 
 
-def live(
+def ran(
     config: Config, frames: Sequence[Frame], every: int = 237
 ) -> tuple[FramePipeline, set[tuple[str, str, str]]]:
     """The daemon's core over blocks of frames, and the alarms that it raised."""
-    core, raised = FramePipeline(config), set[tuple[str, str, str]]()
-    for k in range(0, len(frames), every):
-        core.take("can0", frames[k : k + every])
-        raised |= {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in core.update()}
-    core.flush()
-    return core, raised
+    core = FramePipeline(config)
+    changes = live(core, cut(frames, every))
+    return core, {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in changes}
 
 
 def counters(monitors: AxisMonitors) -> Mapping[str, int]:
     return monitors.by_id["demo.axis1"].status().counters
+
+
+def assert_same(a: AxisMonitor, b: AxisMonitor) -> None:
+    """To the last bit."""
+    for columns in zip(a.batch.column(a.lane), b.batch.column(b.lane), strict=True):
+        np.testing.assert_array_equal(*columns)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +132,7 @@ def broken(file: Path, seed: int) -> list[Frame]:
 
 
 def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: list[Frame]) -> None:
-    core, raised = live(load(file, {}), healthy)
+    core, raised = ran(load(file, {}), healthy)
     assert raised == set()
     status = core.monitors.by_id["demo.axis1"].status()
     _, Ja, fm = status.parameters
@@ -144,40 +140,27 @@ def test_what_follows_is_quiet_and_what_does_not_is_not(file: Path, healthy: lis
     assert fm.nominal != pytest.approx(0.06, rel=0.1)
     assert Ja.nominal != pytest.approx(1 / 95.713576, rel=1e-6)
     assert abs(fm.estimate - fm.nominal) < 6 * fm.standard_deviation
-    _, still = live(without_following(file), healthy)
+    _, still = ran(without_following(file), healthy)
     assert ("demo.axis1", "fm", "down") in still
 
 
 def test_a_fault_is_found_while_the_nominal_value_moves(file: Path, broken: list[Frame]) -> None:
-    core, raised = live(load(file, {}), broken)
+    core, raised = ran(load(file, {}), broken)
     assert {alarm[:2] for alarm in raised} == {("demo.axis1", "fm")}
     (fm,) = (p for p in core.monitors.by_id["demo.axis1"].status().parameters if p.name == "fm")
     assert fm.estimate / fm.nominal > 1.15
-
-
-def replayed(file: Path, *records: Path) -> dict[str, Any]:
-    words = ["replay", "--config", str(file), *map(str, records), "--json", "-"]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    (found, *_) = json.loads(result.stdout)["axes"]
-    return dict(found)
 
 
 def test_a_log_replays_what_was_live_to_the_last_bit(file: Path, broken: list[Frame], tmp_path: Path) -> None:
     log, config = tmp_path / "today.log", load(file, {})
     with FrameRecorder(log) as recorder:
         recorder.write("can0", broken)
-    core, _ = live(config, broken)
+    core, _ = ran(config, broken)
     again = AxisMonitors(config.axes)
     for step in LogRecord(log, config).steps():
         again.update(step.samples)
     for axis_id, monitor in core.monitors.by_id.items():
-        for one, other in zip(
-            monitor.batch.column(monitor.lane),
-            again.by_id[axis_id].batch.column(again.by_id[axis_id].lane),
-            strict=True,
-        ):
-            np.testing.assert_array_equal(one, other)
+        assert_same(monitor, again.by_id[axis_id])
     found = replayed(file, log)
     assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
     fm = found["parameters"][2]
@@ -202,7 +185,7 @@ def test_a_table_says_the_same(file: Path, broken: list[Frame], tmp_path: Path) 
     table = tmp_path / "today.csv"
     table.write_text("\n".join(rows) + "\n", encoding="utf-8")
     found = replayed(file, table)
-    live_core, _ = live(config, broken)
+    live_core, _ = ran(config, broken)
     assert [(a["parameter"], a["direction"]) for a in found["alarms"]] == [("fm", "up")]
     for one, p in zip(
         found["parameters"], live_core.monitors.by_id["demo.axis1"].status().parameters, strict=True
@@ -226,18 +209,18 @@ def with_state(frames: Sequence[Frame], change: Mapping[str, Any]) -> list[Frame
 
 def test_nothing_is_learned_in_another_mode(file: Path, broken: list[Frame]) -> None:
     frames = with_state(broken, {"from": 22.0, "to": LENGTH_S, "mode": 1})
-    core, raised = live(load(file, {}), frames)
+    core, raised = ran(load(file, {}), frames)
     assert raised == set(), "the fault is behind the gate"
     assert counters(core.monitors)["gated"] == pytest.approx((LENGTH_S - 22.0) * 200, abs=FEW)
     assert core.monitors.waits_for("demo.axis1") == "mode = 1"
     assert core.monitors.waits_for("demo.axis2") == ""
-    open_again, raised = live(load(file, {}), with_state(broken, {"from": 22.0, "to": 32.0, "mode": 1}))
+    open_again, raised = ran(load(file, {}), with_state(broken, {"from": 22.0, "to": 32.0, "mode": 1}))
     assert ("demo.axis1", "fm", "up") in raised
     assert open_again.monitors.waits_for("demo.axis1") == ""
 
 
 def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[Frame]) -> None:
-    core, raised = live(load(file, {}), with_state(broken, {"from": 22.0, "to": LENGTH_S, "mode": None}))
+    core, raised = ran(load(file, {}), with_state(broken, {"from": 22.0, "to": LENGTH_S, "mode": None}))
     assert raised == set()
     # The mode is believed for half a second, the temperature for ten, so the gate closes first.
     assert counters(core.monitors)["gated"] == pytest.approx((LENGTH_S - 22.5) * 200, abs=FEW)
@@ -246,14 +229,10 @@ def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[
 
 def test_blocks_of_frames_change_nothing(file: Path, healthy: list[Frame]) -> None:
     frames = with_state(healthy[:4000], {"from": 3.0, "to": 5.0, "mode": None})
-    columns = []
-    for every in (1, 237, len(frames)):
-        core, _ = live(load(file, {}), frames, every)
-        monitor = core.monitors.by_id["demo.axis1"]
-        columns.append(monitor.batch.column(monitor.lane))
-    for floats, ints in columns[1:]:
-        np.testing.assert_array_equal(floats, columns[0][0])
-        np.testing.assert_array_equal(ints, columns[0][1])
+    cores = [ran(load(file, {}), frames, every)[0] for every in (1, 237, len(frames))]
+    first, *others = (core.monitors.by_id["demo.axis1"] for core in cores)
+    for other in others:
+        assert_same(first, other)
 
 
 def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:
@@ -261,9 +240,8 @@ def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[F
     frames, config = with_state(healthy[:9000], {"from": 5.0, "to": 7.0, "mode": 1}), load(file, {})
     (one,) = config.robot
     turned = config.model_copy(update={"robot": (one.model_copy(update={"axis": one.axis[::-1]}),)})
-    cores = [live(each, frames)[0] for each in (config, turned)]
+    cores = [ran(each, frames)[0] for each in (config, turned)]
     for axis_id, gated in (("demo.axis1", 400), ("demo.axis2", 0)):
         first, second = (core.monitors.by_id[axis_id] for core in cores)
         assert first.status().counters["gated"] == pytest.approx(gated, abs=FEW * bool(gated))
-        for floats in zip(first.batch.column(first.lane), second.batch.column(second.lane), strict=True):
-            np.testing.assert_array_equal(*floats)
+        assert_same(first, second)

@@ -15,7 +15,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.restoring import Restored, restore
-from service.store.checkpoints import Checkpoints
+from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, demo
 
@@ -24,22 +24,23 @@ AXIS = "demo.axis1"
 OPEN = Alarm("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
 
 
+Monitors = dict[str, AxisMonitor]
+
+
+def fresh(tmp_path: Path) -> Monitors:
+    return dict(AxisMonitors(demo(tmp_path, 2).axes).by_id)
+
+
 @pytest.fixture
-def monitors(tmp_path: Path) -> dict[str, AxisMonitor]:
-    return dict(AxisMonitors(demo(tmp_path, 2).axes).by_id)
+def monitors(tmp_path: Path) -> Monitors:
+    return fresh(tmp_path)
 
 
-def fresh(tmp_path: Path) -> dict[str, AxisMonitor]:
-    return dict(AxisMonitors(demo(tmp_path, 2).axes).by_id)
-
-
-def save(monitors: dict[str, AxisMonitor], checkpoints: Checkpoints) -> None:
+def save(monitors: Monitors, checkpoints: Checkpoints) -> None:
     Checkpointer(checkpoints, monitors, 60.0, None, lambda: NOW_US).save()
 
 
-def again(
-    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
-) -> tuple[dict[str, AxisMonitor], Restored]:
+def again(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> tuple[Monitors, Restored]:
     monitors = fresh(tmp_path)
     return monitors, restore(monitors, checkpoints, journal, NOW_US)
 
@@ -53,9 +54,9 @@ def test_estimates_go_on_bit_for_bit(
     half = len(frames) // 2
     for block in frames:
         whole.take("can0", block)
+    whole.update()
     for block in frames[:half]:
         cut.take("can0", block)
-    whole.update()
     cut.update()
     save(dict(cut.monitors.by_id), checkpoints)
     later = FramePipeline(config)
@@ -81,7 +82,7 @@ def test_nothing_saved_is_no_message(tmp_path: Path, checkpoints: Checkpoints, j
 
 
 def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
-    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
     monitors[AXIS].batch.state.below_nu[:] = 10**6  # healthy for long when it was saved
     save(monitors, checkpoints)
@@ -95,58 +96,39 @@ def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
     assert (ended.raised_us, ended.ended_us) == (OPEN.raised_us, 99)
 
 
-def test_an_alarm_that_ended_after_the_checkpoint_stays_ended(
-    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
-) -> None:
+NAMED = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))
+NEWER = replace(OPEN, updated_us=60, crossings=9)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "open_", "unrecorded"),
+    [
+        pytest.param([OPEN, replace(OPEN, ended_us=40)], (), (), id="ended later"),
+        pytest.param([NEWER], (NEWER,), (), id="the journal is newer"),
+        pytest.param([OPEN, NAMED], (NAMED,), (), id="renamed"),
+        pytest.param([OPEN, NAMED, replace(NAMED, ended_us=50)], (), (), id="renamed and ended"),
+        pytest.param([], (OPEN,), (AxisAlarm(AXIS, OPEN),), id="lost by the journal, so recorded anew"),
+    ],
+)
+def test_the_journal_decides_on_an_alarm_of_the_checkpoint(
+    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal,
+    recorded: list[Alarm], open_: tuple[Alarm, ...], unrecorded: tuple[AxisAlarm, ...],
+) -> None:  # fmt: skip
     monitors[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
-    journal.record(AXIS, "N m s/rad", 0.06, replace(OPEN, ended_us=40))
+    for alarm in recorded:
+        journal.record(AXIS, "1", 1.0, alarm)
     found, restored = again(tmp_path, checkpoints, journal)
-    assert (restored.open, restored.unrecorded) == ((), ())
-    assert found[AXIS].open_alarms == ()
-
-
-def test_the_journal_is_newer_than_the_checkpoint(
-    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
-) -> None:
-    monitors[AXIS].adopt([OPEN])
-    save(monitors, checkpoints)
-    newer = replace(OPEN, updated_us=60, crossings=9)
-    journal.record(AXIS, "N m s/rad", 0.06, newer)
-    found, _ = again(tmp_path, checkpoints, journal)
-    assert found[AXIS].open_alarms == (newer,)
-    ((_, updated),) = found[AXIS].apply([Crossing("fm", "up", 70, 65, 0.02, 0.001)])
-    assert updated.crossings == 10
-
-
-def test_an_alarm_that_got_another_name_after_the_checkpoint_is_the_same(
-    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
-) -> None:
-    monitors[AXIS].adopt([OPEN])
-    save(monitors, checkpoints)
-    named = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))
-    journal.record(AXIS, "N m s/rad", 0.06, OPEN)
-    journal.record(AXIS, "1", 1.0, named)
-    found, restored = again(tmp_path, checkpoints, journal)
-    assert restored.unrecorded == ()
-    assert found[AXIS].open_alarms == (named,)
-    journal.record(AXIS, "1", 1.0, replace(named, ended_us=50))
-    found, restored = again(tmp_path, checkpoints, journal)
-    assert (restored.open, restored.unrecorded, found[AXIS].open_alarms) == ((), (), ())
-
-
-def test_an_alarm_that_the_journal_has_lost_is_recorded_anew(
-    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
-) -> None:
-    monitors[AXIS].adopt([OPEN])
-    save(monitors, checkpoints)
-    found, restored = again(tmp_path, checkpoints, journal)
-    assert restored.unrecorded == (AxisAlarm(AXIS, OPEN),)
-    assert found[AXIS].open_alarms == (OPEN,)
+    assert found[AXIS].open_alarms == open_
+    assert restored.unrecorded == unrecorded
+    assert restored.open == tuple(AxisAlarm(AXIS, alarm) for alarm in open_ if not unrecorded)
+    if open_ == (NEWER,):
+        ((_, updated),) = found[AXIS].apply([Crossing("fm", "up", 70, 65, 0.02, 0.001)])
+        assert updated.crossings == 10
 
 
 def test_a_checkpoint_of_another_model_is_quarantined_and_said(
-    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
     monitors[AXIS].batch.state.theta[:, monitors[AXIS].lane] = np.array([1.1, 0.01, 0.07])
     save(monitors, checkpoints)
@@ -166,10 +148,10 @@ def test_a_checkpoint_of_another_model_is_quarantined_and_said(
 
 
 def test_arrays_of_another_shape_are_quarantine(
-    tmp_path: Path, monitors: dict[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal
+    tmp_path: Path, monitors: Monitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
     arrays = monitors[AXIS].to_arrays()
-    checkpoints.save(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)}, NOW_US)
+    checkpoints.save([AxisState(AXIS, monitors[AXIS].key, {**arrays, "floats": np.zeros(3)})], NOW_US)
     found, restored = again(tmp_path, checkpoints, journal)
     assert "does not fit this version" in restored.losses[0].reason
     assert len(checkpoints.quarantined()) == 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +16,13 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.restoring import restore, restore_trends
 from service.pipeline.trends import Trends
-from service.store.checkpoints import Checkpoints
+from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from tests.service.pipeline.robots import START_US, demo
 
 AXIS = "demo.axis1"
 HOUR_S = 3600.0
 NOW_US = START_US + 10**12
-
-
-@pytest.fixture
-def checkpoints(tmp_path: Path) -> Iterator[Checkpoints]:
-    checkpoints = Checkpoints(tmp_path / "checkpoints.sqlite")
-    yield checkpoints
-    checkpoints.close()
 
 
 def limited(
@@ -144,15 +137,15 @@ def test_damage_is_told_counted_and_quarantined(tmp_path: Path, checkpoints: Che
     monitors = AxisMonitors(limited(tmp_path, {}).axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
     save(monitors.trends, monitors, checkpoints)
-    (part,) = [p for _, p in monitors.trends.to_load() if p.name == f"{AXIS} fm (history)"]
-    checkpoints.save(part.name, part.key, {"entries": np.ones((3, 6))}, NOW_US)
+    part = AxisState(f"{AXIS} fm (history)", monitors.trends.axes[AXIS].key, {"entries": np.ones((3, 6))})
+    checkpoints.save([part], NOW_US)
     later = AxisMonitors(limited(tmp_path, {}).axes).trends
     (loss,) = restore_trends(later, checkpoints, NOW_US)
     assert (loss.axis_id, loss.part, loss.parameter) == (AXIS, "history", "fm")
     assert later.lost == {AXIS: 1, "demo.axis2": 0}
     later.update()
     assert [len(p.entries) for p in later.for_axis(AXIS)] == [30, 30, 0]
-    assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [part.name]
+    assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [part.axis]
 
 
 def test_other_nominal_values_begin_a_new_history_and_a_memory_does_not(

@@ -10,13 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring import AxisMonitor
-from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
-from service.store.array_files import Arrays, UnreadableError, pack, unpack
-from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
+from service.store.checkpoints import (
+    Arrays,
+    AxisState,
+    Checkpoint,
+    Checkpoints,
+    QuarantinedCheckpoint,
+    UnreadableError,
+    pack,
+    unpack,
+)
 
 ROOT = Path(__file__).resolve().parents[3]
 FILE = "checkpoints.sqlite"
@@ -43,35 +46,17 @@ def assert_equal(a: Arrays, b: Arrays) -> None:
 
 
 def test_arrays_come_back_bit_by_bit(checkpoints: Checkpoints, seed: int) -> None:
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     found = checkpoints.load("demo.axis1", "key", now_us=6)
     assert isinstance(found, Checkpoint)
     assert found.at_us == 5
     assert_equal(found.arrays, arrays(seed))
 
 
-def test_a_monitor_goes_on_from_its_checkpoint(checkpoints: Checkpoints, seed: int) -> None:
-    def monitor() -> AxisMonitor:
-        model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-        return AxisMonitor(model, Settings.paper(interval_s=0.005, P0=(1e-3, 1e-3, 1e-3), settle_s=0.0))
-
-    rng = np.random.default_rng(seed)
-    t, u, y = np.arange(400) * 5000, rng.normal(size=400), rng.normal(size=400)
-    whole, first, second = monitor(), monitor(), monitor()
-    whole.update(SampleBlock(t, u, y))
-    first.update(SampleBlock(t[:200], u[:200], y[:200]))
-    checkpoints.save("demo.axis1", first.key, first.to_arrays(), at_us=1)
-    found = checkpoints.load("demo.axis1", second.key, now_us=2)
-    assert isinstance(found, Checkpoint)
-    second.from_arrays(found.arrays)
-    second.update(SampleBlock(t[200:], u[200:], y[200:]))
-    assert second.status() == whole.status()
-
-
 def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -> None:
     for at_us in (1, 2):
         states = [AxisState(f"demo.axis{k}", "key", arrays(seed + k + at_us)) for k in range(3)]
-        checkpoints.save_many(states, at_us)
+        checkpoints.save(states, at_us)
     for k in range(3):
         found = checkpoints.load(f"demo.axis{k}", "key", now_us=3)
         assert isinstance(found, Checkpoint)
@@ -80,7 +65,7 @@ def test_the_last_one_of_each_axis_counts(checkpoints: Checkpoints, seed: int) -
 
 
 def test_another_key_is_quarantined_once(checkpoints: Checkpoints, seed: int) -> None:
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     found = checkpoints.load("demo.axis1", "other key", now_us=6)
     assert isinstance(found, QuarantinedCheckpoint)
     assert found.axis == "demo.axis1"
@@ -90,16 +75,16 @@ def test_another_key_is_quarantined_once(checkpoints: Checkpoints, seed: int) ->
 
 
 def test_what_the_monitor_refuses_can_be_quarantined(checkpoints: Checkpoints, seed: int) -> None:
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.quarantine("demo.axis1", "no array 'ints'", now_us=6)
     assert checkpoints.load("demo.axis1", "key", now_us=7) is None
     assert [kept.reason for kept in checkpoints.quarantined()] == ["no array 'ints'"]
 
 
-@pytest.mark.parametrize("column", ["arrays", "key", "checksum"])
+@pytest.mark.parametrize("column", ["arrays", "key", "checksum", "at_us"])
 def test_a_flipped_bit_is_noticed(column: str, tmp_path: Path, seed: int) -> None:
     checkpoints = Checkpoints(tmp_path / FILE)
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
+    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.close()
     flip_a_bit(tmp_path / FILE, column, random.Random(seed))
     checkpoints = Checkpoints(tmp_path / FILE)
@@ -114,24 +99,11 @@ def flip_a_bit(path: Path, column: str, random_: random.Random) -> None:
     connection = sqlite3.connect(path)
     (value,) = connection.execute(f"SELECT CAST({column} AS BLOB) FROM checkpoint").fetchone()
     flipped = bytearray(value)
-    flipped[random_.randrange(len(flipped))] ^= 1 << random_.randrange(8)
-    kind = "TEXT" if column == "key" else "BLOB"
+    flipped[random_.randrange(len(flipped))] ^= 1 << random_.randrange(8 if column != "at_us" else 3)
+    kind = {"key": "TEXT", "at_us": "INTEGER"}.get(column, "BLOB")
     connection.execute(f"UPDATE checkpoint SET {column} = CAST(? AS {kind})", (bytes(flipped),))
     connection.commit()
     connection.close()
-
-
-def test_a_time_of_another_checkpoint_is_noticed(tmp_path: Path, seed: int) -> None:
-    checkpoints = Checkpoints(tmp_path / FILE)
-    checkpoints.save("demo.axis1", "key", arrays(seed), at_us=5)
-    checkpoints.close()
-    connection = sqlite3.connect(tmp_path / FILE)
-    connection.execute("UPDATE checkpoint SET at_us = at_us + 1")
-    connection.commit()
-    connection.close()
-    checkpoints = Checkpoints(tmp_path / FILE)
-    assert isinstance(checkpoints.load("demo.axis1", "key", now_us=7), QuarantinedCheckpoint)
-    checkpoints.close()
 
 
 class Pickled:
@@ -173,7 +145,7 @@ k = 0
 while True:
     k += 1
     states = [AxisState(f"demo.axis{a}", "key", {"k": np.full(200, k)}) for a in range(4)]
-    checkpoints.save_many(states, k)
+    checkpoints.save(states, k)
     print(k, flush=True)
 """
 

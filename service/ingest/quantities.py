@@ -1,34 +1,64 @@
-"""Auxiliary signals of an axis: each sample gets the last received value, if that is not too old."""
+"""The quantities of an axis: how a value follows from a signal on the bus, or from a column of a table.
+
+Auxiliary signals are held: each sample gets the last received value, if that is not too old.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from service.can.decode import FrameKey
-from service.config.schema_signals import Source
-from service.ingest.rows import Floats
+from monitor_core.arrays import Floats
+from service.can.dbc import Decoder
+from service.can.frames import FrameKey
+from service.config.schema_signals import AngleConfig, SignalConfig, Source
+
+
+class Quantity(NamedTuple):
+    """One value of an axis: value = factor * signal + offset.
+
+    SI on the motor side; auxiliary signals in their own unit.
+    """
+
+    name: str  # "torque", "angle", "speed", "counter" or "signal NAME"
+    key: FrameKey
+    message: str
+    signal: str
+    factor: float = 1.0
+    offset: float = 0.0
+    wrap_period: float | None = None
+
+    def value(self, signals: Mapping[str, float]) -> float | None:
+        """The value in SI units; None where a multiplexed signal is absent."""
+        signal = signals.get(self.signal)
+        return None if signal is None else self.factor * signal + self.offset
+
+
+def quantity_of(name: str, source: SignalConfig | Source, decoder: Decoder) -> Quantity:
+    """The quantity in a message of the bus."""
+    message, signal = source.message, source.signal
+    assert message is not None  # a cross-check of the configuration ensures it
+    assert signal is not None
+    wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
+    return Quantity(name, decoder.key(message), message, signal, source.factor, source.offset, wrap_period)
 
 
 class HeldSignal:
-    """The last value of one signal on the bus, with the time of its receipt."""
+    """The last value of an auxiliary signal on the bus, with the time of its receipt."""
 
-    def __init__(self, source: Source, key: FrameKey) -> None:
-        assert source.message is not None  # a cross-check ensures it
-        assert source.signal is not None
-        self.name, self.key = source.name, key
-        self.message, self.signal = source.message, source.signal
-        self.factor, self.offset = source.factor, source.offset
+    def __init__(self, source: Source, decoder: Decoder) -> None:
+        self.quantity = quantity_of(f"signal {source.name}", source, decoder)
         self._most_us = source.max_age_s * 1e6
         self._value, self._t_us = math.nan, 0
 
     def take(self, t_us: int, signals: Mapping[str, float]) -> None:
         """Keep the value in these signals, if there is one that is a number."""
-        raw = signals.get(self.signal)
-        if raw is not None and math.isfinite(raw):
-            self._value, self._t_us = self.factor * raw + self.offset, t_us
+        value = self.quantity.value(signals)
+        if value is not None and math.isfinite(signals[self.quantity.signal]):
+            self._value, self._t_us = value, t_us
 
     def at(self, t_us: int) -> float:
         """The value for a sample received at that time; NaN: there was none, or it is too old."""

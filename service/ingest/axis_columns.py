@@ -1,88 +1,23 @@
-"""A table as a record: its columns become samples of the axes."""
+"""The samples of one axis in the rows of a table."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Floats
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.user_errors import RecordError
-from service.config.conditions import needed
-from service.config.schema import AxisConfig, Config
+from service.config.schema import AxisConfig
 from service.config.schema_signals import SignalConfig, Source
 from service.ingest.assemble import REASONS
-from service.ingest.auxiliary_signals import HeldColumns
-from service.ingest.bus_samples import Step
-from service.ingest.rows import Floats, Rows
-from service.ingest.table_files import check_columns, open_table
-from service.ingest.timestamp_jitter import Stamps
+from service.ingest.quantities import HeldColumns
+from service.ingest.tables import Rows
 
 Times = NDArray[np.int64]
 _LATEST_US = 2.0**62
-
-
-class TableRecord:
-    """A .csv, .parquet or .mat file with the columns named in the configuration.
-
-    Axes without columns in the configuration are ignored.
-
-    Raises:
-        RecordError: the file cannot be read, or lacks a column.
-    """
-
-    def __init__(self, path: Path, config: Config) -> None:
-        self.path = path
-        self._table = open_table(path)
-        axes = [axis for axis in config.axes if _has_columns(axis.config)]
-        self._axes = {axis.id: AxisColumns(axis.id, axis.config, needed(axis)) for axis in axes}
-        if not self._axes:
-            raise RecordError(
-                f"{path}: no axis says where it is in a table: set torque.column and angle.column or "
-                "speed.column in the configuration"
-            )
-        self._wanted: dict[str, str] = {}
-        for columns in self._axes.values():
-            self._wanted |= columns.wanted()
-        check_columns(path, self._table, self._wanted)
-
-    @property
-    def bus_dropped(self) -> Mapping[str, Mapping[str, int]]:
-        """Frames dropped, by bus: a table has none."""
-        return {}
-
-    @property
-    def axis_dropped(self) -> Mapping[str, Mapping[str, int]]:
-        """Rows that became no sample, by axis and reason."""
-        return {axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()}
-
-    @property
-    def axis_events(self) -> Mapping[str, Mapping[str, int]]:
-        """Restarts of the time line: a table has none."""
-        return {}
-
-    @property
-    def axis_stamps(self) -> Mapping[str, Stamps]:
-        """Time stamps of receipt: a table has none."""
-        return {}
-
-    def steps(self) -> Iterator[Step]:
-        """The samples in order.
-
-        Raises:
-            RecordError: a cell is no number, or the file is damaged.
-        """
-        first_row = 0
-        for rows in self._table.rows(list(self._wanted)):
-            samples = {axis_id: axis.samples(rows, first_row) for axis_id, axis in self._axes.items()}
-            first_row += len(next(iter(rows.columns.values())))
-            yield Step({axis_id: block for axis_id, block in samples.items() if len(block.t_us)}, rows.done)
-
-
-def _has_columns(config: AxisConfig) -> bool:
-    return config.torque.column is not None or config.motion.column is not None
 
 
 class AxisColumns:
@@ -104,32 +39,29 @@ class AxisColumns:
                 )
         self._id, self._config, self._further = axis_id, config, tuple(further)
         self._held = HeldColumns(further) if further else None
-        self._torque, self._motion, self._time = (
-            config.torque.column,
-            config.motion.column,
-            config.time.column,
-        )
+        self._torque, self._motion = config.torque.column, config.motion.column
+        self._time = config.time.column
         self._interval_us = config.sample_interval_s * 1e6
         self._last_us: int | None = None
         self.dropped = dict.fromkeys(REASONS, 0)
 
     def wanted(self) -> dict[str, str]:
         """The purpose of each column."""
-        wanted = {
-            self._torque: f"the torque of axis {self._id}",
-            self._motion: f"the {self._config.output} of axis {self._id}",
-        }
-        wanted |= {self._time: f"the time of axis {self._id}"} if self._time is not None else {}
-        return {str(s.column): f"the signal {s.name} of axis {self._id}" for s in self._further} | wanted
+        wanted = {str(s.column): f"signal {s.name}" for s in self._further}
+        wanted |= {self._torque: "torque", self._motion: self._config.output}
+        wanted |= {self._time: "time"} if self._time is not None else {}
+        return {column: f"the {what} of axis {self._id}" for column, what in wanted.items()}
 
-    def samples(self, rows: Rows, first_row: int) -> SampleBlock:
-        """The samples in these rows, the first of which has that number in the file."""
-        return self.chosen(rows, first_row)[1]
-
-    def chosen(
+    def samples(
         self, rows: Rows, first_row: int, sound: NDArray[np.bool_] | None = None
     ) -> tuple[NDArray[np.int64], SampleBlock]:
-        """Indices of the rows that became samples, and the samples; rows that are not ``sound`` are ignored."""
+        """Indices of the rows that became samples, and the samples.
+
+        Args:
+            rows: some rows of the table.
+            first_row: number of the first of them in the file.
+            sound: rows to look at (N,); None: all.
+        """
         torque, motion = self.quantities(rows)
         time_us = self._times(rows, first_row, len(torque))
         timed = np.abs(time_us) < _LATEST_US

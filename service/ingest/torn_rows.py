@@ -1,0 +1,106 @@
+"""Rows of a damaged table that look harmless one by one: beside broken ones, or with a time that runs ahead."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats
+
+Bools = NDArray[np.bool_]
+
+_NEAR = 10
+"""Rows: farther from any broken one a row is not looked at; so many in a row need nothing to hold on to."""
+_FEWEST = 20
+"""Steps far from broken rows, to know how far a column steps."""
+_MORE = 2.0
+"""Steps that a column may have made beside one in each row."""
+
+
+def torn(values: Floats, broken: Bools) -> Bools:
+    """Rows (N,) that belong to the damage around ``broken`` ones, although each of their cells could be right.
+
+    A writer that has lost its place continues with cells that are shifted or read from elsewhere, many of which look
+    like measurements.  So rows next to broken ones are accepted only if they continue the sound ones across the damage:
+    no column moves farther than it does elsewhere in as many rows.
+
+    Args:
+        values: of all columns but the time (N, C); NaN: missing, without information.
+        broken: (N,).
+    """
+    largest = _largest_steps(values, ~_near(broken))
+    starts = np.flatnonzero(np.append(True, _apart(values, broken, largest)))
+    ends = np.append(starts[1:], len(broken)) - 1
+    long = ends - starts >= _NEAR
+    out, long_starts, long_ends = np.zeros(len(broken), np.bool_), starts[long], ends[long]
+    if not long.any():
+        return out
+    for first, last in zip(starts[~long].tolist(), ends[~long].tolist(), strict=True):
+        if not broken[first]:
+            next_ = int(np.searchsorted(long_starts, first))
+            pairs = [(first, k) for k in long_ends[max(next_ - 1, 0) : next_].tolist()]
+            pairs += [(last, k) for k in long_starts[next_ : next_ + 1].tolist()]
+            out[first : last + 1] = not any(_continue(values, i, k, largest) for i, k in pairs)
+    return out
+
+
+def _near(broken: Bools) -> Bools:
+    """Rows near a broken one (N,)."""
+    counts = np.cumsum(np.pad(broken.astype(np.int64), (_NEAR + 1, _NEAR)))
+    return np.asarray(counts[2 * _NEAR + 1 :] > counts[: -2 * _NEAR - 1], np.bool_)
+
+
+def _largest_steps(values: Floats, quiet: Bools) -> Floats:
+    """Largest step of each column (C,) from one row to the next; infinite if nothing is known."""
+    pairs = quiet[1:] & quiet[:-1]
+    if np.count_nonzero(pairs) < _FEWEST:
+        return np.full(values.shape[1], np.inf)
+    return np.asarray(np.fmax.reduce(abs(np.diff(values, axis=0))[pairs], axis=0, initial=0.0))
+
+
+def _apart(values: Floats, broken: Bools, largest: Floats) -> Bools:
+    """Whether each row but the first does not follow the one before it (N - 1,)."""
+    far = (abs(np.diff(values, axis=0)) > (1 + _MORE) * largest).any(axis=1)
+    return np.asarray(broken[1:] | broken[:-1] | far, np.bool_)
+
+
+def _continue(values: Floats, i: int, k: int, largest: Floats) -> bool:
+    rows = abs(i - k)
+    return rows <= _NEAR and not (abs(values[i] - values[k]) > (rows + _MORE) * largest).any()
+
+
+def ahead(times: Floats, usable: Bools) -> Bools:
+    """Rows (N,) whose time is later than that of rows after them, where the later rows are right.
+
+    Of the ``usable`` rows the largest number with increasing times is accepted.  A single row ahead of them would
+    otherwise make all of them late.
+    """
+    out = np.zeros(len(times), np.bool_)
+    at = np.flatnonzero(usable)
+    t = times[at]
+    in_turn = np.count_nonzero(np.diff(np.maximum.accumulate(t)) > 0) + 1 if len(t) else 0
+    if in_turn == len(t) or len(kept := _longest_rise(t)) <= in_turn:
+        return out
+    following = np.searchsorted(kept, np.arange(len(t)))  # the row itself, if it is kept
+    next_time = np.append(t[kept], np.inf)[following]
+    out[at] = t > next_time
+    return out
+
+
+def _longest_rise(values: Floats) -> NDArray[np.int64]:
+    """Indices of the longest strictly increasing subsequence (K,).
+
+    C. Schensted, Canadian J. Math. 13 (1961): for each length the smallest value that a subsequence can end with.
+    """
+    ends, where, before = list[float](), list[int](), list[int]()
+    for k, value in enumerate(values.tolist()):
+        length = bisect_left(ends, value)
+        before.append(where[length - 1] if length else -1)
+        ends[length : length + 1], where[length : length + 1] = [value], [k]
+    found, k = list[int](), where[-1]
+    while k >= 0:
+        found.append(k)
+        k = before[k]
+    return np.array(found[::-1], dtype=np.int64)
