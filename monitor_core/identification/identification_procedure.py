@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 
 from monitor_core.identification.bode import bode_of
-from monitor_core.identification.covariance import colour_of
-from monitor_core.identification.estimate import Estimate
 from monitor_core.identification.greybox import fit
+from monitor_core.identification.greybox.comparison import traces_of
+from monitor_core.identification.greybox.covariance import colour_of
+from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.identification_result import IdentificationResult
+from monitor_core.identification.parameter_selection import ScheduledTerm
 from monitor_core.identification.problem import IdentificationError, Problem
-from monitor_core.identification.record import Record
-from monitor_core.identification.schedule import ScheduledTerm
+from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting import Growth, fit_from, fit_from_scratch, grow
-from monitor_core.identification.traces import traces_of
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 MOST_ITERATIONS = 100

@@ -15,7 +15,7 @@ import pyarrow.parquet
 import pytest
 import scipy.io
 
-from monitor_core.identification.record_checks import Known, suspicions
+from monitor_core.identification.records import Known, suspicions
 from service.can.user_errors import RecordError
 from service.config.condition_rules import places_of_signals, signal_names
 from service.config.schema import Config

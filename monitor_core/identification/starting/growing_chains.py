@@ -15,12 +15,10 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.starting.chains import chain, chain_of_modes, modes_of_chain, names
-from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.starting.chains import Slots, chain, chain_of_modes, modes_of_chain, names
 from monitor_core.identification.starting.modes import BEYOND, Modal, shape, weights
-from monitor_core.identification.starting.response import Measured
+from monitor_core.identification.starting.response import Measured, Response
 from monitor_core.identification.starting.search import Found, distinct, errors, settle
-from monitor_core.identification.starting.slots import Slots
 
 _BEAM = 3
 """Chains of each length that go on."""
@@ -120,7 +118,7 @@ class Mode(NamedTuple):
     gain: float
 
 
-def lacking(response: Response, x: Floats, measured: Measured, most: int = _MOST) -> tuple[Mode, ...]:
+def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ...]:
     """Modes that would help the fit at x (p,) most, each the best of its surroundings."""
     target = measured.target()
     e, J = (_stacked(part) for part in errors("linear", target, *response.at(x, target)))
@@ -140,7 +138,7 @@ def lacking(response: Response, x: Floats, measured: Measured, most: int = _MOST
     gain = gains[best, at]
     padded = np.concatenate([[-1.0], gain, [-1.0]])
     peaks = at[(gain > 0) & (gain >= padded[:-2]) & (gain > padded[2:])]
-    chosen = peaks[np.argsort(-gain[peaks])[:most]]
+    chosen = peaks[np.argsort(-gain[peaks])[:_MOST]]
     return tuple(
         Mode(float(p[k]), float(a[best[k], k]), float(_RATIOS[best[k]] * p[k]), float(gain[k]))
         for k in chosen

@@ -12,13 +12,11 @@ import numpy as np
 
 from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import Estimate, Problem, compare
-from monitor_core.identification.record import Record
-from monitor_core.identification.starting.chains import FRICTION, Chain, chain, modes_of_chain, names
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, chain, modes_of_chain, names
 from monitor_core.identification.starting.growing_chains import Stem, longer, rigid
-from monitor_core.identification.starting.modal import Response
-from monitor_core.identification.starting.response import Measured, measure
+from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Found, Progress, Steps
-from monitor_core.identification.starting.slots import Slots
 from monitor_core.identification.starting.starting_fits import FITTING, best_fit, candidate
 
 

@@ -9,12 +9,11 @@ import numpy as np
 
 from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
-from monitor_core.identification.record import Record
-from monitor_core.identification.starting.chains import chain_of_modes
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.starting.chains import Slots, chain_of_modes
 from monitor_core.identification.starting.growing_chains import longer, stems
-from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
-from monitor_core.identification.starting.response import Measured, measure
+from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
     SAME,
@@ -25,36 +24,9 @@ from monitor_core.identification.starting.search import (
     polish,
     search,
 )
-from monitor_core.identification.starting.slots import Slots
 
 _FEWER = 20
 """Searches around what the closed form has found."""
-
-
-def start(
-    problem: Problem,
-    records: Sequence[Record],
-    given: Mapping[str, float] | None = None,
-    *,
-    progress: Progress | None = None,
-) -> tuple[Candidate, ...]:
-    """Starting values for the free parameters, the best first.
-
-    Args:
-        problem: what is free; nominal values of what is free are used only as ``given`` says.
-        records: of the drive.
-        given: values to search from, for free parameters that are not as in the problem's nominal ones.  None: the
-            records alone, in closed form or by growth.
-        progress: called with searches done and how many there are at most.
-
-    Raises:
-        ValueError: the records tell no frequency response; without ``given``: the motor does not see a chain of
-            masses that are all free, or the response shows no chain of so many.
-    """
-    steps = Steps(progress, MOST)
-    found = _candidates(problem, records, given, steps.reached)
-    steps.reached(MOST)
-    return found
 
 
 def fit_from_scratch(
@@ -65,7 +37,7 @@ def fit_from_scratch(
     ``progress`` is called with the steps done and their maximum.
 
     Raises:
-        ValueError: as ``start`` and ``fit``.
+        ValueError: as ``candidates`` and ``fit``.
     """
     return _fit(problem, records, None, progress)
 
@@ -83,7 +55,7 @@ def fit_from(
 
     Raises:
         KeyError: values for a parameter that is not free.
-        ValueError: as ``start`` and ``fit``.
+        ValueError: as ``candidates`` and ``fit``.
     """
     return _fit(problem, records, given or {}, progress)
 
@@ -92,17 +64,30 @@ def _fit(
     problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None, progress: Progress | None
 ) -> Estimate:
     steps = Steps(progress, MOST + FITTING)
-    candidates = _candidates(problem, records, given, steps.part(0, MOST))
+    found = candidates(problem, records, given, steps.part(0, MOST))
     steps.reached(MOST)
-    return best_fit(problem, records, candidates, steps.part(MOST, FITTING))
+    return best_fit(problem, records, found, steps.part(MOST, FITTING))
 
 
-def _candidates(
+def candidates(
     problem: Problem,
     records: Sequence[Record],
-    given: Mapping[str, float] | None,
-    reached: Callable[[int], None],
+    given: Mapping[str, float] | None = None,
+    reached: Callable[[int], None] = lambda _: None,
 ) -> tuple[Candidate, ...]:
+    """Starting values for the free parameters, the best first.
+
+    Args:
+        problem: what is free; nominal values of what is free are used only as ``given`` says.
+        records: of the drive.
+        given: values to search from, for free parameters that are not as in the problem's nominal ones.  None: the
+            records alone, in closed form or by growth.
+        reached: told how many of ``MOST`` searches are done.
+
+    Raises:
+        ValueError: the records tell no frequency response; without ``given``: the motor does not see a chain of
+            masses that are all free, or the response shows no chain of so many.
+    """
     measured = measure(records)
     if given is None:
         return _from_records(problem, measured, reached)

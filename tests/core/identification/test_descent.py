@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.levenberg_marquardt import UNDAMPED, Normal, minimise
+from monitor_core.identification.greybox.levenberg_marquardt import UNDAMPED, Normal, minimise
 
 ENDLESS = np.full(2, np.inf)
 

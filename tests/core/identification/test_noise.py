@@ -8,8 +8,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import DISTURBANCE_TIME, Output
 from monitor_core.excitation.reference_experiment import NOISE
-from monitor_core.identification.held_drive import Structure
-from monitor_core.identification.noise import Levels, gain
+from monitor_core.identification.predictor.held_drive import Structure
+from monitor_core.identification.predictor.noise import Levels, gain
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass

@@ -11,10 +11,9 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.identification.record import Record
-from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
-from monitor_core.identification.record_checks.outlier_checks import outliers
-from monitor_core.identification.rigid_body import antiresonance_s, rigid_fit, rigid_inertia
+from monitor_core.identification.records import Finding, Known, Record, known_of, suspicions
+from monitor_core.identification.records.rigid_body import antiresonance_s, rigid_fit, rigid_inertia
+from monitor_core.identification.records.sample_checks import outliers
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import three_mass, two_mass
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y
@@ -218,27 +217,6 @@ def test_wrong_units(record: Record, torque: float, motion: float, mistake: str)
     assert mistake in finding.sentence
 
 
-def test_speed_that_is_not_that_of_the_angle(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    t = H * np.arange(2000, dtype=float)
-    w = 2 * np.pi * rng.uniform(0.5, 3)
-    record = Record(t, rng.normal(size=2000), np.sin(w * t), "angle")
-    for factor, hint in (
-        (180 / np.pi, ": degrees?"),
-        (-1, "wrong sign"),
-        (30 / np.pi, "revolutions per minute?"),
-        (3, ""),
-    ):
-        r = Record(t, record.u, record.y, "angle", signals={"speed": factor * w * np.cos(w * t)})
-        (finding,) = [f for f in suspicions(r, Known(speed="speed")) if f.kind == "inconsistent"]
-        assert finding.number == pytest.approx(factor, rel=0.01)
-        assert hint in finding.sentence
-    r = Record(
-        t, record.u, record.y, "angle", signals={"speed": w * np.cos(w * t) + 0.1 * rng.standard_normal(2000)}
-    )
-    assert "inconsistent" not in [kind for kind, _ in kinds(r, Known(speed="speed"))]
-
-
 def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
     t = record.t + 0.3 * (np.arange(len(record)) >= 700)
     cut = Record(t, record.u, record.y, record.quantity)
@@ -286,16 +264,8 @@ def test_outliers(record: Record, what: str, seed: int) -> None:
 def test_a_jump_is_no_outlier() -> None:
     assert not outliers(np.repeat([0.0, 1.0, -5.0, 7.0, 7.5], 20)).any()
     assert not outliers(np.array([1.0, 100.0, 1.0])).any()
-    stop = [
-        -6.96,
-        -0.31,
-        -5.06,
-        -9.6,
-        -11.6,
-        -11.7,
-        -11.5,
-        -11.6,
-    ]  # as a real drive swung when it was stopped
+    # As a real drive swung when it was stopped.
+    stop = [-6.96, -0.31, -5.06, -9.6, -11.6, -11.7, -11.5, -11.6]
     assert not outliers(np.concatenate((np.tile([9.3, 9.4], 50), stop, np.tile([-11.5, -11.6], 50)))).any()
 
 
@@ -372,8 +342,8 @@ def test_one_mass_is_explained_entirely(quantity: Output, seed: int) -> None:
 
 
 def test_what_is_known_of_a_drive() -> None:
-    known = known_of(three_mass("speed"), {**VALUES, "fm": 0.0}, 3, 2.0, "w")
-    assert (known.parameters, known.speed_scale, known.speed) == (3, 2.0, "w")
+    known = known_of(three_mass("speed"), {**VALUES, "fm": 0.0}, 3, 2.0)
+    assert (known.parameters, known.speed_scale) == (3, 2.0)
     assert KNOWN.slowest_s == pytest.approx((KNOWN.inertia or 0) / VALUES["fm"], rel=0.1)
     assert known.slowest_s is not None
     assert known.slowest_s < 0.5

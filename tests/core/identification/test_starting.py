@@ -20,13 +20,13 @@ from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.identification.greybox import Estimate, Problem, fit
-from monitor_core.identification.record import Record
-from monitor_core.identification.starting import fit_from, fit_from_scratch, start
-from monitor_core.identification.starting.chains import Chain, chain_of_modes, modes_of_chain
-from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.records import Record
+from monitor_core.identification.starting import fit_from, fit_from_scratch
+from monitor_core.identification.starting.chains import Chain, Slots, chain_of_modes, modes_of_chain
 from monitor_core.identification.starting.modes import black_boxes, modal
-from monitor_core.identification.starting.response import Target, measure
-from monitor_core.identification.starting.slots import Slots
+from monitor_core.identification.starting.response import Response, Target, measure
+from monitor_core.identification.starting.search import Steps
+from monitor_core.identification.starting.starting_fits import candidates
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import (
     INTERVAL_S,
@@ -158,7 +158,7 @@ def test_from_the_measured_angle(name: str, seed: int) -> None:
     """Where the nominal values are of no use; the fit of the record itself is not asked."""
     case = CASES[name]
     record = case.record(seed, output="angle")
-    best, *_ = start(case.problem(case.wrong(seed), "angle"), [record])
+    best, *_ = candidates(case.problem(case.wrong(seed), "angle"), [record])
     found = {n: best.values[n] / case.values[n] for n in case.free if n[0] in "Jk"}
     assert np.abs(np.log(list(found.values()))).max() < 0.3, found
 
@@ -307,7 +307,7 @@ def test_reciprocals_offsets_and_words(seed: int) -> None:
 
 def test_a_name_that_is_not_free(seed: int) -> None:
     with pytest.raises(KeyError, match="kT"):
-        start(THREE.problem(), [THREE.record(seed)], {"kT": 1.0})
+        candidates(THREE.problem(), [THREE.record(seed)], {"kT": 1.0})
 
 
 def test_a_record_of_noise_alone_is_refused(seed: int) -> None:
@@ -320,7 +320,31 @@ def test_a_record_of_noise_alone_is_refused(seed: int) -> None:
 
 def refused(record: Record, words: str) -> bool:
     try:
-        start(THREE.problem(), [record])
+        candidates(THREE.problem(), [record])
     except ValueError as error:
         return words in str(error)
     return False
+
+
+@pytest.mark.parametrize("way", ["scratch", "given"])
+def test_progress_grows_from_step_to_step_to_the_end(way: Way, seed: int) -> None:
+    problem, told = TWO.problem(TWO.wrong(seed)), list[tuple[int, int]]()
+    fitted = fit_from_scratch if way == "scratch" else fit_from
+    fitted(problem, [TWO.record(seed)], progress=lambda *step: told.append(step))
+    done, of = zip(*told, strict=True)
+    assert len(set(of)) == 1
+    assert done[-1] == of[0]
+    assert len(done) > 2
+    assert list(done) == sorted(set(done))
+
+
+def test_steps_tell_nothing_twice_and_nothing_beyond() -> None:
+    told = list[tuple[int, int]]()
+    steps = Steps(lambda *step: told.append(step), 10)
+    second = steps.part(4, 3)
+    for done in (1, 1, 3, 2):
+        steps.reached(done)
+    for done in (0, 2, 9):
+        second(done)
+    steps.reached(11)
+    assert told == [(1, 10), (3, 10), (4, 10), (6, 10), (7, 10)]

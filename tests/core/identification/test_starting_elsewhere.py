@@ -10,7 +10,7 @@ import pytest
 
 from monitor_core.excitation.reference_experiment import BAND_HZ
 from monitor_core.identification.greybox import Problem, fit
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch
 from monitor_core.identification.starting.growing_chains import bare
 from monitor_core.identification.starting.response import measure

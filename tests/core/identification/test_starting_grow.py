@@ -9,10 +9,10 @@ import pytest
 
 from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.starting import Growth, grow, start
+from monitor_core.identification.starting import Growth, grow
 from monitor_core.identification.starting import growing_chains as growing
 from monitor_core.identification.starting import starting_fits as api
-from monitor_core.identification.starting.chains import Chain, chain
+from monitor_core.identification.starting.chains import Chain, Slots, chain
 from monitor_core.identification.starting.growing_chains import (
     Mode,
     bare,
@@ -23,11 +23,9 @@ from monitor_core.identification.starting.growing_chains import (
     stems,
 )
 from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
-from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import Modal, shape
-from monitor_core.identification.starting.response import measure
+from monitor_core.identification.starting.response import Response, measure
 from monitor_core.identification.starting.search import errors, polish
-from monitor_core.identification.starting.slots import Slots
 from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case
 
 MASSES = {"two": 2, "three": 3, "five": 5}
@@ -103,7 +101,7 @@ def grows_to_the_truth(seed: int) -> bool:
 def test_chains_grow_where_black_boxes_show_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The next way is taken, and where that comes out is told."""
     monkeypatch.setattr(api, "black_boxes", lambda *_: iter(()))
-    best, *_ = start(TWO.problem(TWO.wrong(seed)), [TWO.record(seed)])
+    best, *_ = api.candidates(TWO.problem(TWO.wrong(seed)), [TWO.record(seed)])
     assert best.origin.endswith("a chain that grew to 2 masses")
     assert best.values["Ja"] == pytest.approx(TWO.values["Ja"], rel=0.3)
 

@@ -17,7 +17,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.greybox import Disturbance, Problem, fit
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from tests.core.identification.monte_carlo import (
     DRIVE,
