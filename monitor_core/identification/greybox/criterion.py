@@ -19,6 +19,7 @@ from monitor_core.identification.records.record import Bools, Record
 HUBER = 1.345
 """Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
 _ROUNDS = 3
+_START_STEPS = 20
 _JITTER = 1e-3
 _NEAR = 1e-3
 _BEYOND = 0.01
@@ -112,7 +113,7 @@ def settled(predictor: Predictor, xi: Floats) -> Problem:
     )
 
 
-def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
+def fit_starts(predictor: Predictor) -> Floats:
     """The vector with the initial states that fit best, all else as at the start.
 
     Without friction and gravity of the simulated motion the errors are linear in them: one step.
@@ -128,7 +129,9 @@ def fit_starts(predictor: Predictor, most: int = 20) -> Floats:
     own = xi[shared:]
     endless = np.full(own.size, np.inf)
     try:
-        found = minimise(evaluate, own, (-endless, endless), endless, endless, most, damping=UNDAMPED).xi
+        found = minimise(
+            evaluate, own, (-endless, endless), endless, endless, _START_STEPS, damping=UNDAMPED
+        ).xi
     except ValueError:
         found = own
     return np.concatenate([xi[:shared], found])

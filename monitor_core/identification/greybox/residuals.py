@@ -13,10 +13,11 @@ from scipy.special import chdtrc, ndtri  # not scipy.stats: to import that takes
 
 from monitor_core.arrays import Floats
 
-LAGS = 25
+_LAGS = 25
 LEVEL = 0.99
 """Of confidence limits."""
-
+_WITHIN = float(ndtri((1 + LEVEL) / 2))
+"""Standard deviations within which so many values of a normal distribution lie."""
 _SEEN = 1e-8
 
 
@@ -29,29 +30,28 @@ class Correlation(NamedTuple):
     p_value: float  # of a sum of squares as large as this one or larger, were the hypothesis true
 
 
-def whiteness(eps: Sequence[Floats], lags: int = LAGS) -> Correlation:
+def whiteness(eps: Sequence[Floats]) -> Correlation:
     """Autocorrelation of the errors of records at lags 1 .. L; Ljung and Box's test.  Missing ones are zero."""
-    N, r = _counts(eps), _correlation(eps, eps, lags)
-    r = r[lags + 1 :] / r[lags]
-    Q = N * (N + 2) * float(np.sum(r**2 / (N - np.arange(1, lags + 1))))
-    limit = float(ndtri((1 + LEVEL) / 2)) / math.sqrt(N)
-    return Correlation(np.arange(1.0, lags + 1), r, limit, float(chdtrc(lags, Q)))
+    N, r, lags = _count(eps), _correlation(eps, eps), np.arange(1.0, _LAGS + 1)
+    r = r[_LAGS + 1 :] / r[_LAGS]
+    Q = N * (N + 2) * float(np.sum(r**2 / (N - lags)))
+    return Correlation(lags, r, _WITHIN / math.sqrt(N), float(chdtrc(_LAGS, Q)))
 
 
-def independence(u: Sequence[Floats], eps: Sequence[Floats], lags: int = LAGS) -> Correlation:
+def independence(u: Sequence[Floats], eps: Sequence[Floats]) -> Correlation:
     """Correlation of eps(t) with u(t - l) for lags -L .. L.
 
     Negative lags show feedback.  The test takes 1 .. L together; it knows that neighbouring values go together where
     the input is not white, and that eps need not be white (covariance.py).
     """
     u = [part - part.mean() for part in u]
-    r = _correlation(eps, u, lags)
+    r, lags = _correlation(eps, u), np.arange(-_LAGS, _LAGS + 1.0)
     size = math.sqrt(_power(u) * _power(eps))
     if size == 0:
-        return Correlation(np.arange(-lags, lags + 1.0), 0 * r, 0.0, 1.0)
-    covariance, _ = scores_covariance(eps, [_past(part, lags) for part in u])
-    limit = float(ndtri((1 + LEVEL) / 2)) * math.sqrt(float(np.mean(np.diag(covariance)))) / size
-    return Correlation(np.arange(-lags, lags + 1.0), r / size, limit, _p_value(r[lags + 1 :], covariance))
+        return Correlation(lags, 0 * r, 0.0, 1.0)
+    covariance, _ = scores_covariance(eps, [_past(part) for part in u])
+    limit = _WITHIN * math.sqrt(float(np.mean(np.diag(covariance)))) / size
+    return Correlation(lags, r / size, limit, _p_value(r[_LAGS + 1 :], covariance))
 
 
 def _p_value(r: Floats, covariance: Floats) -> float:
@@ -62,28 +62,27 @@ def _p_value(r: Floats, covariance: Floats) -> float:
     return float(chdtrc(int(seen.sum()), Q))
 
 
-def _past(u: Floats, lags: int) -> Floats:
+def _past(u: Floats) -> Floats:
     """u(t - 1) .. u(t - L), zero before the record (N, L)."""
-    padded = np.concatenate([np.zeros(lags), u])
-    return np.stack([padded[lags - l : padded.size - l] for l in range(1, lags + 1)], axis=1)
+    padded = np.concatenate([np.zeros(_LAGS), u])
+    return np.stack([padded[_LAGS - l : padded.size - l] for l in range(1, _LAGS + 1)], axis=1)
 
 
 def _power(parts: Sequence[Floats]) -> float:
     return sum(float(part @ part) for part in parts)
 
 
-def _counts(eps: Sequence[Floats]) -> int:
+def _count(eps: Sequence[Floats]) -> int:
     return sum(int(np.count_nonzero(part)) for part in eps)
 
 
-def _correlation(left: Sequence[Floats], right: Sequence[Floats], lags: int) -> Floats:
+def _correlation(left: Sequence[Floats], right: Sequence[Floats]) -> Floats:
     """sum_t left(t) right(t - l) over all records, l = -L .. L."""
-    total = np.zeros(2 * lags + 1)
+    total = np.zeros(2 * _LAGS + 1)
     for a, b in zip(left, right, strict=True):
-        most = min(lags, a.size - 1)
+        most, middle = min(_LAGS, a.size - 1), b.size - 1
         full = fftconvolve(a, b[::-1])
-        middle = b.size - 1
-        total[lags - most : lags + most + 1] += full[middle - most : middle + most + 1]
+        total[_LAGS - most : _LAGS + most + 1] += full[middle - most : middle + most + 1]
     return total
 
 
@@ -119,7 +118,7 @@ def scores_covariance(eps: Sequence[Floats], psi: Sequence[Floats]) -> tuple[Flo
 
 def autoregression(eps: Sequence[Floats]) -> tuple[Floats, float]:
     """1, a_1 .. a_k and the variance of e, by Levinson's recursion; order k by Schwarz's criterion."""
-    N = sum(int(np.count_nonzero(part)) for part in eps)
+    N = _count(eps)
     most = max(0, min(MOST_ORDERS, N // 10))
     R = np.array([sum(float(e[: e.size - l] @ e[l:]) for e in eps) for l in range(most + 1)]) / max(N, 1)
     a, variance = np.ones(1), R[0]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.records.record import Record
@@ -49,7 +48,8 @@ def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
         raise ValueError(f"{record.name or 'record'}: no signal {missing[0]!r}")
     values, level = _levels([record.signals[name] for name in signals], len(record))
     intervals = np.diff(np.rint(record.t * 1e6).astype(np.int64))
-    pairs, step = _distinct(np.stack([intervals, level[:-1]], axis=1))
+    keys, step = np.unique(intervals * len(values) + level[:-1], return_inverse=True)
+    pairs = np.stack(np.divmod(keys, len(values)), axis=1)
     y = np.where(record.measured, record.y, 0.0)
     measured = record.measured.astype(np.int64)
     if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
@@ -60,24 +60,13 @@ def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
     return Series(record, u, y, measured, np.append(step, 0), level, pairs, values)
 
 
-def _distinct(rows: Ints) -> tuple[Ints, NDArray[np.int64]]:
-    """The distinct rows in ascending order, and the index of each row; column by column, as most hold one value."""
-    which, found = np.zeros(len(rows), dtype=np.int64), rows[:1]
-    for column in rows.T:
-        if (column == column[:1]).all():
-            continue
-        values, part = np.unique(column, return_inverse=True)
-        _, first, which = np.unique(which * values.size + part, return_index=True, return_inverse=True)
-        found = rows[first]
-    return found, which.reshape(-1)
-
-
 def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:
     """Mean values (L, s) and their index (N,); a missing value is replaced by the one before."""
     if not signals:
         return np.zeros((1, 0)), np.zeros(N, dtype=np.int64)
     filled = np.stack([_filled(signal) for signal in signals], axis=1)
-    _, level = _distinct(np.stack([_part(column) for column in filled.T], axis=1))
+    parts = np.stack([_part(column) for column in filled.T], axis=1)
+    level = np.unique(parts, axis=0, return_inverse=True)[1].reshape(-1)
     count = np.bincount(level)
     sums = [np.bincount(level, weights=column) for column in filled.T]
     return np.stack(sums, axis=1) / count[:, None], level

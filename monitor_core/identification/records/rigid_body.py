@@ -57,8 +57,6 @@ class Rigid(NamedTuple):
     sd: float
     explained: float
     """part of the variance of the windowed torque that the model explains, 1: all"""
-    window_s: float
-    """length of the window"""
 
 
 def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
@@ -137,7 +135,7 @@ def _fit(parts: Sequence[_Part], window: int, speed_scale: float) -> Rigid | Non
     covariance = variance * np.linalg.inv((rows / scale).T @ (rows / scale))
     sd = float(np.sqrt(covariance[0, 0]) / scale[0])
     explained = 1 - float(residual @ residual) / spread
-    return Rigid(float(found[0] / scale[0]), sd, explained, window * parts[0].h)
+    return Rigid(float(found[0] / scale[0]), sd, explained)
 
 
 def _part(segment: Record) -> _Part:

@@ -32,6 +32,11 @@ class Stem(NamedTuple):
     slots: Slots | None
 
     @property
+    def cost(self) -> float:
+        """Of the end."""
+        return self.end.cost
+
+    @property
     def known(self) -> Modal:
         """Its modes."""
         values = self.response.named(self.end.x)
@@ -61,9 +66,7 @@ def _size(measured: Measured) -> float:
 def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple[Stem, ...]:
     """Chains with one mass more, ``problem``'s, grown out of shorter ones; the best first."""
     slots = Slots(problem)
-    found = [chain for stem in stems for chain in _grown(problem, slots, stem, measured)]
-    best = {chain.end.cost: chain for chain in found}
-    return tuple(best[end.cost] for end in distinct(chain.end for chain in found))[:_BEAM]
+    return tuple(distinct(one for stem in stems for one in _grown(problem, slots, stem, measured)))[:_BEAM]
 
 
 def stems(measured: Measured, masses: int) -> tuple[Stem, ...]:

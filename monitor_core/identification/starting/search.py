@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -63,6 +63,17 @@ _SLACK = 4.0
 """Standard deviations of a chi-square by which the right model may exceed what is expected."""
 SAME = 1.02
 """Costs within this factor are of the same minimum."""
+
+
+class Ended(Protocol):
+    """What came out at some cost."""
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared relative errors over their variances."""
+
+
+_End = TypeVar("_End", bound=Ended)
 
 
 class Found(NamedTuple):
@@ -114,7 +125,7 @@ def _ends(response: Response, measured: Measured) -> Iterator[Found]:
             yield end
 
 
-def distinct(ends: Iterable[Found]) -> Iterator[Found]:
+def distinct(ends: Iterable[_End]) -> Iterator[_End]:
     """Those that are finite, sorted by cost, each minimum once."""
     last = 0.0
     for end in sorted(ends, key=lambda e: e.cost):

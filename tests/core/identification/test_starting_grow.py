@@ -26,7 +26,7 @@ from monitor_core.identification.starting.mass_count import asked, doubt_of, ver
 from monitor_core.identification.starting.modes import Modal, shape
 from monitor_core.identification.starting.response import Response, measure
 from monitor_core.identification.starting.search import errors, polish
-from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case
+from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case, ignored
 
 MASSES = {"two": 2, "three": 3, "five": 5}
 SHORT_FIVE = replace(FIVE, seconds=30.0)
@@ -101,7 +101,7 @@ def grows_to_the_truth(seed: int) -> bool:
 def test_chains_grow_where_black_boxes_show_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The next way is taken, and where that comes out is told."""
     monkeypatch.setattr(api, "black_boxes", lambda *_: iter(()))
-    best, *_ = api.candidates(TWO.problem(TWO.wrong(seed)), [TWO.record(seed)])
+    best, *_ = api.from_records(TWO.problem(TWO.wrong(seed)), measure([TWO.record(seed)]), ignored)
     assert best.origin.endswith("a chain that grew to 2 masses")
     assert best.values["Ja"] == pytest.approx(TWO.values["Ja"], rel=0.3)
 
