@@ -79,20 +79,20 @@ def identify(
             masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    report = progress or _ignore
+    report: Progress = progress or (lambda *_: None)
     growth = _growth(problem, records, validation, options.max_masses, report)
     try:
         estimate = _best(problem, records, options.start, report)
         if options.interval_mean:
-            estimate = _with_mean_speed(estimate, records, report)
+            # The fit for the mean speed of each interval is close to the one for the speed at the sample.
+            averaged = estimate.problem.drive.with_mean_speed()
+            estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
         validated = traces_of(estimate.problem, validation) if validation else ()
     except (ValueError, np.linalg.LinAlgError) as error:
         hint = (
             "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
-            if options.start == "records"
-            else ""
         )
-        raise IdentificationError(f"no fit: {error}{hint}") from None
+        raise IdentificationError(f"no fit: {error}{hint if options.start == 'records' else ''}") from None
     return IdentificationResult(
         problem,
         estimate,
@@ -133,16 +133,6 @@ def _best(problem: Problem, records: Sequence[Record], start: Start, report: Pro
         return direct
     better = searched.converged or not direct.converged
     return searched if better and searched.cost < _BETTER * direct.cost else direct
-
-
-def _with_mean_speed(estimate: Estimate, records: Sequence[Record], report: Progress) -> Estimate:
-    """The fit for the mean speed of each interval, from the one for the speed at the sample, which is close to it.
-
-    Raises:
-        ValueError: there is none.
-    """
-    drive = estimate.problem.drive.with_mean_speed()
-    return _fit(replace(estimate.problem, drive=drive), records, report)
 
 
 def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estimate:
@@ -186,7 +176,3 @@ def _acting_inputs(problem: Problem) -> set[int]:
     values = {name: value or float(name in problem.free) for name, value in problem.nominal.items()}
     acts = np.flatnonzero(problem.drive.matrix("B", values).any(axis=0))
     return {problem.drive.inputs[int(column)] for column in acts}
-
-
-def _ignore(_: str, __: int, ___: int) -> None:
-    """Default progress callback."""

@@ -112,10 +112,8 @@ def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> Param
     names = [p.name for p in drive.parameters]
     held = {**{name: "known from the data sheet" for name in RELATIVE if name in names}, **fixed}
     drawn = [p.name for p in space.drawn if p.name not in held]
-    reason = "the sensors cannot tell it from the others"
-    held |= (
-        {name: reason for name in structural(space, drawn).suggestion if name not in held} if drawn else {}
-    )
+    for name in structural(space, drawn).suggestion if drawn else ():
+        held.setdefault(name, "the sensors cannot tell it from the others")
     return ParameterSelection(
         tuple(n for n in names if n not in held), {n: held[n] for n in names if n in held}
     )

@@ -194,9 +194,8 @@ class Predictor:
         if initial == "free":
             Z0[:, shared:] = np.eye(self.n)
             return own.copy(), Z0
-        output = (
-            self.series[i].first if initial == "first" else float(own.sum())
-        )  # a speed at rest: of none, 0
+        # At rest own is the angle, and empty where the output is a speed.
+        output = self.series[i].first if initial == "first" else float(own.sum())
         Z0[:, : system.drest.shape[1]] = system.drest * output
         Z0[:, shared:] = self._rest(system)[:, None]
         return self._rest(system) * output, Z0
@@ -238,21 +237,17 @@ class Predictor:
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""
-        scale, dscale = (
-            np.array([system.ratio for system in levels]),
-            np.array([system.dratio for system in levels]),
-        )
+        scale = np.array([system.ratio for system in levels])
+        dscale = np.array([system.dratio for system in levels])
         friction = kinds == COULOMB
         scale[:, friction] /= self.problem.speed_scale
         dscale[:, friction] /= self.problem.speed_scale
         if self.drive.output != "speed" and friction.any():
+            k = self.drive.speed_state
             for j, system in enumerate(levels):
                 # The speed at the sensor is (C A x), which depends on x[speed_state] only.
-                k = self.drive.speed_state
-                sensor, dsensor = (
-                    system.C @ system.A[:, k],
-                    system.dC.T @ system.A[:, k] + system.C @ system.dA[:, k],
-                )
+                sensor = system.C @ system.A[:, k]
+                dsensor = system.dC.T @ system.A[:, k] + system.C @ system.dA[:, k]
                 dscale[j, friction] = dscale[j, friction] * sensor + scale[j, friction, None] * dsensor
                 scale[j, friction] *= sensor
         return scale, _widened(dscale, q)

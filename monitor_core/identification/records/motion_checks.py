@@ -100,9 +100,8 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
         return
     slip = min(_SLIPS, key=lambda s: abs(np.log(factor / s.factor)))
     near = 1 / _NEAR < factor / slip.factor < _NEAR
-    reason = (
-        f"{slip.mistake} would make it {slip.factor:.3g} times" if near else "are units and gear ratio right?"
-    )
+    mistake = f"{slip.mistake} would make it {slip.factor:.3g} times"
+    reason = mistake if near else "are units and gear ratio right?"
     yield Finding(
         "units",
         "warn",

@@ -6,7 +6,8 @@ resonances in closed form, and ``Slots`` says which parameters of a drive are it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -52,6 +53,21 @@ def names(masses: int) -> tuple[str, ...]:
     """Of inertias, springs and dampers, outwards."""
     J = [f"J{i}" for i in range(1, masses + 1)]
     return (*J, *(f"{letter}{i}" for letter in "kd" for i in range(1, masses)))
+
+
+def problem_of(
+    masses: int, output: Output, like: Problem | None = None, friction: Sequence[str] = FRICTION
+) -> Problem:
+    """The chain with this number of masses, all free, with the settings of ``like``; its values have no meaning."""
+    nominal = {
+        **dict.fromkeys(names(masses), 1.0),
+        **dict.fromkeys(FRICTION, 0.0),
+        "fm": float("fm" in friction),
+    }
+    drive, free = chain(masses, output), (*names(masses), *friction)
+    if like is None:
+        return Problem(drive, nominal, free, predictor="output-error", motion="simulated")
+    return replace(like, drive=drive, nominal=nominal, free=free, K=None, bounds={}, varying={}, slopes={})
 
 
 def _parameters(n: int) -> tuple[Parameter, ...]:

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Output
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.starting.chains import Slots, chain, chain_of_modes, modes_of_chain, names
+from monitor_core.identification.starting.chains import Slots, chain_of_modes, modes_of_chain, problem_of
 from monitor_core.identification.starting.modes import BEYOND, Modal, shape, weights
 from monitor_core.identification.starting.response import Measured, Response
 from monitor_core.identification.starting.search import Found, distinct, errors, settle
@@ -43,7 +42,8 @@ class Stem(NamedTuple):
         if self.slots is None:
             J, fm = values["J1"], values["fm"]
             return Modal(np.zeros(1), np.array([1 / J]), np.array([fm / J]))
-        return modes_of(self.slots, values)
+        # Frequencies and weights without the losses, decays of the drive's own poles.
+        return Modal(*modes_of_chain(self.slots.chain(values)), self.slots.decays(values))
 
 
 def rigid(measured: Measured) -> tuple[Stem, ...]:
@@ -51,8 +51,9 @@ def rigid(measured: Measured) -> tuple[Stem, ...]:
     low = 2 * np.pi * measured.frequency_hz[:1]
     # If the response is known only above the first resonance, the best weight of the rigid motion may be zero.
     a = float(weights(measured, np.zeros(1), low / 2)[0]) or _size(measured)
-    problem = bare(1, measured.output)
-    response = Response(problem, {"J1": 1 / a, "fm": float(low[0]) / 2 / a})
+    response = Response(
+        problem_of(1, measured.output, friction=("fm",)), {"J1": 1 / a, "fm": float(low[0]) / 2 / a}
+    )
     return (Stem(response, settle(response, measured, response.start), None),)
 
 
@@ -73,15 +74,8 @@ def stems(measured: Measured, masses: int) -> tuple[Stem, ...]:
     """Chains of so many masses, grown from one."""
     found = rigid(measured)
     for n in range(2, masses + 1):
-        found = longer(bare(n, measured.output), found, measured)
+        found = longer(problem_of(n, measured.output, friction=("fm",)), found, measured)
     return found
-
-
-def bare(masses: int, output: Output) -> Problem:
-    """A chain of which all is free but Coulomb friction and offset."""
-    given = dict.fromkeys(names(masses), 1.0)
-    nominal = {**given, "fm": 1.0, "fc": 0.0, "tau0": 0.0}
-    return Problem(chain(masses, output), nominal, (*given, "fm"), predictor="output-error")
 
 
 def _grown(problem: Problem, slots: Slots, stem: Stem, measured: Measured) -> Iterator[Stem]:
@@ -146,12 +140,6 @@ def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ..
         Mode(float(p[k]), float(a[best[k], k]), float(_RATIOS[best[k]] * p[k]), float(gain[k]))
         for k in chosen
     )
-
-
-def modes_of(slots: Slots, values: dict[str, float]) -> Modal:
-    """Of a drive: frequencies and weights without its losses, decays of its own poles."""
-    p, a = modes_of_chain(slots.chain(values))
-    return Modal(p, a, slots.decays(values))
 
 
 def joined(known: Modal, mode: Mode) -> Modal:

@@ -5,19 +5,18 @@ The estimates of every model start the next one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import Estimate, Problem, compare
 from monitor_core.identification.records.record import Record
-from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, chain, modes_of_chain, names
+from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
 from monitor_core.identification.starting.growing_chains import Stem, longer, rigid
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Found, Progress, Steps
-from monitor_core.identification.starting.starting_fits import FITTING, best_fit, candidate
+from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, candidate
 
 
 def grow(
@@ -35,17 +34,16 @@ def grow(
         records: to fit.
         upto: masses at most.
         like: a problem whose predictor, disturbance, loss, delay, speed scale and so on are used; its drive, values,
-            free
-            parameters and bounds are not.  None: output error, friction from the simulated speed.
+            free parameters and bounds are not.  None: output error, friction from the simulated speed.
         friction: which of fm, fc and tau0 are free; the others are zero.
         validation: records kept aside.
         progress: called with the steps done and their maximum.
 
     Raises:
-        ValueError: the records yield no frequency response, ``upto`` is below 1, friction of another name; errors of
-            ``fit``.
+        ValueError: the records yield no frequency response, ``upto`` is below 1; errors of ``fit``.
     """
-    _check(upto, friction)
+    if upto < 1:
+        raise ValueError(f"chains of up to {upto} masses: need at least one")
     measured, steps = measure(records), Steps(progress, upto * FITTING)
     stems, models, failed = rigid(measured), list[Grown](), ""
     for masses in range(1, upto + 1):
@@ -66,26 +64,6 @@ def grow(
     return verdict(models, failed)
 
 
-def problem_of(
-    masses: int, output: Output, like: Problem | None = None, friction: Sequence[str] = FRICTION
-) -> Problem:
-    """The chain with this number of masses, all free, with the settings of ``like``; its values have no meaning."""
-    given = {**dict.fromkeys(names(masses), 1.0), **{name: float(name in friction) for name in FRICTION[:1]}}
-    nominal = {**given, **dict.fromkeys(FRICTION[1:], 0.0)}
-    drive, free = chain(masses, output), (*names(masses), *friction)
-    if like is None:
-        return Problem(drive, nominal, free, predictor="output-error", motion="simulated")
-    return replace(like, drive=drive, nominal=nominal, free=free, K=None, bounds={}, varying={}, slopes={})
-
-
-def _check(upto: int, friction: Sequence[str]) -> None:
-    if upto < 1:
-        raise ValueError(f"chains of up to {upto} masses: need at least one")
-    unknown = [name for name in friction if name not in FRICTION]
-    if unknown:
-        raise ValueError(f"friction {unknown[0]!r}: a chain has {', '.join(FRICTION)}")
-
-
 def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> Grown:
     aside = tuple(model.one_step for model in compare(found.problem, validation)) if validation else ()
     chain_found = Slots(found.problem).chain(found.problem.nominal)
@@ -100,11 +78,7 @@ def _stem(model: Grown) -> Stem:
 
 
 def _fitted(
-    problem: Problem,
-    records: Sequence[Record],
-    stems: Sequence[Stem],
-    measured: Measured,
-    reached: Callable[[int], None],
+    problem: Problem, records: Sequence[Record], stems: Sequence[Stem], measured: Measured, reached: Reached
 ) -> Estimate:
     if not stems:
         raise ValueError("the frequency response shows no further resonance")

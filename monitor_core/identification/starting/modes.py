@@ -90,11 +90,8 @@ def weights(measured: Measured, p: Floats, decay: Floats) -> Floats:
 
 def shape(target: Target, p: float, decay: float, output: Output) -> Complexes:
     """Response (F,) of a mode with weight 1."""
-    s = (
-        np.array([-decay + 0j])
-        if p == 0
-        else -decay + 1j * np.sqrt(max(p**2 - decay**2, 0.0)) * np.array([1, -1])
-    )
+    swings = 1j * np.sqrt(max(p**2 - decay**2, 0.0)) * np.array([1, -1])
+    s = np.array([-decay + 0j]) if p == 0 else -decay + swings
     z, h = np.exp(s * target.interval_s), target.interval_s
     G = ((z - 1) / s / s.size / (target.z[:, None] - z)).sum(axis=1)
     if output == "speed":
