@@ -35,9 +35,8 @@ def tall(records: Sequence[Record], n: int) -> tuple[Floats, Floats]:
     for k, record in enumerate(records):
         own = np.eye(len(records))[k].tolist()
         for t in range(n, len(record)):
-            row = (
-                [-record.y[t - i] for i in range(1, n + 1)] + [record.u[t - i] for i in range(1, n + 1)] + own
-            )
+            past = slice(t - 1, t - n - 1 if t > n else None, -1)
+            row = [*-record.y[past], *record.u[past], *own]
             if np.isfinite([*row, record.y[t]]).all():
                 Phi.append(row)
                 right.append(record.y[t])

@@ -20,23 +20,6 @@ def pulls(found: Estimate, true: Floats = TRUE) -> Floats:
     return np.asarray((found.theta[: true.size] - true) / found.sd[: true.size])
 
 
-@pytest.mark.parametrize("predictor", ["output-error", "innovations"])
-def test_the_truth_within_the_stated_deviations(predictor: str, seed: int) -> None:
-    """Twelve records of the reference experiment, each from a start of its own."""
-    all_pulls, noise = [], Disturbance(torque=0.01) if predictor == "innovations" else None
-    for k in range(12):
-        rng = np.random.default_rng(seed + k)
-        problem = reference_problem(predictor=predictor, disturbance=noise)
-        found = fit(problem, [reference_record(seed + k, SAMPLES)], perturbed(rng, 0.05))
-        assert found.converged
-        all_pulls.append(pulls(found))
-        assert found.lam0 == pytest.approx(1, abs=6 * np.sqrt(2 / SAMPLES))
-    # Twelve draws of eight numbers that go together, each a standard normal one.
-    assert np.abs(all_pulls).max() < 4.5
-    assert np.abs(np.mean(all_pulls, axis=0)).max() < 4.5 / np.sqrt(12)
-    assert 0.6 < np.sqrt(np.mean(np.square(all_pulls))) < 1.5
-
-
 def test_deviations_are_cramer_and_raos(seed: int) -> None:
     """At the optimum of white errors: lambda_0 (J'J)^-1, J by differences of the whole simulation."""
     rec = reference_record(seed, 600)

@@ -155,32 +155,35 @@ def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
     assert kinds(Record(t, np.concatenate((record.u, u)), there_and_back, record.quantity), Known()) == []
 
 
-def test_a_standstill_that_ends_with_a_jerk_is_not_stuck(seed: int) -> None:
-    """One end of it may be as abrupt as that of a frozen sensor, not both."""
-    rng = np.random.default_rng(seed)
-    angle = np.concatenate((np.zeros(100), np.cumsum(np.append(0.01, rng.uniform(1e-4, 0.01, 899)))))
-    t = H * np.arange(1000, dtype=float)
-    assert "stuck" not in [
-        kind for kind, _ in kinds(Record(t, rng.normal(size=1000), angle, "angle"), Known())
-    ]
+def jerk(rng: np.random.Generator) -> tuple[float, Output, Floats]:
+    """One end of a standstill may be as abrupt as that of a frozen sensor, not both."""
+    steps = np.append(0.01, rng.uniform(1e-4, 0.01, 899))
+    return H, "angle", np.concatenate((np.zeros(100), np.cumsum(steps)))
 
 
-def test_a_coarse_encoder_is_not_stuck(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def coarse_encoder(_: np.random.Generator) -> tuple[float, Output, Floats]:
     t = 0.001 * np.arange(8000, dtype=float)
-    angle = 0.01 * np.rint(0.1 * np.cumsum(0.5 + 0.4 * np.sin(2 * np.pi * 0.5 * t)))
-    assert "stuck" not in [
-        kind for kind, _ in kinds(Record(t, rng.normal(size=8000), angle, "angle"), Known())
-    ]
+    return 0.001, "angle", 0.01 * np.rint(0.1 * np.cumsum(0.5 + 0.4 * np.sin(2 * np.pi * 0.5 * t)))
 
 
-def test_a_coarse_or_slow_speed_is_not_stuck(seed: int) -> None:
+def coarse_speed(rng: np.random.Generator) -> tuple[float, Output, Floats]:
+    t = 0.001 * np.arange(8000, dtype=float)
+    return 0.001, "speed", np.rint(rng.choice([20, 100]) * (1 + np.sin(np.pi * t)))
+
+
+def slow_speed(rng: np.random.Generator) -> tuple[float, Output, Floats]:
+    """Each value comes 25 times."""
+    return 0.001, "speed", np.repeat(10 * rng.integers(1, 90, 320), 25).astype(float)
+
+
+@pytest.mark.parametrize("motion", [jerk, coarse_encoder, coarse_speed, slow_speed], ids=lambda f: f.__name__)
+def test_equal_values_that_are_not_stuck(
+    motion: Callable[[np.random.Generator], tuple[float, Output, Floats]], seed: int
+) -> None:
     rng = np.random.default_rng(seed)
-    t, u = 0.001 * np.arange(8000, dtype=float), rng.normal(size=8000)
-    in_steps = [np.rint(levels * (1 + np.sin(np.pi * t))) for levels in (20, 100)]
-    slow = np.repeat(10 * rng.integers(1, 90, 320), 25).astype(float)  # each value comes 25 times
-    for speed in (*in_steps, slow):
-        assert "stuck" not in [kind for kind, _ in kinds(Record(t, u, speed, "speed"), Known())]
+    h, quantity, y = motion(rng)
+    record = Record(h * np.arange(y.size, dtype=float), rng.normal(size=y.size), y, quantity)
+    assert "stuck" not in [kind for kind, _ in kinds(record, Known())]
 
 
 def test_nothing_is_stuck_while_the_torque_does_not_move_either(record: Record) -> None:

@@ -36,26 +36,6 @@ from monitor_core.modeling.standard_drives import (
     two_mass,
 )
 
-
-def chain_of_roots(inertia: float, poles: Floats, zeros: Floats) -> Chain:
-    """From the whole inertia, resonances and anti-resonances (n - 1,) each, rad/s; these take turns, a zero first.
-
-    Raises:
-        ValueError: they do not take turns.
-    """
-    p2, z2 = poles**2, zeros**2
-    turns = np.column_stack([z2, p2]).ravel()
-    if not (np.diff(np.concatenate([[0.0], turns])) > 0).all():
-        raise ValueError("anti-resonances and resonances must take turns, an anti-resonance first")
-    others = [np.delete(p2, i) - square for i, square in enumerate(p2)]
-    rigid = np.prod(p2 / z2)
-    a = [
-        rigid * np.prod(z2 - square) / (-square * np.prod(other))
-        for square, other in zip(p2, others, strict=True)
-    ]
-    return chain_of_modes(np.concatenate([[0.0], poles]), np.array([1.0, *a]) / inertia)
-
-
 Way = Literal["scratch", "given"]
 R = REFERENCE_VALUES["r"]
 OTHERS = {"fc": 0.0, "tau0": 0.0, "kT": 1.0, "r": R}
@@ -201,34 +181,15 @@ def stiffness(k: Floats) -> Floats:
 
 @law
 @given(chains)
-def test_poles_and_zeros_of_a_chain_are_that_chain(drawn: tuple[list[float], list[float]]) -> None:
-    """Zeros are the resonances with the first mass held; both by scipy's symmetric solver."""
-    J, k = np.array(drawn[0]), np.array(drawn[1])
-    K, M = stiffness(k), np.diag(J)
-    poles = np.sqrt(sla.eigvalsh(K, M)[1:])
-    zeros = np.sqrt(sla.eigvalsh(K[1:, 1:], M[1:, 1:]))
-    back = chain_of_roots(float(J.sum()), poles, zeros)
-    # The far end hangs on differences of the roots: the solver's 1e-15 comes back a few million times as large.
-    np.testing.assert_allclose(np.concatenate(back), np.concatenate([J, k]), rtol=1e-7)
-
-
-@law
-@given(chains)
 def test_modes_of_a_chain_are_that_chain(drawn: tuple[list[float], list[float]]) -> None:
-    """Y(s) at some points is that of the force balance, and back again."""
+    """Resonances are scipy's, Y(s) at some points is that of the force balance, and back again."""
     J, k = np.array(drawn[0]), np.array(drawn[1])
     p, a = modes_of_chain(Chain(J, k))
+    np.testing.assert_allclose(p[1:] ** 2, sla.eigvalsh(stiffness(k), np.diag(J))[1:], rtol=1e-9)
     for s in (0.3, 1.0 + 0.5j, 4.0j):
         balance = np.linalg.inv(np.diag(J) * s + stiffness(k) / s)[0, 0]
         assert np.sum(a * s / (s**2 + p**2)) == pytest.approx(balance, rel=1e-6)
     np.testing.assert_allclose(np.concatenate(chain_of_modes(p, a)), np.concatenate([J, k]), rtol=1e-8)
-
-
-@pytest.mark.parametrize("roots", [([3.0, 2.0], [1.0, 2.5]), ([1.0], [2.0])])
-def test_what_is_no_chain_is_refused(roots: tuple[list[float], list[float]]) -> None:
-    poles, zeros = roots
-    with pytest.raises(ValueError, match="take turns"):
-        chain_of_roots(1.0, np.array(poles), np.array(zeros))
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
@@ -270,9 +231,8 @@ def test_response_and_its_slopes(output: Output, shift: float, seed: int) -> Non
     np.testing.assert_allclose(G, direct, rtol=1e-6)
     for i in range(response.start.size):
         e = 1e-5 * np.eye(response.start.size)[i]
-        slope = (
-            response.at(response.start + e, target)[0] - response.at(response.start - e, target)[0]
-        ) / 2e-5
+        ahead, behind = (response.at(response.start + s * e, target)[0] for s in (1, -1))
+        slope = (ahead - behind) / 2e-5
         np.testing.assert_allclose(dG[:, i], slope, atol=1e-5 * np.abs(dG).max())
 
 
