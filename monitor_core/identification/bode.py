@@ -68,7 +68,6 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
         records: the records that were fitted.
     """
     f, h = band(records), estimate.interval_s
-    shown = _as_speed if records[0].quantity == "angle" else _unchanged
     regular, words = _regular(records, h)
     found = drive_response(
         estimate.drive, estimate.values, h, f, names=estimate.names, covariance=estimate.covariance,
@@ -76,20 +75,14 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
     )  # fmt: skip
     before = None
     if start is not None:
-        before = shown(
-            drive_response(
-                start.drive, start.nominal, h, f, delay_s=start.delay_s, name="drive, nominal before"
-            )
-        )
+        name = "drive, nominal before"
+        before = drive_response(start.drive, start.nominal, h, f, delay_s=start.delay_s, name=name)
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
     measured, no_spectrum = _tried("frequency response of the record", lambda: _measured(regular, f))
-    return Bode(
-        shown(found),
-        before,
-        black_box and shown(black_box),
-        measured and shown(measured),
-        (*words, *no_box, *no_spectrum),
-    )
+    if records[0].quantity == "angle":
+        found = _as_speed(found)
+        before, black_box, measured = (one and _as_speed(one) for one in (before, black_box, measured))
+    return Bode(found, before, black_box, measured, (*words, *no_box, *no_spectrum))
 
 
 def band(records: Sequence[Record]) -> Floats:
@@ -141,10 +134,6 @@ def _measured(records: Sequence[Record], f: Floats) -> FrequencyResponse:
         return spectral_response(records, name="record, spectra").between(f[0], f[-1])
 
 
-def _unchanged(response: FrequencyResponse) -> FrequencyResponse:
-    return response
-
-
 def _as_speed(response: FrequencyResponse) -> FrequencyResponse:
     return replace(response, G=response.G * 2j * np.pi * response.frequency_hz)
 
@@ -162,12 +151,7 @@ def held_response(
     Ad, Bd belong to the torque held over the interval, Bd' to the part of it that acts late, as the samples of a record
     see it: this is what spectra and discrete models estimate, not C (jw - A)^-1 B.
 
-    Args:
-        system: A, B, C and their derivatives.
-        torque: (m,) which inputs are the motor torque.
-        interval_s: s.
-        frequency_hz: (F,) Hz.
-        delay_s: by which the torque acts late, s, at most one interval.
+    ``torque`` (m,) says which inputs are the motor torque, which acts late by ``delay_s``, at most one interval.
 
     Raises:
         ValueError: a frequency beyond half the sampling frequency.

@@ -80,7 +80,8 @@ def identify(
     """
     options = options or IdentificationOptions()
     report: Progress = progress or (lambda *_: None)
-    growth = _growth(problem, records, validation, options.max_masses, report)
+    most = options.max_masses
+    growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
         estimate = _best(problem, records, options.start, report)
         if options.interval_mean:
@@ -143,15 +144,9 @@ def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estim
 
 
 def _growth(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    max_masses: int | None,
-    report: Progress,
-) -> Growth | None:
-    """Chains of one, two, .. masses, with the friction of the drive; None: not requested."""
-    if max_masses is None:
-        return None
+    problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: Progress
+) -> Growth:
+    """Chains of one, two, .. masses, with the friction of the drive."""
     acting = _acting_inputs(problem)
     if acting & {COSINE, SINE}:
         raise IdentificationError(
@@ -161,7 +156,7 @@ def _growth(
     try:
         return grow(
             records,
-            max_masses,
+            most,
             like=problem,
             friction=[name for name, acts in friction.items() if acts],
             validation=validation,

@@ -39,25 +39,17 @@ _LARGEST = 200
 
 @dataclass(frozen=True, eq=False)
 class Arx:
-    """An ARX model of order n.
-
-    Args:
-        interval_s: s.
-        a: (n,) a_1 .. a_n.
-        b: (n,) b_1 .. b_n.
-        offset: (records,) c, in units of y.
-        root: (2 n, r) with lam0 root root' the covariance of (a, b); r: how many numbers the records tell.
-        lam0: variance of e.
-        rows: equations behind it.
-    """
+    """An ARX model of order n."""
 
     interval_s: float
-    a: Floats
-    b: Floats
-    offset: Floats
-    root: Floats
-    lam0: float
-    rows: int
+    a: Floats  # (n,) a_1 .. a_n
+    b: Floats  # (n,) b_1 .. b_n
+    offset: Floats  # (records,) c, in units of y
+    root: (
+        Floats  # (2 n, r) with lam0 root root' the covariance of (a, b); r: how many numbers the records tell
+    )
+    lam0: float  # variance of e
+    rows: int  # equations behind it
 
     def response(self, frequency_hz: ArrayLike, name: str = "") -> FrequencyResponse:
         """G = B / A with its variance by the delta method:  dG/da_i = -z^-i G / A,  dG/db_i = z^-i / A.

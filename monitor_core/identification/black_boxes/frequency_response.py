@@ -83,12 +83,7 @@ def by_gradient(
 ) -> FrequencyResponse:
     """The delta method:  d log G = sum_i (dG/dtheta_i / G) dtheta_i,  real part the gain, imaginary part the phase.
 
-    Args:
-        frequency_hz: (F,).
-        G: (F,).
-        dG: (F, p) derivatives of G with respect to theta.
-        root: (p, r) with root root' the covariance of theta.
-        name: as in a legend.
+    dG (F, p) are the derivatives with respect to theta, and root (p, r) has root root' the covariance of theta.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         w = (dG / G[:, None]) @ root

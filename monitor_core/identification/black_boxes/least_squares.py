@@ -43,10 +43,7 @@ class Solution(NamedTuple):
 def factor(records: Sequence[Regular], blocks: Sequence[Lags], order: Ints) -> Factor:
     """The triangular factor of the rows of all records without missing values.
 
-    Args:
-        records: on a regular grid.
-        blocks: columns of y (0), u (1) and the constants of the records (2, 3, ..) with their lags.
-        order: (c,) the columns are taken in this order.
+    ``blocks`` are columns of y (0), u (1) and the constants of the records (2, 3, ..), taken in the ``order`` (c,).
     """
     c = sum(block.width for block in blocks)
     G, N = np.zeros((c, c)), 0
@@ -72,13 +69,9 @@ def solve(R: Floats, p: int) -> Solution:
 
 
 def least_order(R: Floats, N: int, before: int, criterion: Criterion) -> int:
-    """The order n of least  N log(RSS / N) + p (2 or log N),  RSS of every order read off the last column of R.
+    """The order n of least  N log(RSS / N) + p (2 or log N),  RSS of every order read off the last column of R (c, c).
 
-    Args:
-        R: (c, c) columns: some before, then two for each order, the right-hand side last.
-        N: rows behind it.
-        before: columns that every order has.
-        criterion: Akaike's or the Bayesian one.
+    Its columns are those ``before``, which every order has, two for each order, and the right-hand side; N rows.
     """
     below = np.cumsum(R[::-1, -1] ** 2)[::-1]
     orders = np.arange(1, (R.shape[0] - 1 - before) // 2 + 1)
@@ -152,12 +145,7 @@ class Lags(NamedTuple):
 
 
 def rows(known: Sequence[Bools], blocks: Sequence[Lags]) -> Iterator[tuple[int, int]]:
-    """Ranges (a, b) of t in which every z(t - lag) of every column is known.
-
-    Args:
-        known: (N,) for each signal, where it is.
-        blocks: the columns.
-    """
+    """Ranges (a, b) of t in which every z(t - lag) of every column is known; ``known`` (N,) for each signal."""
     N = known[0].size
     good = np.ones(N, np.bool_)
     for block in blocks:
@@ -171,14 +159,7 @@ def rows(known: Sequence[Bools], blocks: Sequence[Lags]) -> Iterator[tuple[int, 
 
 
 def gram(signals: Floats, blocks: Sequence[Lags], a: int, b: int) -> Floats:
-    """G (c, c) of the rows t = a .. b-1, columns in the order of the blocks.
-
-    Args:
-        signals: (s, N) the signals.
-        blocks: the columns, c in all.
-        a: first row; a is at least the largest lag.
-        b: one after the last row.
-    """
+    """G (c, c) of the rows t = a .. b-1 of signals (s, N), a at least the largest lag; columns as in the blocks."""
     table = np.array([[block.signal, block.first, block.width] for block in blocks], dtype=np.int64)
     c = int(table[:, 2].sum())
     G = np.zeros((c, c))

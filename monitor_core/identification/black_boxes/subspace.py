@@ -152,13 +152,7 @@ _ROUNDING = 1e-14
 
 
 def smooth_predictor(Z: Floats, y: Floats, lam0: float) -> Floats:
-    """h (2 p,) of the largest posterior.
-
-    Args:
-        Z: (r, 2 p) rows of u(t-1), y(t-1), .. u(t-p), y(t-p), of about the size 1.
-        y: (r,) right-hand side.
-        lam0: variance of e.
-    """
+    """h (2 p,) of the largest posterior, from rows Z (r, 2 p) as of ``Past``, of about the size 1, and y (r,)."""
     F = np.kron(np.triu(np.ones((Z.shape[1] // 2, Z.shape[1] // 2))), np.eye(2))
     ZF = Z @ F
     M, c = ZF.T @ ZF / lam0, ZF.T @ y / lam0

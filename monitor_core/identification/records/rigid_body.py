@@ -93,12 +93,9 @@ def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
 
 
 def rigid_fit(record: Record, speed_scale: float = 1.0, shortest_s: float = 0.0) -> Rigid | None:
-    """The best of the fits with windows of different length; None where none explains anything.
+    """The best of the fits with windows of different length, at least ``shortest_s``; None: none explains anything.
 
-    Args:
-        record: torque and angle or speed; it is cut at gaps.
-        speed_scale: rad/s, of Coulomb friction.
-        shortest_s: minimum length of a window; motions faster than a third of it are suppressed.
+    Motions faster than a third of a window are suppressed.  ``speed_scale`` [rad/s] is that of Coulomb friction.
     """
     pieces = segments(record, _GAP * record.interval_s)
     parts = [_part(piece) for piece in pieces if np.count_nonzero(piece.measured) > 1]

@@ -192,12 +192,7 @@ class Slots:
         raise ValueError("not every mass and spring of the chain that the motor sees is a free parameter")
 
     def values(self, chain: Chain, decay: Floats) -> dict[str, float]:
-        """All values of the drive.
-
-        Args:
-            chain: as the motor sees it.
-            decay: (n,) -Re of the poles, 1/s: of the rigid motion, then of the resonances.
-        """
+        """All values of the drive whose chain is this, with the decays (n,) 1/s: of rigid motion, of the resonances."""
         numbers = np.concatenate([chain.J, chain.k])
         found = {name: float(numbers[slot] / scale) for name, (slot, scale) in self._scale.items()}
         return self.damped({**self._nominal, **found}, decay)

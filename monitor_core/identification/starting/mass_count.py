@@ -106,40 +106,24 @@ _PLAIN = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Grown:
-    """A chain of some masses, fitted.
-
-    Attributes:
-        masses: number of masses.
-        estimate: all values as the motor sees them, J1, k1, .. outwards.
-        samples: N of the criteria.
-        aic: Akaike's criterion.
-        bic: Schwarz' criterion.
-        validation: NRMSE in per cent of each record kept aside, one step ahead.
-        doubt: why one of the masses is not real, in words; empty: there is no doubt.
-    """
+    """A chain of some masses, fitted."""
 
     masses: int
-    estimate: Estimate
-    samples: float
-    aic: float
-    bic: float
-    validation: tuple[float, ...]
-    doubt: str
+    estimate: Estimate  # all values as the motor sees them, J1, k1, .. outwards
+    samples: float  # N of the criteria
+    aic: float  # Akaike's criterion
+    bic: float  # Schwarz' criterion
+    validation: tuple[float, ...]  # NRMSE in per cent of each record kept aside, one step ahead
+    doubt: str  # why one of the masses is not real, in words; empty: there is no doubt
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Chains of one, two, .. masses.
+    """Chains of one, two, .. masses."""
 
-    Attributes:
-        models: the last one may be unsupported.
-        recommended: the number of masses that the records support.
-        words: why, in sentences.
-    """
-
-    models: tuple[Grown, ...]
-    recommended: int
-    words: tuple[str, ...]
+    models: tuple[Grown, ...]  # the last one may be unsupported
+    recommended: int  # the number of masses that the records support
+    words: tuple[str, ...]  # why, in sentences
 
     @property
     def best(self) -> Grown:
@@ -180,12 +164,7 @@ def asked(smaller: Grown, larger: Grown) -> bool:
 
 
 def verdict(models: Sequence[Grown], failed: str) -> Growth:
-    """The recommendation.
-
-    Args:
-        models: of one mass, two, ..
-        failed: why the next could not be fitted, if so.
-    """
+    """The recommendation from models of one mass, two, ..; ``failed``: why the next could not be fitted, if so."""
     enough = len(models) > 1 and not asked(*models[-2:])
     recommended = len(models) - enough
     if enough:

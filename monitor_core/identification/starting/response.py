@@ -56,24 +56,15 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The response in the records.
+    """The response in the records."""
 
-    Args:
-        series: the records on a grid.
-        output: the measured quantity.
-        arx: source of the response.
-        frequency_hz: (F,) where it is known.
-        sd: (F,) standard deviation of its relative error, |dG| / |G|.
-        expected: sum of squares of relative errors over ``sd`` of the right model: the number of parameters of the ARX
-            model in that band.
-    """
-
-    series: tuple[Regular, ...]
-    output: Output
-    arx: Arx
-    frequency_hz: Floats
-    sd: Floats
+    series: tuple[Regular, ...]  # the records on a grid
+    output: Output  # the measured quantity
+    arx: Arx  # source of the response
+    frequency_hz: Floats  # (F,) where it is known
+    sd: Floats  # (F,) standard deviation of its relative error, |dG| / |G|
     expected: float
+    """Squared relative errors over ``sd`` of the right model: number of parameters of the ARX model in that band."""
 
     def target(self, shift: float = 0.0, surest: float = 0.0) -> Target:
         """The points at exp((shift + j w) h), ``shift`` in 1/s; none counts as surer than ``surest``."""

@@ -93,11 +93,7 @@ def search(
 ) -> tuple[Found, ...]:
     """The distinct ends of searches from the response's start and around it, the best first.
 
-    Args:
-        response: of the drive, with the values to start from.
-        measured: what it is to be.
-        most: searches; it is over, too, when some have ended at the same best values.
-        reached: told after each search how many there have been.
+    There are at most so many, fewer when some have ended at the same best values; ``reached`` is told their number.
     """
     ends = list[Found]()
     for count, end in enumerate(_ends(response, measured)):

@@ -43,19 +43,12 @@ Reached = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Candidate:
-    """Starting values.
+    """Starting values."""
 
-    Args:
-        values: of all parameters of the drive.
-        origin: the method, in words.
-        cost: squared relative errors of their frequency response over their variances.
-        expected: the cost of the right values, within the uncertainty of the response.
-    """
-
-    values: Mapping[str, float]
-    origin: str
-    cost: float
-    expected: float
+    values: Mapping[str, float]  # of all parameters of the drive
+    origin: str  # the method, in words
+    cost: float  # squared relative errors of their frequency response over their variances
+    expected: float  # the cost of the right values, within the uncertainty of the response
 
 
 def fit_from_scratch(

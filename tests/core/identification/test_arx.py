@@ -150,17 +150,6 @@ def test_the_offset_is_that_of_the_system(seed: int) -> None:
     assert parameters(model) == pytest.approx([*A2, *B2, -2.0 * B2.sum()], abs=1e-9)
 
 
-def test_the_right_order_is_chosen(seed: int) -> None:
-    """BIC finds it; AIC does not take less, and takes too much in about a sixth of the cases by its own law."""
-    rng = np.random.default_rng(seed)
-    records = [arx_record(rng, A2, B2, 1500, 0.5) for _ in range(20)]
-    by_bic = [fit_arx([r], "bic", largest=15).a.size for r in records]
-    by_aic = [fit_arx([r], "aic", largest=15).a.size for r in records]
-    assert by_bic.count(2) >= 18
-    assert min(by_aic) >= 2
-    assert by_aic.count(2) >= 8
-
-
 def test_chosen_order_is_the_model_of_that_order(seed: int) -> None:
     record = bench_record(np.random.default_rng(seed), 3000)
     chosen = fit_arx([record], "bic", largest=40)

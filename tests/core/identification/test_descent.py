@@ -21,8 +21,9 @@ def search(
 ) -> End:
     """Without bounds and limits of the step but those given."""
     endless = np.full(len(start), np.inf)
-    given = (endless if limit is None else limit for limit in (upper, longest, clipped))
-    return minimise(evaluate, np.array(start), (-endless, next(given)), *given, most)
+    bounds = -endless, endless if upper is None else upper
+    steps = (endless if limit is None else limit for limit in (longest, clipped))
+    return minimise(evaluate, np.array(start), bounds, next(steps), next(steps), most)
 
 
 def rosenbrock(xi: Floats) -> Normal:

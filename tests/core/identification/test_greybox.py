@@ -188,14 +188,11 @@ def test_bounds_hold_and_are_said(seed: int) -> None:
     assert any(word.startswith("Jm ended at its bound") for word in found.words)
 
 
-def test_a_noise_level_that_is_not_there_is_said(seed: int) -> None:
+def test_a_noise_level_that_is_not_there_vanishes(seed: int) -> None:
     problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.1))
     found = fit(problem, [reference_record(seed, SAMPLES)])
     assert found.converged
     assert found.noise["torque"] < 0.1
-    assert (
-        any("white torque noise cannot be told" in word for word in found.words) or found.noise["torque"] > 0
-    )
 
 
 def test_the_noise_levels_are_found(seed: int) -> None:
