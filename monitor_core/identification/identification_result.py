@@ -13,7 +13,7 @@ from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.bode import Bode
 from monitor_core.identification.greybox import Estimate, Trace
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
-from monitor_core.identification.problem import Problem
+from monitor_core.identification.problem import Problem, value_of
 from monitor_core.identification.starting import Growth, masses_of
 
 _SIGNIFICANT = 3.0
@@ -140,7 +140,9 @@ class IdentificationResult:
                 yield ParameterRow(name, "s", "delay of the torque", value, sd, self.start.delay_s)
             else:
                 p = e.drive.parameter(name)
-                before = None if split_name(name)[0] in self.unknown else _value(self.start.nominal, name)
+                base = split_name(name)[0]
+                known = base in self.start.nominal and base not in self.unknown
+                before = value_of(self.start.nominal, name) if known else None
                 yield ParameterRow(name, p.unit, p.meaning, value, sd, before)
         for name, reason in self.held.items():
             p = e.drive.parameter(name)
@@ -154,10 +156,3 @@ class IdentificationResult:
         estimates = dict(zip(e.names, zip(e.theta.tolist(), e.sd.tolist(), strict=True), strict=True))
         for scheduled in self.scheduled:
             yield Slope(scheduled, estimates[scheduled.parameter][0], *estimates[scheduled.slope])
-
-
-def _value(values: Mapping[str, float], name: str) -> float | None:
-    base, inverse = split_name(name)
-    if base not in values:
-        return None
-    return 1 / values[base] if inverse else values[base]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, split_name
-from monitor_core.identification.problem import Disturbance, Problem
+from monitor_core.identification.problem import Disturbance, Problem, value_of
 from monitor_core.kernel.tables import TORQUE
 
 _FARTHEST = 1e3
@@ -84,11 +84,10 @@ class Layout:
         self.free_delay = problem.free_delay
 
     def _parameter(self, problem: Problem, drive: Drive, name: str) -> Entry:
-        base, inverse = split_name(name)
-        value = 1 / self._nominal[base] if inverse else self._nominal[base]
+        value = value_of(self._nominal, name)
         positive = drive.parameter(name).positive
         usual = (value / _FARTHEST, value * _FARTHEST) if positive else (-math.inf, math.inf)
-        if base == DISTURBANCE_TIME:
+        if name == DISTURBANCE_TIME:
             # A faster disturbance than the samples would be white noise.
             usual = (min(value, self._interval_s), value * _FARTHEST)
         lower, upper = problem.bounds.get(name, usual)
@@ -100,9 +99,8 @@ class Layout:
 
     @staticmethod
     def _slope(problem: Problem, name: str) -> Entry:
-        return Entry(
-            name, problem.slopes.get(name, 0.0), *problem.bounds.get(name, (-math.inf, math.inf)), False
-        )
+        bounds = problem.bounds.get(name, (-math.inf, math.inf))
+        return Entry(name, problem.slopes.get(name, 0.0), *bounds, False)
 
     def _levels(self, drive: Drive) -> list[Entry]:
         noise = self._noise
@@ -180,8 +178,7 @@ class Layout:
 
     def theta_of(self, values: Mapping[str, float]) -> Floats:
         """The free parameters among the values."""
-        split = [split_name(name) for name in self.free]
-        return np.array([1 / values[base] if inverse else values[base] for base, inverse in split])
+        return np.array([value_of(values, name) for name in self.free])
 
     def values_with(self, values: Mapping[str, float], theta: Floats) -> dict[str, float]:
         """All values with the free ones replaced."""

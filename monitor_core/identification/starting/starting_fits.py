@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
+from monitor_core.identification.problem import value_of
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting.chains import Slots, chain_of_modes
 from monitor_core.identification.starting.growing_chains import longer, stems
@@ -196,10 +196,5 @@ def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
 
 def _free(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
     """As ``fit`` takes them: free parameters by their names, inside their bounds."""
-    out = {}
-    for name in problem.free:
-        base, inverse = split_name(name)
-        value = 1 / values[base] if inverse else values[base]
-        lower, upper = problem.bounds.get(name, (-np.inf, np.inf))
-        out[name] = float(np.clip(value, lower, upper))
-    return out
+    bounds = {name: problem.bounds.get(name, (-np.inf, np.inf)) for name in problem.free}
+    return {name: float(np.clip(value_of(values, name), *limits)) for name, limits in bounds.items()}
