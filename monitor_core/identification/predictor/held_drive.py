@@ -166,7 +166,7 @@ def hold_mean(
     s: int,
     interval_s: float,
 ) -> Held:
-    """The drive over intervals (G,) [s], the nominal one ``interval_s``; ``late_s`` as in held.hold_late, or None."""
+    """The drive over intervals (G,) [s], the nominal one ``interval_s``; ``late_s`` as in ``hold_late``, or None."""
     late = np.minimum(late_s or 0.0, intervals_s)
     own_s = np.where(intervals_s > LOST * interval_s, np.minimum(intervals_s - late, interval_s), 0.0)
     before_s = intervals_s - own_s
