@@ -64,13 +64,12 @@ if TYPE_CHECKING:
     from monitor_core.excitation.design import plan
     from monitor_core.excitation.multisine_signals import crest_factor, multisine
     from monitor_core.excitation.reference_experiment import experiment
-    from monitor_core.identification.estimate import Estimate
-    from monitor_core.identification.greybox import fit
+    from monitor_core.identification.greybox import Estimate, fit
     from monitor_core.identification.identification_procedure import IdentificationOptions, identify
     from monitor_core.identification.identification_result import IdentificationResult
     from monitor_core.identification.problem import Disturbance, IdentificationError, Problem
-    from monitor_core.identification.record import Record
-    from monitor_core.identification.record_checks import suspicions as check_record
+    from monitor_core.identification.records import suspicions as check_record
+    from monitor_core.identification.records.record import Record
     from monitor_core.modeling.simulated_axis import SimulatedAxis
     from monitor_core.modeling.standard_drives import (
         REFERENCE_VALUES,
@@ -173,8 +172,8 @@ _HOME = {
     "crest_factor": "excitation.multisine_signals",
     "plan": "excitation.design",
     "Accuracy": "excitation.accuracy",
-    "Record": "identification.record",
-    "check_record": "identification.record_checks:suspicions",
+    "Record": "identification.records",
+    "check_record": "identification.records:suspicions",
     "Problem": "identification.problem",
     "Disturbance": "identification.problem",
     "identify": "identification.identification_procedure",
@@ -182,7 +181,7 @@ _HOME = {
     "IdentificationResult": "identification.identification_result",
     "IdentificationError": "identification.problem",
     "fit": "identification.greybox",
-    "Estimate": "identification.estimate",
+    "Estimate": "identification.greybox",
     "Settings": "settings",
     "Threshold": "settings",
     "MonitoringOptions": "monitoring.recommended_settings",

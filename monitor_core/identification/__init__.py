@@ -1,18 +1,16 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
 * ``identification_procedure``: the whole way, ``identify``; ``identification_result``: what it returns;
-  ``parameter_selection``, ``schedule``: what is estimated.
-* ``record``, ``record_checks``, ``resampling``: records, and whether they can be used.
-* ``problem``, ``parameter_vector``, ``predictor``, ``criterion``, ``greybox``, ``covariance``: the fit of a drive.
+  ``problem``, ``parameter_selection``: what is estimated; ``bode``: the drive beside black boxes and the record.
+* ``records``: records, and whether they can be used.
+* ``predictor``: prediction errors of a drive; ``greybox``: its fit.
 * ``starting``: values to start from, and the number of masses.
-* ``arx``, ``blackbox``, ``subspace``, ``frequency``, ``spectral``, ``local_polynomial``: models to compare with.
+* ``black_boxes``: models without physics, and frequency responses.
 """
 
-from monitor_core.identification.arx import fit_arx
-from monitor_core.identification.blackbox import fit_blackbox
+from monitor_core.identification.black_boxes import FrequencyResponse, fit_arx
 from monitor_core.identification.bode import Bode
-from monitor_core.identification.frequency import FrequencyResponse
-from monitor_core.identification.greybox import Disturbance, Problem, fit
+from monitor_core.identification.greybox import LEVEL, Correlation, Trace, fit
 from monitor_core.identification.identification_procedure import (
     MOST_MASSES,
     USUAL_MASSES,
@@ -24,52 +22,21 @@ from monitor_core.identification.identification_procedure import (
 from monitor_core.identification.identification_result import IdentificationResult, ParameterRow, Rejection
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
+    Schedule,
+    Slope,
+    scheduled_terms,
     select_parameters,
     with_schedule,
+    with_terms,
 )
-from monitor_core.identification.problem import IdentificationError, Predictor
-from monitor_core.identification.record import UNITS, Record, between
-from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
-from monitor_core.identification.residuals import LEVEL, Correlation
-from monitor_core.identification.schedule import Schedule, Slope, scheduled_terms, with_terms
+from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
+from monitor_core.identification.records import UNITS, Finding, Known, Record, between, known_of, suspicions
 from monitor_core.identification.starting import Growth
-from monitor_core.identification.traces import Trace
 
 __all__ = [
-    "LEVEL",
-    "MOST_MASSES",
-    "UNITS",
-    "USUAL_MASSES",
-    "Bode",
-    "Correlation",
-    "Disturbance",
-    "Finding",
-    "FrequencyResponse",
-    "Growth",
-    "IdentificationError",
-    "IdentificationOptions",
-    "IdentificationResult",
-    "Known",
-    "ParameterRow",
-    "ParameterSelection",
-    "Predictor",
-    "Problem",
-    "Progress",
-    "Record",
-    "Rejection",
-    "Schedule",
-    "Slope",
-    "Start",
-    "Trace",
-    "between",
-    "fit",
-    "fit_arx",
-    "fit_blackbox",
-    "identify",
-    "known_of",
-    "scheduled_terms",
-    "select_parameters",
-    "suspicions",
-    "with_schedule",
-    "with_terms",
-]
+    "LEVEL", "MOST_MASSES", "UNITS", "USUAL_MASSES", "Bode", "Correlation", "Disturbance", "Finding",
+    "FrequencyResponse", "Growth", "IdentificationError", "IdentificationOptions", "IdentificationResult",
+    "Known", "ParameterRow", "ParameterSelection", "Predictor", "Problem", "Progress", "Record",
+    "Rejection", "Schedule", "Slope", "Start", "Trace", "between", "fit", "fit_arx", "identify",
+    "known_of", "scheduled_terms", "select_parameters", "suspicions", "with_schedule", "with_terms",
+]  # fmt: skip

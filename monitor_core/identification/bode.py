@@ -9,19 +9,27 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.signal import welch
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Drive
-from monitor_core.identification.arx import fit_arx
-from monitor_core.identification.drive_response import drive_response
-from monitor_core.identification.estimate import Estimate
-from monitor_core.identification.frequency import FrequencyResponse
-from monitor_core.identification.local_polynomial import local_response
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DELAY, Drive
+from monitor_core.identification.black_boxes.arx import fit_arx
+from monitor_core.identification.black_boxes.frequency_response import (
+    Complexes,
+    FrequencyResponse,
+    by_gradient,
+    on_circle,
+    root_of,
+)
+from monitor_core.identification.black_boxes.spectra import local_response, spectral_response
+from monitor_core.identification.greybox import Estimate
+from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.record import Record
-from monitor_core.identification.resampling import decimate, resample
-from monitor_core.identification.spectral import spectral_response
+from monitor_core.identification.records.record import Bools, Record
+from monitor_core.identification.records.uniform_grid import decimate, resample
+from monitor_core.kernel.tables import TORQUE
 
 _POINTS = 300
 _PERIODS = 4.0
@@ -60,46 +68,21 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
         records: the records that were fitted.
     """
     f, h = band(records), estimate.interval_s
-    shown = _as_speed if records[0].quantity == "angle" else _unchanged
     regular, words = _regular(records, h)
-    found = _drive(
-        estimate.drive, estimate.values, h, f, estimate.delay_s, "drive, identified",
-        names=estimate.names, covariance=estimate.covariance,
+    found = drive_response(
+        estimate.drive, estimate.values, h, f, names=estimate.names, covariance=estimate.covariance,
+        delay_s=estimate.delay_s, name="drive, identified",
     )  # fmt: skip
     before = None
     if start is not None:
-        before = shown(_drive(start.drive, start.nominal, h, f, start.delay_s, "drive, nominal before"))
+        name = "drive, nominal before"
+        before = drive_response(start.drive, start.nominal, h, f, delay_s=start.delay_s, name=name)
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
     measured, no_spectrum = _tried("frequency response of the record", lambda: _measured(regular, f))
-    return Bode(
-        shown(found),
-        before,
-        black_box and shown(black_box),
-        measured and shown(measured),
-        (*words, *no_box, *no_spectrum),
-    )
-
-
-def _drive(
-    drive: Drive,
-    values: Mapping[str, float],
-    interval_s: float,
-    f: Floats,
-    delay_s: float,
-    name: str,
-    names: Sequence[str] = (),
-    covariance: Floats | None = None,
-) -> FrequencyResponse:
-    """As ``drive_response``, also for delays of more than an interval."""
-    intervals, rest = divmod(delay_s, interval_s)
-    found = drive_response(
-        drive, values, interval_s, f, names=names, covariance=covariance, delay_s=rest, name=name
-    )
-    turns = np.exp(-2j * np.pi * f * interval_s)
-    mean = (
-        (1 - turns) / interval_s if drive.mean_state >= 0 else 1.0
-    )  # for an angle: its change over each interval
-    return replace(found, G=found.G * mean * turns**intervals)
+    if records[0].quantity == "angle":
+        found = _as_speed(found)
+        before, black_box, measured = (one and _as_speed(one) for one in (before, black_box, measured))
+    return Bode(found, before, black_box, measured, (*words, *no_box, *no_spectrum))
 
 
 def band(records: Sequence[Record]) -> Floats:
@@ -119,9 +102,8 @@ def _regular(records: Sequence[Record], interval_s: float) -> tuple[list[Record]
     scatter = max(record.jitter_s / record.interval_s for record in cut)
     if scatter < _EVEN:
         return cut, ()
-    found = [resample(record, interval_s) for record in cut]
     words = "For the black box and the spectra the record was resampled: its samples are not evenly spaced."
-    return [resampled.record for resampled in found], (words,)
+    return [resample(record, interval_s) for record in cut], (words,)
 
 
 def _tried(
@@ -137,7 +119,7 @@ def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
     """ARX model; samples much faster than the band are decimated, as the order of the model counts samples."""
     h = max(record.interval_s for record in records)
     every = max(1, int(1 / (_FASTER * f[-1] * h)))
-    thinned = [decimate(record, every).record for record in records] if every > 1 else list(records)
+    thinned = [decimate(record, every) for record in records] if every > 1 else list(records)
     samples = sum(len(record) for record in thinned)
     model = fit_arx(thinned, "aic", largest=max(1, min(_LARGEST, samples // 20)))
     found = model.response(f)
@@ -152,9 +134,96 @@ def _measured(records: Sequence[Record], f: Floats) -> FrequencyResponse:
         return spectral_response(records, name="record, spectra").between(f[0], f[-1])
 
 
-def _unchanged(response: FrequencyResponse) -> FrequencyResponse:
-    return response
-
-
 def _as_speed(response: FrequencyResponse) -> FrequencyResponse:
     return replace(response, G=response.G * 2j * np.pi * response.frequency_hz)
+
+
+# --- The response of a drive at estimated parameters, with the band that their covariance leaves ----------------------
+
+
+def held_response(
+    system: Linear, torque: Bools, interval_s: float, frequency_hz: ArrayLike, delay_s: float = 0.0
+) -> tuple[Complexes, Complexes]:
+    """G (F,) and its derivatives (F, p + 1) with respect to the parameters and, last, the delay of the torque.
+
+        G(z) = C (zI - Ad)^-1 (Bd + Bd' / z),      z = e^{jwh}
+
+    Ad, Bd belong to the torque held over the interval, Bd' to the part of it that acts late, as the samples of a record
+    see it: this is what spectra and discrete models estimate, not C (jw - A)^-1 B.
+
+    ``torque`` (m,) says which inputs are the motor torque, which acts late by ``delay_s``, at most one interval.
+
+    Raises:
+        ValueError: a frequency beyond half the sampling frequency.
+    """
+    _, z = on_circle(frequency_hz, interval_s)
+    n, m = system.B.shape
+    late = hold_late(system, torque, np.array([interval_s]), delay_s)
+    now = np.concatenate([np.zeros(n, np.bool_), torque, [False]])
+    X, dX = late.X[0], late.dX[0]
+    b = X[:, now].sum(axis=-1) + X[:, n + m] / z[:, None]
+    db = dX[:, :, now].sum(axis=-1) + dX[:, :, n + m] / z[:, None, None]
+    resolvent = z[:, None, None] * np.eye(n) - X[:, :n]
+    r = np.linalg.solve(resolvent, b[..., None])[..., 0]
+    l = np.linalg.solve(resolvent.swapaxes(1, 2), system.C[:, None].astype(np.complex128))[..., 0]
+    dG: Complexes = np.einsum("fi,pij,fj->fp", l, dX[..., :n], r) + np.einsum("fi,fpi->fp", l, db)
+    dG[:, :-1] += r @ system.dC
+    return np.asarray(r @ system.C, dtype=np.complex128), dG
+
+
+def drive_response(
+    drive: Drive,
+    values: Mapping[str, float],
+    interval_s: float,
+    frequency_hz: ArrayLike,
+    *,
+    names: Sequence[str] = (),
+    covariance: Floats | None = None,
+    delay_s: float = 0.0,
+    name: str = "grey box",
+) -> FrequencyResponse:
+    """The response of a drive to its torque; friction and gravity, being known inputs, are not in it.
+
+    Args:
+        drive: its structure.
+        values: of all parameters, as AxisModel takes them.
+        interval_s: s.
+        frequency_hz: (F,) Hz.
+        names: (p,) estimated parameters, as in Estimate.names: "1/Ja", "delay"; what varies with a signal
+            ("fm per temperature") is left out, the response being that at signals of zero.
+        covariance: (p, p) of their estimates; None: they are known exactly.
+        delay_s: by which the torque acts late, s.
+        name: as in a legend.
+
+    A parameter of infinite variance that the response depends on makes its deviations infinite.
+
+    Raises:
+        KeyError: a name that the drive does not have, or a value that is missing.
+        ValueError: a value that makes no sense; a frequency beyond half the sampling frequency; a covariance of
+            another size.
+    """
+    covariance = np.zeros((len(names), len(names))) if covariance is None else covariance
+    if covariance.shape != (len(names), len(names)):
+        raise ValueError(f"covariance {covariance.shape} for {len(names)} names")
+    model = AxisModel(drive, values, ())
+    free = [p for p in names if p != DELAY and " per " not in p]
+    system = Structure(drive, free, model.balance()).at(model.nominal)
+    f, _ = on_circle(frequency_hz, interval_s)
+    torque, (whole, late) = np.array([kind == TORQUE for kind in drive.inputs]), divmod(delay_s, interval_s)
+    G, slopes = held_response(system, torque, interval_s, f, late)
+    dG = np.zeros((f.size, len(names)), dtype=np.complex128)
+    for i, parameter in enumerate(names):
+        if parameter in free or parameter == DELAY:
+            dG[:, i] = slopes[:, free.index(parameter) if parameter in free else -1]
+    known = np.isfinite(np.diag(covariance))
+    found = by_gradient(f, G, dG[:, known], root_of(covariance[np.ix_(known, known)]), name)
+    lost = np.any(dG[:, ~known] != 0, axis=1)
+    turns = np.exp(-2j * np.pi * f * interval_s)
+    # A mean speed is the change of an angle over each interval.
+    mean = (1 - turns) / interval_s if drive.mean_state >= 0 else 1.0
+    return replace(
+        found,
+        G=found.G * mean * turns**whole,
+        sd_db=np.where(lost, np.inf, found.sd_db),
+        sd_phase=np.where(lost, np.inf, found.sd_phase),
+    )

@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 
 from monitor_core.identification.bode import bode_of
-from monitor_core.identification.covariance import colour_of
-from monitor_core.identification.estimate import Estimate
 from monitor_core.identification.greybox import fit
+from monitor_core.identification.greybox.comparison import traces_of
+from monitor_core.identification.greybox.covariance import colour_of
+from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.identification_result import IdentificationResult
+from monitor_core.identification.parameter_selection import ScheduledTerm
 from monitor_core.identification.problem import IdentificationError, Problem
-from monitor_core.identification.record import Record
-from monitor_core.identification.schedule import ScheduledTerm
+from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting import Growth, fit_from, fit_from_scratch, grow
-from monitor_core.identification.traces import traces_of
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 MOST_ITERATIONS = 100
@@ -79,20 +79,21 @@ def identify(
             masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    report = progress or _ignore
-    growth = _growth(problem, records, validation, options.max_masses, report)
+    report: Progress = progress or (lambda *_: None)
+    most = options.max_masses
+    growth = None if most is None else _growth(problem, records, validation, most, report)
     try:
         estimate = _best(problem, records, options.start, report)
         if options.interval_mean:
-            estimate = _with_mean_speed(estimate, records, report)
+            # The fit for the mean speed of each interval is close to the one for the speed at the sample.
+            averaged = estimate.problem.drive.with_mean_speed()
+            estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
         validated = traces_of(estimate.problem, validation) if validation else ()
     except (ValueError, np.linalg.LinAlgError) as error:
         hint = (
             "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
-            if options.start == "records"
-            else ""
         )
-        raise IdentificationError(f"no fit: {error}{hint}") from None
+        raise IdentificationError(f"no fit: {error}{hint if options.start == 'records' else ''}") from None
     return IdentificationResult(
         problem,
         estimate,
@@ -135,16 +136,6 @@ def _best(problem: Problem, records: Sequence[Record], start: Start, report: Pro
     return searched if better and searched.cost < _BETTER * direct.cost else direct
 
 
-def _with_mean_speed(estimate: Estimate, records: Sequence[Record], report: Progress) -> Estimate:
-    """The fit for the mean speed of each interval, from the one for the speed at the sample, which is close to it.
-
-    Raises:
-        ValueError: there is none.
-    """
-    drive = estimate.problem.drive.with_mean_speed()
-    return _fit(replace(estimate.problem, drive=drive), records, report)
-
-
 def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estimate:
     def fitting(done: int, cost: float) -> None:
         report(f"fit, sum of squares {cost:.4g}", min(done, MOST_ITERATIONS), MOST_ITERATIONS)
@@ -153,15 +144,9 @@ def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estim
 
 
 def _growth(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    max_masses: int | None,
-    report: Progress,
-) -> Growth | None:
-    """Chains of one, two, .. masses, with the friction of the drive; None: not requested."""
-    if max_masses is None:
-        return None
+    problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: Progress
+) -> Growth:
+    """Chains of one, two, .. masses, with the friction of the drive."""
     acting = _acting_inputs(problem)
     if acting & {COSINE, SINE}:
         raise IdentificationError(
@@ -171,7 +156,7 @@ def _growth(
     try:
         return grow(
             records,
-            max_masses,
+            most,
             like=problem,
             friction=[name for name, acts in friction.items() if acts],
             validation=validation,
@@ -186,7 +171,3 @@ def _acting_inputs(problem: Problem) -> set[int]:
     values = {name: value or float(name in problem.free) for name, value in problem.nominal.items()}
     acts = np.flatnonzero(problem.drive.matrix("B", values).any(axis=0))
     return {problem.drive.inputs[int(column)] for column in acts}
-
-
-def _ignore(_: str, __: int, ___: int) -> None:
-    """Default progress callback."""

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.bode import Bode
-from monitor_core.identification.estimate import Estimate
-from monitor_core.identification.problem import Problem
-from monitor_core.identification.schedule import ScheduledTerm, Slope
-from monitor_core.identification.starting import Growth
-from monitor_core.identification.starting.slots import Slots
-from monitor_core.identification.traces import Trace
+from monitor_core.identification.greybox import Estimate, Trace
+from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
+from monitor_core.identification.problem import Problem, value_of
+from monitor_core.identification.starting import Growth, masses_of
 
 _SIGNIFICANT = 3.0
 """Standard deviations."""
@@ -88,14 +85,6 @@ class IdentificationResult:
     unknown: tuple[str, ...]
     scheduled: tuple[ScheduledTerm, ...]
 
-    def model(self, monitored: Sequence[str]) -> AxisModel:
-        """The axis with the estimates as its nominal values.
-
-        Raises:
-            KeyError, ValueError: what ``AxisModel`` refuses.
-        """
-        return self.estimate.model(tuple(monitored))
-
     @property
     def rejection(self) -> Rejection | None:
         """Why no nominal values should be made of the estimates; None: they can be used."""
@@ -151,7 +140,9 @@ class IdentificationResult:
                 yield ParameterRow(name, "s", "delay of the torque", value, sd, self.start.delay_s)
             else:
                 p = e.drive.parameter(name)
-                before = None if split_name(name)[0] in self.unknown else _value(self.start.nominal, name)
+                base = split_name(name)[0]
+                known = base in self.start.nominal and base not in self.unknown
+                before = value_of(self.start.nominal, name) if known else None
                 yield ParameterRow(name, p.unit, p.meaning, value, sd, before)
         for name, reason in self.held.items():
             p = e.drive.parameter(name)
@@ -165,18 +156,3 @@ class IdentificationResult:
         estimates = dict(zip(e.names, zip(e.theta.tolist(), e.sd.tolist(), strict=True), strict=True))
         for scheduled in self.scheduled:
             yield Slope(scheduled, estimates[scheduled.parameter][0], *estimates[scheduled.slope])
-
-
-def masses_of(problem: Problem) -> int | None:
-    """How many masses in a row the motor sees; None: they are not in a row, or not all of them are free."""
-    try:
-        return Slots(problem).masses
-    except (ValueError, np.linalg.LinAlgError):
-        return None
-
-
-def _value(values: Mapping[str, float], name: str) -> float | None:
-    base, inverse = split_name(name)
-    if base not in values:
-        return None
-    return 1 / values[base] if inverse else values[base]

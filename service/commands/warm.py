@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor_core.drive import Output
 from monitor_core.excitation import Estimation, Experiment, Limits, Plant, Task, plan
-from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx, fit_blackbox
+from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx
 from monitor_core.modeling import two_mass
 from service.pipeline.warming import compile_all
 
@@ -61,4 +61,3 @@ def _identify(experiment: Experiment, output: Output) -> None:
     )
     fit(problem, [record], most_iterations=2)
     fit_arx([record], 5)
-    fit_blackbox([record], 2, past=10, iterations=1)

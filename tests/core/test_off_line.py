@@ -10,7 +10,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation.reference_experiment import NOISE, experiment
 from monitor_core.identification.greybox import Problem, fit
-from monitor_core.identification.record import Record as Measured
+from monitor_core.identification.records import Record as Measured
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

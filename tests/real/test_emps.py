@@ -16,7 +16,7 @@ import scipy.io
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.greybox import Estimate, Problem, compare, fit
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from tests.real.drives import loaded, one_mass
 

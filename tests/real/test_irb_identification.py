@@ -13,7 +13,7 @@ import pytest
 
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import Motion, Predictor
-from monitor_core.identification.record import Record, between
+from monitor_core.identification.records import Record, between
 from monitor_core.modeling.standard_drives import three_mass
 from tests.real import irb
 

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from monitor_core.identification.greybox import Estimate, Problem, fit
-from monitor_core.identification.record import Record, between
-from monitor_core.identification.record_checks import suspicions
+from monitor_core.identification.records import Record, between, suspicions
 from service.ingest.identification_records import Loaded
 from tests.real.drives import loaded, one_mass
 

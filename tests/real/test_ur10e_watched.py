@@ -12,9 +12,8 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.identification.covariance import colour_of
-from monitor_core.identification.greybox import Estimate
-from monitor_core.identification.record import Record
+from monitor_core.identification.greybox import Estimate, colour_of
+from monitor_core.identification.records import Record
 from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

@@ -11,7 +11,7 @@ import can
 import numpy as np
 import pytest
 
-from monitor_core.identification.record_checks import Known, suspicions
+from monitor_core.identification.records import Known, suspicions
 from service.can.user_errors import RecordError
 from service.config.condition_rules import sources as signal_sources
 from service.config.schema import Config

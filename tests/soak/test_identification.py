@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from monitor_core.identification.greybox import Disturbance
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from tests.core.identification.monte_carlo import (
     SLOW,
     START_OF_NOISE,

@@ -8,8 +8,8 @@ In both cases the best results are the starts of the fit of the records themselv
 If the number of masses is unknown, ``grow`` fits one, two, three, .. and reports how many the records support.
 """
 
+from monitor_core.identification.starting.chains import masses_of
 from monitor_core.identification.starting.mass_count import Grown, Growth, grow
-from monitor_core.identification.starting.search import Progress
-from monitor_core.identification.starting.starting_fits import Candidate, fit_from, fit_from_scratch, start
+from monitor_core.identification.starting.starting_fits import fit_from, fit_from_scratch
 
-__all__ = ["Candidate", "Grown", "Growth", "Progress", "fit_from", "fit_from_scratch", "grow", "start"]
+__all__ = ["Grown", "Growth", "fit_from", "fit_from_scratch", "grow", "masses_of"]

@@ -13,14 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Output
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.starting.chains import chain, chain_of_modes, modes_of_chain, names
-from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.starting.chains import Slots, chain_of_modes, modes_of_chain, problem_of
 from monitor_core.identification.starting.modes import BEYOND, Modal, shape, weights
-from monitor_core.identification.starting.response import Measured
+from monitor_core.identification.starting.response import Measured, Response
 from monitor_core.identification.starting.search import Found, distinct, errors, settle
-from monitor_core.identification.starting.slots import Slots
 
 _BEAM = 3
 """Chains of each length that go on."""
@@ -34,13 +31,19 @@ class Stem(NamedTuple):
     slots: Slots | None
 
     @property
+    def cost(self) -> float:
+        """Of the end."""
+        return self.end.cost
+
+    @property
     def known(self) -> Modal:
         """Its modes."""
         values = self.response.named(self.end.x)
         if self.slots is None:
             J, fm = values["J1"], values["fm"]
             return Modal(np.zeros(1), np.array([1 / J]), np.array([fm / J]))
-        return modes_of(self.slots, values)
+        # Frequencies and weights without the losses, decays of the drive's own poles.
+        return Modal(*modes_of_chain(self.slots.chain(values)), self.slots.decays(values))
 
 
 def rigid(measured: Measured) -> tuple[Stem, ...]:
@@ -48,8 +51,9 @@ def rigid(measured: Measured) -> tuple[Stem, ...]:
     low = 2 * np.pi * measured.frequency_hz[:1]
     # If the response is known only above the first resonance, the best weight of the rigid motion may be zero.
     a = float(weights(measured, np.zeros(1), low / 2)[0]) or _size(measured)
-    problem = bare(1, measured.output)
-    response = Response(problem, {"J1": 1 / a, "fm": float(low[0]) / 2 / a})
+    response = Response(
+        problem_of(1, measured.output, friction=("fm",)), {"J1": 1 / a, "fm": float(low[0]) / 2 / a}
+    )
     return (Stem(response, settle(response, measured, response.start), None),)
 
 
@@ -63,24 +67,15 @@ def _size(measured: Measured) -> float:
 def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple[Stem, ...]:
     """Chains with one mass more, ``problem``'s, grown out of shorter ones; the best first."""
     slots = Slots(problem)
-    found = [chain for stem in stems for chain in _grown(problem, slots, stem, measured)]
-    best = {chain.end.cost: chain for chain in found}
-    return tuple(best[end.cost] for end in distinct(chain.end for chain in found))[:_BEAM]
+    return tuple(distinct(one for stem in stems for one in _grown(problem, slots, stem, measured)))[:_BEAM]
 
 
 def stems(measured: Measured, masses: int) -> tuple[Stem, ...]:
     """Chains of so many masses, grown from one."""
     found = rigid(measured)
     for n in range(2, masses + 1):
-        found = longer(bare(n, measured.output), found, measured)
+        found = longer(problem_of(n, measured.output, friction=("fm",)), found, measured)
     return found
-
-
-def bare(masses: int, output: Output) -> Problem:
-    """A chain of which all is free but Coulomb friction and offset."""
-    given = dict.fromkeys(names(masses), 1.0)
-    nominal = {**given, "fm": 1.0, "fc": 0.0, "tau0": 0.0}
-    return Problem(chain(masses, output), nominal, (*given, "fm"), predictor="output-error")
 
 
 def _grown(problem: Problem, slots: Slots, stem: Stem, measured: Measured) -> Iterator[Stem]:
@@ -120,7 +115,7 @@ class Mode(NamedTuple):
     gain: float
 
 
-def lacking(response: Response, x: Floats, measured: Measured, most: int = _MOST) -> tuple[Mode, ...]:
+def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ...]:
     """Modes that would help the fit at x (p,) most, each the best of its surroundings."""
     target = measured.target()
     e, J = (_stacked(part) for part in errors("linear", target, *response.at(x, target)))
@@ -140,17 +135,11 @@ def lacking(response: Response, x: Floats, measured: Measured, most: int = _MOST
     gain = gains[best, at]
     padded = np.concatenate([[-1.0], gain, [-1.0]])
     peaks = at[(gain > 0) & (gain >= padded[:-2]) & (gain > padded[2:])]
-    chosen = peaks[np.argsort(-gain[peaks])[:most]]
+    chosen = peaks[np.argsort(-gain[peaks])[:_MOST]]
     return tuple(
         Mode(float(p[k]), float(a[best[k], k]), float(_RATIOS[best[k]] * p[k]), float(gain[k]))
         for k in chosen
     )
-
-
-def modes_of(slots: Slots, values: dict[str, float]) -> Modal:
-    """Of a drive: frequencies and weights without its losses, decays of its own poles."""
-    p, a = modes_of_chain(slots.chain(values))
-    return Modal(p, a, slots.decays(values))
 
 
 def joined(known: Modal, mode: Mode) -> Modal:

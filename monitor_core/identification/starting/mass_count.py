@@ -5,21 +5,18 @@ The estimates of every model start the next one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import Estimate, Problem, compare
-from monitor_core.identification.record import Record
-from monitor_core.identification.starting.chains import FRICTION, Chain, chain, modes_of_chain, names
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
 from monitor_core.identification.starting.growing_chains import Stem, longer, rigid
-from monitor_core.identification.starting.modal import Response
-from monitor_core.identification.starting.response import Measured, measure
+from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Found, Progress, Steps
-from monitor_core.identification.starting.slots import Slots
-from monitor_core.identification.starting.starting_fits import FITTING, best_fit, candidate
+from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, candidate
 
 
 def grow(
@@ -37,17 +34,16 @@ def grow(
         records: to fit.
         upto: masses at most.
         like: a problem whose predictor, disturbance, loss, delay, speed scale and so on are used; its drive, values,
-            free
-            parameters and bounds are not.  None: output error, friction from the simulated speed.
+            free parameters and bounds are not.  None: output error, friction from the simulated speed.
         friction: which of fm, fc and tau0 are free; the others are zero.
         validation: records kept aside.
         progress: called with the steps done and their maximum.
 
     Raises:
-        ValueError: the records yield no frequency response, ``upto`` is below 1, friction of another name; errors of
-            ``fit``.
+        ValueError: the records yield no frequency response, ``upto`` is below 1; errors of ``fit``.
     """
-    _check(upto, friction)
+    if upto < 1:
+        raise ValueError(f"chains of up to {upto} masses: need at least one")
     measured, steps = measure(records), Steps(progress, upto * FITTING)
     stems, models, failed = rigid(measured), list[Grown](), ""
     for masses in range(1, upto + 1):
@@ -68,26 +64,6 @@ def grow(
     return verdict(models, failed)
 
 
-def problem_of(
-    masses: int, output: Output, like: Problem | None = None, friction: Sequence[str] = FRICTION
-) -> Problem:
-    """The chain with this number of masses, all free, with the settings of ``like``; its values have no meaning."""
-    given = {**dict.fromkeys(names(masses), 1.0), **{name: float(name in friction) for name in FRICTION[:1]}}
-    nominal = {**given, **dict.fromkeys(FRICTION[1:], 0.0)}
-    drive, free = chain(masses, output), (*names(masses), *friction)
-    if like is None:
-        return Problem(drive, nominal, free, predictor="output-error", motion="simulated")
-    return replace(like, drive=drive, nominal=nominal, free=free, K=None, bounds={}, varying={}, slopes={})
-
-
-def _check(upto: int, friction: Sequence[str]) -> None:
-    if upto < 1:
-        raise ValueError(f"chains of up to {upto} masses: need at least one")
-    unknown = [name for name in friction if name not in FRICTION]
-    if unknown:
-        raise ValueError(f"friction {unknown[0]!r}: a chain has {', '.join(FRICTION)}")
-
-
 def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> Grown:
     aside = tuple(model.one_step for model in compare(found.problem, validation)) if validation else ()
     chain_found = Slots(found.problem).chain(found.problem.nominal)
@@ -102,11 +78,7 @@ def _stem(model: Grown) -> Stem:
 
 
 def _fitted(
-    problem: Problem,
-    records: Sequence[Record],
-    stems: Sequence[Stem],
-    measured: Measured,
-    reached: Callable[[int], None],
+    problem: Problem, records: Sequence[Record], stems: Sequence[Stem], measured: Measured, reached: Reached
 ) -> Estimate:
     if not stems:
         raise ValueError("the frequency response shows no further resonance")
@@ -134,40 +106,24 @@ _PLAIN = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Grown:
-    """A chain of some masses, fitted.
-
-    Attributes:
-        masses: number of masses.
-        estimate: all values as the motor sees them, J1, k1, .. outwards.
-        samples: N of the criteria.
-        aic: Akaike's criterion.
-        bic: Schwarz' criterion.
-        validation: NRMSE in per cent of each record kept aside, one step ahead.
-        doubt: why one of the masses is not real, in words; empty: there is no doubt.
-    """
+    """A chain of some masses, fitted."""
 
     masses: int
-    estimate: Estimate
-    samples: float
-    aic: float
-    bic: float
-    validation: tuple[float, ...]
-    doubt: str
+    estimate: Estimate  # all values as the motor sees them, J1, k1, .. outwards
+    samples: float  # N of the criteria
+    aic: float  # Akaike's criterion
+    bic: float  # Schwarz' criterion
+    validation: tuple[float, ...]  # NRMSE in per cent of each record kept aside, one step ahead
+    doubt: str  # why one of the masses is not real, in words; empty: there is no doubt
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Chains of one, two, .. masses.
+    """Chains of one, two, .. masses."""
 
-    Attributes:
-        models: the last one may be unsupported.
-        recommended: the number of masses that the records support.
-        words: why, in sentences.
-    """
-
-    models: tuple[Grown, ...]
-    recommended: int
-    words: tuple[str, ...]
+    models: tuple[Grown, ...]  # the last one may be unsupported
+    recommended: int  # the number of masses that the records support
+    words: tuple[str, ...]  # why, in sentences
 
     @property
     def best(self) -> Grown:
@@ -208,12 +164,7 @@ def asked(smaller: Grown, larger: Grown) -> bool:
 
 
 def verdict(models: Sequence[Grown], failed: str) -> Growth:
-    """The recommendation.
-
-    Args:
-        models: of one mass, two, ..
-        failed: why the next could not be fitted, if so.
-    """
+    """The recommendation from models of one mass, two, ..; ``failed``: why the next could not be fitted, if so."""
     enough = len(models) > 1 and not asked(*models[-2:])
     recommended = len(models) - enough
     if enough:

@@ -15,11 +15,10 @@ from scipy.optimize import nnls
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
-from monitor_core.identification.arx import Arx
-from monitor_core.identification.frequency import Complexes
-from monitor_core.identification.innovations import Innovations
+from monitor_core.identification.black_boxes.arx import Arx
+from monitor_core.identification.black_boxes.frequency_response import Complexes
+from monitor_core.identification.black_boxes.subspace import Innovations, fit_subspace
 from monitor_core.identification.starting.response import Measured, Target
-from monitor_core.identification.subspace import fit_subspace
 
 _SMALLEST = 0.01
 """Weight of a resonance as part of the largest: one that is not seen gets this."""
@@ -91,11 +90,8 @@ def weights(measured: Measured, p: Floats, decay: Floats) -> Floats:
 
 def shape(target: Target, p: float, decay: float, output: Output) -> Complexes:
     """Response (F,) of a mode with weight 1."""
-    s = (
-        np.array([-decay + 0j])
-        if p == 0
-        else -decay + 1j * np.sqrt(max(p**2 - decay**2, 0.0)) * np.array([1, -1])
-    )
+    swings = 1j * np.sqrt(max(p**2 - decay**2, 0.0)) * np.array([1, -1])
+    s = np.array([-decay + 0j]) if p == 0 else -decay + swings
     z, h = np.exp(s * target.interval_s), target.interval_s
     G = ((z - 1) / s / s.size / (target.z[:, None] - z)).sum(axis=1)
     if output == "speed":
@@ -114,16 +110,13 @@ _MOST_DIGITS = -250.0
 
 
 def _of_arx(arx: Arx) -> tuple[Complexes, Complexes]:
-    """G z^(delay - 1 + nb) / .. : residues B(z_i) / A'(z_i) of proper fractions.
+    """Poles z_i and residues  B(z_i) z_i / prod_j (1 - z_j / z_i).
 
     Poles so near zero that their powers overflow have died out within a sample or two: they are no modes of a drive.
     """
-    A = np.concatenate([[1.0], arx.a])
-    poles = np.roots(A).astype(np.complex128)
-    highest = max(arx.a.size, arx.delay + arx.b.size)
-    poles = poles[abs(poles) > 10 ** (_MOST_DIGITS / highest)]
-    past = 1 / poles[:, None]
-    B = past ** (arx.delay + np.arange(arx.b.size)) @ arx.b
+    poles = np.roots(np.concatenate([[1.0], arx.a])).astype(np.complex128)
+    poles = poles[abs(poles) > 10 ** (_MOST_DIGITS / (arx.b.size + 1))]
+    B = (1 / poles[:, None]) ** np.arange(1, arx.b.size + 1) @ arx.b
     # A = prod (1 - z_i / z): near z_i it is (z - z_i) / z_i times the others.
     others = np.array([np.prod(1 - np.delete(poles, i) / z) for i, z in enumerate(poles)])
     return poles, np.asarray(B * poles / others)

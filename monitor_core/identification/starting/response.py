@@ -1,4 +1,4 @@
-"""The frequency response of the records, reduced to a hundred points, on the unit circle and outside of it.
+"""The frequency responses of records, at a hundred points, and of a drive, on the unit circle and outside of it.
 
 A simulation of the whole record takes a hundred times as long as the response of a model at a hundred frequencies.  So
 starting values are found from the response of an ARX model of high order, with its uncertainty.
@@ -10,20 +10,23 @@ the record, which guides a search.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 from scipy.signal import csd, lfilter, medfilt, welch
 
-from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Output
-from monitor_core.identification.arx import Arx, fit_arx
-from monitor_core.identification.frequency import DECIBEL, Complexes
-from monitor_core.identification.record import Bools, Record
-from monitor_core.identification.resampling import resample
-from monitor_core.identification.uniform_grid import Regular, on_grid
+from monitor_core.arrays import Floats, Ints
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DAMPING, STIFFNESS, Output, split_name
+from monitor_core.identification.black_boxes.arx import Arx, fit_arx
+from monitor_core.identification.black_boxes.frequency_response import DECIBEL, Complexes
+from monitor_core.identification.predictor.held_drive import Linear, Structure, hold
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.record import Bools, Record
+from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample
+from monitor_core.kernel.tables import TORQUE
 
 _ORDER = 100
 """Of the ARX model: half a second of memory at 5 ms."""
@@ -53,24 +56,15 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The response in the records.
+    """The response in the records."""
 
-    Args:
-        series: the records on a grid.
-        output: the measured quantity.
-        arx: source of the response.
-        frequency_hz: (F,) where it is known.
-        sd: (F,) standard deviation of its relative error, |dG| / |G|.
-        expected: sum of squares of relative errors over ``sd`` of the right model: the number of parameters of the ARX
-            model in that band.
-    """
-
-    series: tuple[Regular, ...]
-    output: Output
-    arx: Arx
-    frequency_hz: Floats
-    sd: Floats
+    series: tuple[Regular, ...]  # the records on a grid
+    output: Output  # the measured quantity
+    arx: Arx  # source of the response
+    frequency_hz: Floats  # (F,) where it is known
+    sd: Floats  # (F,) standard deviation of its relative error, |dG| / |G|
     expected: float
+    """Squared relative errors over ``sd`` of the right model: number of parameters of the ARX model in that band."""
 
     def target(self, shift: float = 0.0, surest: float = 0.0) -> Target:
         """The points at exp((shift + j w) h), ``shift`` in 1/s; none counts as surer than ``surest``."""
@@ -80,10 +74,8 @@ class Measured:
 
 def rational(arx: Arx, z: Complexes) -> Complexes:
     """B / A (F,) at any z (F,)."""
-    past = 1 / z[:, None]
-    A = 1 + past ** np.arange(1, arx.a.size + 1) @ arx.a
-    B = past ** (arx.delay + np.arange(arx.b.size)) @ arx.b
-    return np.asarray(B / A, dtype=np.complex128)
+    past = (1 / z[:, None]) ** np.arange(1, arx.a.size + 1)
+    return np.asarray((past @ arx.b) / (1 + past @ arx.a), dtype=np.complex128)
 
 
 def measure(records: Sequence[Record]) -> Measured:
@@ -121,7 +113,7 @@ def regular(records: Sequence[Record]) -> tuple[Regular, ...]:
             return on_grid(records)
         except ValueError:
             interval = round(1.05 * interval, 6)
-    return on_grid([resample(record, interval).record for record in records])
+    return on_grid([resample(record, interval) for record in records])
 
 
 def _excited(arx: Arx, series: Sequence[Regular], f: Floats) -> Bools:
@@ -144,7 +136,7 @@ def _excited(arx: Arx, series: Sequence[Regular], f: Floats) -> Bools:
 
 def _errors(arx: Arx, s: Regular) -> Floats:
     """One step ahead (N,); zero where something is missing that they need."""
-    A, B = np.concatenate([[1.0], arx.a]), np.concatenate([np.zeros(arx.delay), arx.b])
+    A, B = np.concatenate([[1.0], arx.a]), np.concatenate([[0.0], arx.b])
     e = lfilter(A, [1.0], s.y) - lfilter(B, [1.0], s.u)
     lost = lfilter(np.ones(A.size + 1), [1.0], (~s.known).astype(np.float64)) > 0.5
     lost[: A.size] = True
@@ -165,3 +157,90 @@ def _longest(good: Bools) -> slice:
 def _relative(arx: Arx, f: Floats) -> Floats:
     found = arx.response(f)
     return np.asarray(np.hypot(found.sd_phase, found.sd_db / DECIBEL))
+
+
+# --- The response of a drive and its derivatives, by the eigenvalues of the held drive --------------------------------
+
+
+# G(z) = C (zI - Ad)^-1 Bd;   with l = C (zI - Ad)^-1 and r = (zI - Ad)^-1 Bd:   dG = l dAd r + l dBd + dC r
+
+
+class Response:
+    """Of a problem's drive as a function of x = log theta, for those free parameters that the response depends on.
+
+    Friction that depends on the direction and offsets have no frequency response; they stay at their start, and so do
+    parameters that start at zero or below.
+    """
+
+    def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
+        self.values = {**problem.nominal, **(values or {})}
+        self._torque = np.array([kind == TORQUE for kind in problem.drive.inputs])
+        self._delay_s = problem.delay_s
+        d = AxisModel(problem.drive, self.values, ()).balance()
+        self.bases = _felt(problem, self.values, d, self._torque)
+        self.dampers = _dampers(problem, self.bases)
+        self._structure = Structure(problem.drive, self.bases, d)
+
+    @property
+    def start(self) -> Floats:
+        """x (p,) of the values that it was made with."""
+        return np.log([self.values[name] for name in self.bases])
+
+    def named(self, x: Floats) -> dict[str, float]:
+        """All values at x (p,)."""
+        return self.values | dict(zip(self.bases, np.exp(x).tolist(), strict=True))
+
+    def at(self, x: Floats, target: Target) -> tuple[Complexes, Complexes]:
+        """G (F,) and dG / dx (F, p).
+
+        Raises:
+            LinAlgError, ValueError: x makes no sense.
+        """
+        system = self._linear(x)
+        n = len(system.A)
+        X, dX = (part[0] for part in hold(system, np.array([target.interval_s])))
+        poles, V = np.linalg.eig(X[:, :n])
+        W = np.linalg.inv(V)
+        through = 1 / (target.z[:, None] - poles)
+        r, l = through * (W @ X[:, n]), through * (system.C @ V)
+        dA, dB, dC = W @ dX[:, :, :n] @ V, dX[:, :, n] @ W.T, V.T @ system.dC
+        p = len(self.bases)
+        inner = (l @ dA.transpose(1, 0, 2).reshape(n, p * n)).reshape(-1, p, n)
+        dG = (inner @ r[:, :, None])[..., 0] + l @ dB.T + r @ dC
+        late = target.z ** (-self._delay_s / target.interval_s)
+        return r @ (system.C @ V) * late, dG * np.exp(x) * late[:, None]
+
+    def _linear(self, x: Floats) -> Linear:
+        system = self._structure.at(self.named(x))
+        B = system.B[:, self._torque].sum(axis=1, keepdims=True)
+        return system._replace(B=B, dB=system.dB[:, self._torque].sum(axis=1, keepdims=True))
+
+
+def _felt(problem: Problem, values: Mapping[str, float], d: Floats, torque: np.ndarray) -> tuple[str, ...]:
+    """Free parameters that A, C or the torque's column of B depend on, and that have a logarithm."""
+    bases = tuple(split_name(name)[0] for name in problem.free)
+    system = Structure(problem.drive, bases, d).at(values)
+    moves = [
+        bool(system.dA[..., i].any() or system.dB[:, torque, i].any() or system.dC[:, i].any())
+        for i in range(len(bases))
+    ]
+    return tuple(name for name, felt in zip(bases, moves, strict=True) if felt and values[name] > 0)
+
+
+def _dampers(problem: Problem, bases: tuple[str, ...]) -> Ints:
+    """(pairs, 2): a damper, and the spring that joins the same inertias."""
+    joined = {name: _divisors(problem, name) for name in bases}
+    units = {name: problem.drive.parameter(name).unit for name in bases}
+    pairs = [
+        (i, bases.index(spring))
+        for i, damper in enumerate(bases)
+        for spring in bases
+        if units[damper] == DAMPING and units[spring] == STIFFNESS and joined[damper] == joined[spring]
+    ]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _divisors(problem: Problem, name: str) -> frozenset[str]:
+    """What the terms of A with this parameter are divided by: the inertias on which its torque acts."""
+    powers = [dict(term.powers) for term in problem.drive.terms if term.matrix == "A"]
+    return frozenset(other for held in powers if name in held for other, e in held.items() if e < 0)

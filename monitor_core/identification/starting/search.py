@@ -18,21 +18,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.frequency import Complexes
-from monitor_core.identification.levenberg_marquardt import Normal, minimise
-from monitor_core.identification.starting.modal import Response
-from monitor_core.identification.starting.response import Measured, Target
+from monitor_core.identification.black_boxes.frequency_response import Complexes
+from monitor_core.identification.greybox.levenberg_marquardt import Normal, minimise
+from monitor_core.identification.starting.response import Measured, Response, Target
 
 Kind = Literal["linear", "log", "both"]
 KINDS: tuple[Kind, ...] = ("linear", "log", "both")
 """Relative errors of G; their logarithm; those of G and of 1/G, which see resonances and anti-resonances alike."""
 MOST = 80
 """Searches, if none of them explains the response."""
+_EXPLAINED, _AGAIN = 2, 15
+"""Ends at the same best values that end the search, where these explain the response, and where they do not."""
 _STAGES = (
     (30.0, 100.0),
     (20.0, 100.0),
@@ -64,6 +65,17 @@ SAME = 1.02
 """Costs within this factor are of the same minimum."""
 
 
+class Ended(Protocol):
+    """What came out at some cost."""
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared relative errors over their variances."""
+
+
+_End = TypeVar("_End", bound=Ended)
+
+
 class Found(NamedTuple):
     """An end of a search: x (p,) and its cost, the sum of squared relative errors over their variances."""
 
@@ -77,39 +89,27 @@ def explained(measured: Measured) -> float:
 
 
 def search(
-    response: Response,
-    measured: Measured,
-    most: int = MOST,
-    again: int = 15,
-    seed: int = 0,
-    reached: Callable[[int], None] | None = None,
+    response: Response, measured: Measured, most: int = MOST, reached: Callable[[int], None] | None = None
 ) -> tuple[Found, ...]:
     """The distinct ends of searches from the response's start and around it, the best first.
 
-    Args:
-        response: of the drive, with the values to start from.
-        measured: what it is to be.
-        most: searches.
-        again: it is over, too, when so many have ended at the same best values; two suffice where these explain the
-            response.
-        seed: of the further starts; the result is the same each time.
-        reached: told after each search how many there have been.
+    There are at most so many, fewer when some have ended at the same best values; ``reached`` is told their number.
     """
     ends = list[Found]()
-    for count, end in enumerate(_ends(response, measured, seed)):
+    for count, end in enumerate(_ends(response, measured)):
         ends.append(end)
         if reached:
             reached(count + 1)
         best = min(e.cost for e in ends)
-        needed = 2 if best < explained(measured) else again
+        needed = _EXPLAINED if best < explained(measured) else _AGAIN
         if count + 1 >= most or sum(e.cost < SAME * best for e in ends) >= needed:
             break
     return tuple(distinct(ends))
 
 
-def _ends(response: Response, measured: Measured, seed: int) -> Iterator[Found]:
-    """Without end: a search from the values given or around them, then hops from where it came to."""
-    rng, first = np.random.default_rng(seed), response.start
+def _ends(response: Response, measured: Measured) -> Iterator[Found]:
+    """Without end: a search from the values given or around them, then hops from where it came to; always the same."""
+    rng, first = np.random.default_rng(0), response.start
     for count in itertools.count():
         spread = _SPREADS[(count - 1) % len(_SPREADS)] if count else 0.0
         x = first + spread * rng.standard_normal(first.size)
@@ -121,7 +121,7 @@ def _ends(response: Response, measured: Measured, seed: int) -> Iterator[Found]:
             yield end
 
 
-def distinct(ends: Iterable[Found]) -> Iterator[Found]:
+def distinct(ends: Iterable[_End]) -> Iterator[_End]:
     """Those that are finite, sorted by cost, each minimum once."""
     last = 0.0
     for end in sorted(ends, key=lambda e: e.cost):

@@ -1,4 +1,4 @@
-"""Starting values of a given drive, from the records alone or from given values, and the fits from the best of them."""
+"""Starting values of a drive, from the records alone or from its nominal values, and the fits from the best of them."""
 
 from __future__ import annotations
 
@@ -7,54 +7,48 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
-from monitor_core.identification.record import Record
-from monitor_core.identification.starting.chains import chain_of_modes
+from monitor_core.identification.problem import value_of
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.starting.chains import Slots, chain_of_modes
 from monitor_core.identification.starting.growing_chains import longer, stems
-from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import black_boxes, modal
-from monitor_core.identification.starting.response import Measured, measure
+from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
     SAME,
     Found,
     Progress,
     Steps,
+    distinct,
     explained,
     polish,
     search,
 )
-from monitor_core.identification.starting.slots import Slots
 
 _FEWER = 20
 """Searches around what the closed form has found."""
+_RIVALS = 2
+"""Candidates from which the records themselves are fitted."""
+_DOUBTFUL = 10.0
+"""A rival whose cost is so many times that of the best is not tried."""
+_FIT = 20
+"""Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
+FITTING = _RIVALS * _FIT
+"""Steps of ``best_fit``."""
+
+Reached = Callable[[int], None]
+"""Told how many steps are done."""
 
 
-def start(
-    problem: Problem,
-    records: Sequence[Record],
-    given: Mapping[str, float] | None = None,
-    *,
-    progress: Progress | None = None,
-) -> tuple[Candidate, ...]:
-    """Starting values for the free parameters, the best first.
+@dataclass(frozen=True)
+class Candidate:
+    """Starting values."""
 
-    Args:
-        problem: what is free; nominal values of what is free are used only as ``given`` says.
-        records: of the drive.
-        given: values to search from, for free parameters that are not as in the problem's nominal ones.  None: the
-            records alone, in closed form or by growth.
-        progress: called with searches done and how many there are at most.
-
-    Raises:
-        ValueError: the records tell no frequency response; without ``given``: the motor does not see a chain of
-            masses that are all free, or the response shows no chain of so many.
-    """
-    steps = Steps(progress, MOST)
-    found = _candidates(problem, records, given, steps.reached)
-    steps.reached(MOST)
-    return found
+    values: Mapping[str, float]  # of all parameters of the drive
+    origin: str  # the method, in words
+    cost: float  # squared relative errors of their frequency response over their variances
+    expected: float  # the cost of the right values, within the uncertainty of the response
 
 
 def fit_from_scratch(
@@ -65,62 +59,51 @@ def fit_from_scratch(
     ``progress`` is called with the steps done and their maximum.
 
     Raises:
-        ValueError: as ``start`` and ``fit``.
+        ValueError: the records tell no frequency response; the motor does not see a chain of masses that are all free,
+            or the response shows no chain of so many; as ``fit``.
     """
-    return _fit(problem, records, None, progress)
+    return _fit(problem, records, from_records, progress)
 
 
-def fit_from(
-    problem: Problem,
-    records: Sequence[Record],
-    given: Mapping[str, float] | None = None,
-    *,
-    progress: Progress | None = None,
-) -> Estimate:
-    """The fit from values that may be far off; default: the nominal ones of the problem.
+def fit_from(problem: Problem, records: Sequence[Record], *, progress: Progress | None = None) -> Estimate:
+    """The fit from the nominal values, which may be far off.
 
     ``progress`` is called with the steps done and their maximum.
 
     Raises:
-        KeyError: values for a parameter that is not free.
-        ValueError: as ``start`` and ``fit``.
+        ValueError: the records tell no frequency response; as ``fit``.
     """
-    return _fit(problem, records, given or {}, progress)
+    return _fit(problem, records, around_nominal, progress)
 
 
 def _fit(
-    problem: Problem, records: Sequence[Record], given: Mapping[str, float] | None, progress: Progress | None
-) -> Estimate:
-    steps = Steps(progress, MOST + FITTING)
-    candidates = _candidates(problem, records, given, steps.part(0, MOST))
-    steps.reached(MOST)
-    return best_fit(problem, records, candidates, steps.part(MOST, FITTING))
-
-
-def _candidates(
     problem: Problem,
     records: Sequence[Record],
-    given: Mapping[str, float] | None,
-    reached: Callable[[int], None],
-) -> tuple[Candidate, ...]:
-    measured = measure(records)
-    if given is None:
-        return _from_records(problem, measured, reached)
-    return _from_given(problem, measured, given, reached)
+    candidates: Callable[[Problem, Measured, Reached], Sequence[Candidate]],
+    progress: Progress | None,
+) -> Estimate:
+    steps = Steps(progress, MOST + FITTING)
+    found = candidates(problem, measure(records), steps.part(0, MOST))
+    steps.reached(MOST)
+    return best_fit(problem, records, found, steps.part(MOST, FITTING))
 
 
-def _from_given(
-    problem: Problem, measured: Measured, given: Mapping[str, float], reached: Callable[[int], None]
-) -> tuple[Candidate, ...]:
-    response = Response(problem, _by_base(problem, given))
+# --- Candidates, the best first; ``reached`` is told how many of MOST searches are done -------------------------------
+
+
+def around_nominal(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
+    """Where searches around the nominal values end."""
+    response = Response(problem)
     ends = search(response, measured, reached=reached)
-    return tuple(candidate(response, end, measured, "a search around the values given") for end in ends)
+    return [candidate(response, end, measured, "a search around the values given") for end in ends]
 
 
-def _from_records(
-    problem: Problem, measured: Measured, reached: Callable[[int], None]
-) -> tuple[Candidate, ...]:
-    """The cheapest method first: closed form, growth, search; the next one where the result is doubtful."""
+def from_records(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
+    """The cheapest method first: closed form, growth, search; the next one where the result is doubtful.
+
+    Raises:
+        ValueError: the motor does not see a chain of masses that are all free, or the response shows none.
+    """
     slots = Slots(problem)
     found = list(_closed(problem, slots, measured))
     if _doubtful(found, measured):
@@ -135,7 +118,12 @@ def _from_records(
         ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
         origin = f"a search around {best.origin}"
         found += [candidate(response, end, measured, origin) for end in ends]
-    return tuple(distinct_candidates(found))
+    return list(distinct(found))
+
+
+def candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
+    """Where a search in the frequency response ended."""
+    return Candidate(response.named(end.x), origin, end.cost, measured.expected)
 
 
 def _doubtful(found: Sequence[Candidate], measured: Measured) -> bool:
@@ -167,68 +155,11 @@ def _grown(problem: Problem, slots: Slots, measured: Measured) -> Iterator[Candi
         yield candidate(stem.response, stem.end, measured, f"a chain that grew to {slots.masses} masses")
 
 
-def _by_base(problem: Problem, given: Mapping[str, float]) -> dict[str, float]:
-    """The values of what the names invert.
-
-    Raises:
-        KeyError: a name that is not free.
-    """
-    for name in given:
-        if name not in problem.free:
-            raise KeyError(f"start of {name}: it is not free")
-    split = {name: split_name(name) for name in given}
-    return {base: 1 / given[name] if inverse else given[name] for name, (base, inverse) in split.items()}
-
-
-# --- Candidates for starting values, and the fit of the records from the best of them ---------------------------------
-
-
-_RIVALS = 2
-"""Candidates from which the records themselves are fitted."""
-_DOUBTFUL = 10.0
-"""A rival whose cost is so many times that of the best is not tried."""
-_FIT = 20
-"""Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
-FITTING = _RIVALS * _FIT
-"""Steps of ``best_fit``."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """Starting values.
-
-    Args:
-        values: of all parameters of the drive.
-        origin: the method, in words.
-        cost: squared relative errors of their frequency response over their variances.
-        expected: the cost of the right values, within the uncertainty of the response.
-    """
-
-    values: Mapping[str, float]
-    origin: str
-    cost: float
-    expected: float
-
-
-def candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
-    """Where a search in the frequency response ended."""
-    return Candidate(response.named(end.x), origin, end.cost, measured.expected)
-
-
-def distinct_candidates(found: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Sorted by cost, each minimum once."""
-    last = 0.0
-    for candidate in sorted(found, key=lambda candidate: candidate.cost):
-        if candidate.cost > SAME * last:
-            yield candidate
-            last = candidate.cost
+# --- The fit of the records from the best of them ---------------------------------------------------------------------
 
 
 def best_fit(
-    problem: Problem,
-    records: Sequence[Record],
-    candidates: Sequence[Candidate],
-    reached: Callable[[int], None],
+    problem: Problem, records: Sequence[Record], candidates: Sequence[Candidate], reached: Reached
 ) -> Estimate:
     """The best of the fits from the best candidates, with a word on which won.
 
@@ -237,13 +168,15 @@ def best_fit(
     Raises:
         ValueError: none can be fitted from.
     """
-    rivals = [
-        candidate for candidate in candidates[:_RIVALS] if candidate.cost <= _DOUBTFUL * candidates[0].cost
-    ]
+    rivals = [one for one in candidates[:_RIVALS] if one.cost <= _DOUBTFUL * candidates[0].cost]
     ends, problems = list[tuple[Estimate, Candidate]](), list[ValueError]()
-    for i, candidate in enumerate(rivals):
+    for i, rival in enumerate(rivals):
+
+        def report(count: int, _: float, before: int = i * _FIT) -> None:
+            reached(before + min(count, _FIT))
+
         try:
-            ends.append((_fit_one(problem, records, candidate, reached, i * _FIT), candidate))
+            ends.append((fit(problem, records, _free(problem, rival.values), progress=report), rival))
         except ValueError as error:
             problems.append(error)
     if not ends:
@@ -251,19 +184,6 @@ def best_fit(
     reached(FITTING)
     best, winner = min(ends, key=lambda end: end[0].cost)
     return replace(best, started_from=_origin(winner, len(candidates), len(rivals)))
-
-
-def _fit_one(
-    problem: Problem,
-    records: Sequence[Record],
-    candidate: Candidate,
-    reached: Callable[[int], None],
-    first: int,
-) -> Estimate:
-    def report(count: int, _: float) -> None:
-        reached(first + min(count, _FIT))
-
-    return fit(problem, records, _free(problem, candidate.values), progress=report)
 
 
 def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
@@ -276,10 +196,5 @@ def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
 
 def _free(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
     """As ``fit`` takes them: free parameters by their names, inside their bounds."""
-    out = {}
-    for name in problem.free:
-        base, inverse = split_name(name)
-        value = 1 / values[base] if inverse else values[base]
-        lower, upper = problem.bounds.get(name, (-np.inf, np.inf))
-        out[name] = float(np.clip(value, lower, upper))
-    return out
+    bounds = {name: problem.bounds.get(name, (-np.inf, np.inf)) for name in problem.free}
+    return {name: float(np.clip(value_of(values, name), *limits)) for name, limits in bounds.items()}

@@ -19,7 +19,7 @@ from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_
 from monitor_core.excitation.sensitivity import sensitivities_to
 from monitor_core.identification.greybox import Disturbance, Problem, fit
 from monitor_core.identification.problem import Predictor
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 

@@ -9,9 +9,9 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import experiment
-from monitor_core.identification.predictor import Predictor
+from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.cases import Case, record
 
@@ -66,3 +66,17 @@ def by_differences(predictor: Predictor, xi: Floats, steps: Sequence[float]) -> 
         far = all_errors(predictor, xi + 2 * e) - all_errors(predictor, xi - 2 * e)
         columns.append((8 * near - far) / (12 * h))
     return np.stack(columns, axis=1)
+
+
+def check_gradients(predictor: Predictor, tolerance: float) -> None:
+    """Of all entries of the vector at its start, in units of their largest."""
+    xi = predictor.start()
+    analytic = all_gradients(predictor, xi)
+    size = abs(analytic).max(axis=0)
+    moved = np.sqrt(np.mean(all_errors(predictor, xi) ** 2)) / np.where(size > 0, size, 1.0)
+    steps = 3e-4 * np.minimum(moved, 1.0)  # between rounding and what the fourth order leaves
+    delay = [k for k, name in enumerate(predictor.layout.names) if name == "delay"]
+    steps[delay] = np.minimum(steps[delay], 1e-5)
+    numeric = by_differences(predictor, xi, steps)
+    scale = np.where(size > 0, size, 1.0)
+    np.testing.assert_allclose(analytic / scale, numeric / scale, rtol=0, atol=tolerance)

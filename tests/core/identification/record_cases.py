@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 
@@ -49,20 +51,17 @@ def healthy(
     u, y, angle, speed = np.zeros(samples), np.zeros(samples), 0.0, 0.0
     for k in range(samples):
         y[k] = (angle if quantity == "angle" else speed) + noise * NOISE[quantity] * rng.standard_normal()
-        u[k] = (
-            0.3 * (wanted[k] - (speed if quantity == "angle" else y[k])) + 0.2 * extra[k]
-            if closed
-            else extra[k]
-        )
+        known = speed if quantity == "angle" else y[k]
+        u[k] = 0.3 * (wanted[k] - known) + 0.2 * extra[k] if closed else extra[k]
         angle, speed = axis.step(u[k], intervals[k])
     return Record(np.cumsum(intervals), u, y, quantity, "healthy")
 
 
 def with_y(record: Record, y: Floats) -> Record:
     """Another output at the same times."""
-    return Record(record.t, record.u, y, record.quantity, record.name, record.measured, record.signals)
+    return replace(record, y=y)
 
 
 def with_u(record: Record, u: Floats) -> Record:
     """Another torque at the same times."""
-    return Record(record.t, u, record.y, record.quantity, record.name, record.measured, record.signals)
+    return replace(record, u=u)

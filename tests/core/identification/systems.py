@@ -10,8 +10,8 @@ from scipy.signal import lfilter, ss2tf
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.identification.frequency import Complexes, on_circle
-from monitor_core.identification.record import Record
+from monitor_core.identification.black_boxes.frequency_response import Complexes, on_circle
+from monitor_core.identification.records import Record
 
 INTERVAL_S = 0.005
 
@@ -73,11 +73,11 @@ def bench_record(rng: np.random.Generator, N: int = 8000, noise_db: float = -30.
     return Record(times(N), u, y, "speed", "bench")
 
 
-def arx_record(rng: np.random.Generator, a: Floats, b: Floats, N: int, sd: float, delay: int = 1) -> Record:
+def arx_record(rng: np.random.Generator, a: Floats, b: Floats, N: int, sd: float) -> Record:
     """White torque through an ARX system, started long before the record."""
     u, e = rng.normal(size=(2, N + 500))
     A = np.concatenate([[1.0], a])
-    y = lfilter(np.concatenate([np.zeros(delay), b]), A, u) + sd * lfilter([1.0], A, e)
+    y = lfilter([0.0, *b], A, u) + sd * lfilter([1.0], A, e)
     return Record(times(N), u[500:], y[500:], "speed")
 
 
@@ -97,8 +97,13 @@ def innovations_record(
     N, (B, C) = len(u), (drive.B[:, 0], drive.C)
     e, closed = sd * rng.normal(size=N), drive.A - feedback * drive.B @ drive.C
     y = _filtered(closed, B, C, u) + _filtered(closed, K - feedback * B, C, e) + e
-    torque = u - feedback * y
-    return Record(times(N), torque, y, "speed", signals={"reference": u})
+    return Record(times(N), u - feedback * y, y, "speed")
+
+
+def halves(record: Record) -> list[Record]:
+    """Its two halves as records of their own."""
+    middle = len(record) // 2
+    return [record.select(slice(0, middle)), record.select(slice(middle, None))]
 
 
 def _filtered(A: Floats, B: Floats, C: Floats, u: Floats) -> Floats:

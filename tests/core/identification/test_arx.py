@@ -11,10 +11,17 @@ from hypothesis import strategies as st
 from scipy.signal import freqz
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.arx import Arx, fit_arx
-from monitor_core.identification.least_squares import Lags, gram, regressors
-from monitor_core.identification.record import Record, split
-from tests.core.identification.systems import INTERVAL_S, arx_record, bench_drive, bench_record, decibels
+from monitor_core.identification.black_boxes.arx import Arx, fit_arx
+from monitor_core.identification.black_boxes.least_squares import Lags, gram, regressors
+from monitor_core.identification.records import Record
+from tests.core.identification.systems import (
+    INTERVAL_S,
+    arx_record,
+    bench_drive,
+    bench_record,
+    decibels,
+    halves,
+)
 
 law = settings(deadline=None, max_examples=25)
 seeds = st.integers(0, 2**32 - 1)
@@ -22,14 +29,14 @@ FREQUENCIES = np.linspace(1.0, 60.0, 40)
 A2, B2 = np.array([-1.5, 0.8]), np.array([0.6, -0.3])
 
 
-def tall(records: Sequence[Record], na: int, nb: int, delay: int) -> tuple[Floats, Floats]:
+def tall(records: Sequence[Record], n: int) -> tuple[Floats, Floats]:
     """Regressors and right-hand side, row by row, as the formula says; rows that need a NaN are left out."""
     Phi, right = [], []
     for k, record in enumerate(records):
         own = np.eye(len(records))[k].tolist()
-        for t in range(max(na, nb + delay - 1), len(record)):
-            row = [-record.y[t - i] for i in range(1, na + 1)]
-            row += [record.u[t - delay - i] for i in range(nb)] + own
+        for t in range(n, len(record)):
+            past = slice(t - 1, t - n - 1 if t > n else None, -1)
+            row = [*-record.y[past], *record.u[past], *own]
             if np.isfinite([*row, record.y[t]]).all():
                 Phi.append(row)
                 right.append(record.y[t])
@@ -41,25 +48,28 @@ def parameters(model: Arx) -> Floats:
 
 
 @law
-@given(seeds, st.integers(1, 9), st.integers(1, 9), st.integers(0, 3))
-def test_equals_least_squares(seed: int, na: int, nb: int, delay: int) -> None:
+@given(seeds, st.integers(1, 9))
+def test_equals_least_squares(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     records = [bench_record(rng, 400), bench_record(rng, 150)]
-    model = fit_arx(records, (na, nb), delay=delay)
-    Phi, right = tall(records, na, nb, delay)
+    model = fit_arx(records, n)
+    Phi, right = tall(records, n)
     theta, rss, *_ = np.linalg.lstsq(Phi, right)
     assert model.rows == len(Phi)
     assert parameters(model) == pytest.approx(theta, rel=1e-8, abs=1e-8 * abs(theta).max())
     assert model.lam0 == pytest.approx(rss[0] / (len(Phi) - Phi.shape[1]), rel=1e-8)
-    covariance = model.lam0 * np.linalg.inv(Phi.T @ Phi)[:-2, :-2]
-    assert model.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-7 * abs(covariance).max())
+    scale = np.sqrt(np.diag(inverse := np.linalg.inv(Phi.T @ Phi)[:-2, :-2]))
+    found = model.root @ model.root.T
+    assert found / np.outer(scale, scale) == pytest.approx(
+        inverse / np.outer(scale, scale), rel=1e-6, abs=1e-7
+    )
 
 
 @law
 @given(seeds, st.lists(st.integers(0, 299), max_size=6), st.integers(1, 5))
 def test_missing_samples_leave_their_rows_out(seed: int, lost: list[int], order: int) -> None:
     record = bench_record(np.random.default_rng(seed), 300).without(np.array(lost, dtype=np.int64))
-    Phi, right = tall([record], order, order, 1)
+    Phi, right = tall([record], order)
     model = fit_arx([record], order)
     assert model.rows == len(Phi)
     assert parameters(model) == pytest.approx(np.linalg.lstsq(Phi, right)[0], rel=1e-7, abs=1e-7)
@@ -87,7 +97,7 @@ def test_units_scale_the_gain_only(seed: int, of_u: float, of_y: float) -> None:
 def test_records_joined_tell_as_much_as_their_rows(seed: int) -> None:
     """What two rows and one offset more or less change is small beside the deviations."""
     record = arx_record(np.random.default_rng(seed), A2, B2, 8000, 0.5)
-    whole, joined = (fit_arx(records, 2) for records in ([record], split(record, (1, 1))))
+    whole, joined = (fit_arx(records, 2) for records in ([record], halves(record)))
     one, two = whole.response(FREQUENCIES), joined.response(FREQUENCIES)
     assert joined.rows == whole.rows - 2
     assert abs((two.db - one.db) / one.sd_db).max() < 0.5
@@ -115,14 +125,13 @@ def test_each_record_has_its_own_offset(seed: int) -> None:
     assert np.concatenate([two.a, two.b]) == pytest.approx(np.concatenate([one.a, one.b]), rel=1e-6)
     shift = np.arange(3) * (-100.0 * (1 + one.a.sum()) - one.b.sum())
     assert two.offset - one.offset == pytest.approx(shift, rel=1e-6, abs=1e-6)
-    assert fit_arx(moved, 2, offset=False).offset.tolist() == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("noise_db", [-90.0, -120.0, -150.0])
 def test_ill_conditioned_rows_are_solved_by_qr(seed: int, noise_db: float) -> None:
     """Hardly any noise: by the Gram matrix the parameters would be wrong by 1e-7, 1e-4 and 5 %."""
     record = bench_record(np.random.default_rng(seed), 3000, noise_db)
-    Phi, right = tall([record], 7, 7, 1)
+    Phi, right = tall([record], 7)
     theta = np.linalg.lstsq(Phi, right)[0]
     assert parameters(fit_arx([record], 7)) == pytest.approx(theta, abs=1e-8 * float(abs(theta).max()))
 
@@ -131,30 +140,14 @@ def test_without_noise_the_rank_is_said(seed: int) -> None:
     record = arx_record(np.random.default_rng(seed), A2, B2, 1000, 0.0)
     model = fit_arx([record], 6)
     assert model.root.shape[1] == 2 + 6 + 1
-    assert "9 of 13 parameters" in model.words[0]
     truth = freqz([0, *B2], [1, *A2], 2 * np.pi * FREQUENCIES * INTERVAL_S)[1]
     assert pytest.approx(truth, rel=1e-6) == model.response(FREQUENCIES).G
 
 
-@pytest.mark.parametrize("delay", [0, 1, 3])
-def test_delay_and_offset_are_those_of_the_system(seed: int, delay: int) -> None:
-    record = arx_record(np.random.default_rng(seed), A2, B2, 800, 0.0, delay)
-    shifted = Record(record.t, record.u + 2.0, record.y, "speed")
-    model = fit_arx([shifted], 2, delay=delay)
+def test_the_offset_is_that_of_the_system(seed: int) -> None:
+    record = arx_record(np.random.default_rng(seed), A2, B2, 800, 0.0)
+    model = fit_arx([Record(record.t, record.u + 2.0, record.y, "speed")], 2)
     assert parameters(model) == pytest.approx([*A2, *B2, -2.0 * B2.sum()], abs=1e-9)
-    truth = freqz([*[0] * delay, *B2], [1, *A2], 2 * np.pi * FREQUENCIES * INTERVAL_S)[1]
-    assert pytest.approx(truth, rel=1e-9) == model.response(FREQUENCIES).G
-
-
-def test_the_right_order_is_chosen(seed: int) -> None:
-    """BIC finds it; AIC does not take less, and takes too much in about a sixth of the cases by its own law."""
-    rng = np.random.default_rng(seed)
-    records = [arx_record(rng, A2, B2, 1500, 0.5) for _ in range(20)]
-    by_bic = [fit_arx([r], "bic", largest=15).a.size for r in records]
-    by_aic = [fit_arx([r], "aic", largest=15).a.size for r in records]
-    assert by_bic.count(2) >= 18
-    assert min(by_aic) >= 2
-    assert by_aic.count(2) >= 8
 
 
 def test_chosen_order_is_the_model_of_that_order(seed: int) -> None:
@@ -166,7 +159,7 @@ def test_chosen_order_is_the_model_of_that_order(seed: int) -> None:
 def test_criteria_equal_their_definition(seed: int) -> None:
     """All orders on the rows of the highest: the residuals of each from the tall matrix."""
     record = bench_record(np.random.default_rng(seed), 900)
-    Phi, right = tall([record], 12, 12, 1)
+    Phi, right = tall([record], 12)
     N, cost = len(Phi), []
     for n in range(1, 13):
         part = np.hstack([Phi[:, :n], Phi[:, 12 : 12 + n], Phi[:, -1:]])
@@ -198,21 +191,6 @@ def test_the_bench_drive_is_found(seed: int) -> None:
     assert np.sqrt(np.mean((error / response.sd_db) ** 2)) < 2.0
 
 
-def test_unstable_poles_are_said_and_reflected() -> None:
-    A = np.poly([1.05, 0.9 * np.exp(0.7j), 0.9 * np.exp(-0.7j), 1.02 * np.exp(1j), 1.02 * np.exp(-1j)]).real
-    model = Arx(
-        INTERVAL_S, A[1:].astype(np.float64), np.array([1.0, 0.4]), 1, np.array([0.3]), np.eye(7), 0.01, 1000
-    )
-    stable = model.stabilised()
-    assert not model.stable
-    assert stable.stable
-    assert "3 unstable poles" in stable.words[0]
-    expected = [1 / 1.05, 1 / 1.02, 1 / 1.02, 0.9, 0.9]
-    assert np.sort(abs(stable.poles)) == pytest.approx(np.sort(expected), rel=1e-9)
-    assert abs(stable.response(FREQUENCIES).G) == pytest.approx(abs(model.response(FREQUENCIES).G), rel=1e-9)
-    assert stable.stabilised() is stable
-
-
 def test_high_order_stays_exact(seed: int) -> None:
     """600 parameters: the normal equations hold to rounding."""
     record = bench_record(np.random.default_rng(seed), 4000)
@@ -223,26 +201,14 @@ def test_high_order_stays_exact(seed: int) -> None:
     residual = y[300:] - Phi @ np.concatenate([-model.a, model.b, model.offset])
     cosines = Phi.T @ residual / np.linalg.norm(Phi, axis=0) / np.linalg.norm(residual)
     assert abs(cosines).max() < 1e-8
-    assert model.predict(u, y, model.offset[0])[300:] == pytest.approx(y[300:] - residual, abs=1e-9)
-
-
-def test_simulation_is_that_of_the_system(seed: int) -> None:
-    model = Arx(INTERVAL_S, A2, B2, 1, np.zeros(1), np.eye(4), 1.0, 100)
-    u = np.random.default_rng(seed).normal(size=50)
-    y = np.zeros(50)
-    for t in range(50):
-        past = [y[t - i] if t >= i else 0.0 for i in (1, 2)]
-        held = [u[t - i] if t >= i else 0.0 for i in (1, 2)]
-        y[t] = -A2 @ past + B2 @ held
-    assert model.simulate(u) == pytest.approx(y, abs=1e-12)
 
 
 def test_mistakes_are_told(seed: int) -> None:
     record = bench_record(np.random.default_rng(seed), 100)
     with pytest.raises(ValueError, match=r"35 rows .* for 61 parameters"):
         fit_arx([record.without(slice(40, 45))], 30)
-    with pytest.raises(ValueError, match="need na >= 0"):
-        fit_arx([record], (3, 0))
+    with pytest.raises(ValueError, match="order 0: need 1 at least"):
+        fit_arx([record], 0)
     with pytest.raises(ValueError, match="no record"):
         fit_arx([])
     jittered = Record(record.t + 1e-3 * np.sin(np.arange(100)), record.u, record.y, "speed", "a.csv")

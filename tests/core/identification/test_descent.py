@@ -1,12 +1,29 @@
 """The search: curves that are known, bounds, directions that nothing tells."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.levenberg_marquardt import UNDAMPED, Normal, minimise
+from monitor_core.identification.greybox.levenberg_marquardt import UNDAMPED, End, Normal, minimise
 
 ENDLESS = np.full(2, np.inf)
+
+
+def search(
+    evaluate: Callable[[Floats], Normal],
+    start: tuple[float, ...],
+    most: int,
+    upper: Floats | None = None,
+    longest: Floats | None = None,
+    clipped: Floats | None = None,
+) -> End:
+    """Without bounds and limits of the step but those given."""
+    endless = np.full(len(start), np.inf)
+    bounds = -endless, endless if upper is None else upper
+    steps = (endless if limit is None else limit for limit in (longest, clipped))
+    return minimise(evaluate, np.array(start), bounds, next(steps), next(steps), most)
 
 
 def rosenbrock(xi: Floats) -> Normal:
@@ -16,14 +33,13 @@ def rosenbrock(xi: Floats) -> Normal:
 
 
 def test_a_bent_valley() -> None:
-    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 200)
+    end = search(rosenbrock, (-1.2, 1.0), 200)
     assert end.converged
     np.testing.assert_allclose(end.xi, [1, 1], rtol=1e-6)
 
 
 def test_a_bound_that_holds_one_lets_the_other_go_on() -> None:
-    upper = np.array([0.5, np.inf])
-    end = minimise(rosenbrock, np.array([-1.2, 1.0]), (-ENDLESS, upper), ENDLESS, ENDLESS, 200)
+    end = search(rosenbrock, (-1.2, 1.0), 200, upper=np.array([0.5, np.inf]))
     assert end.converged
     np.testing.assert_allclose(end.xi, [0.5, 0.25], rtol=1e-6)
 
@@ -35,7 +51,7 @@ def test_no_step_is_longer_than_it_may_be() -> None:
         seen.append(xi)
         return rosenbrock(xi)
 
-    minimise(watched, np.array([-1.2, 1.0]), (-ENDLESS, ENDLESS), np.array([0.1, np.inf]), ENDLESS, 500)
+    search(watched, (-1.2, 1.0), 500, longest=np.array([0.1, np.inf]))
     accepted = [seen[0]]
     for xi in seen[1:]:
         assert abs(xi[0] - accepted[-1][0]) <= 0.1 * (1 + 1e-12)
@@ -50,7 +66,7 @@ def test_what_nothing_tells_stays() -> None:
         eps, J = np.array([3.0 - xi.sum(), 1e-3]), np.array([[1.0, 1.0], [0.0, 0.0]])
         return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
 
-    end = minimise(summed, np.array([1.0, -4.0]), (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 50)
+    end = search(summed, (1.0, -4.0), 50)
     assert end.converged
     assert end.xi.sum() == pytest.approx(3)
     assert end.xi[0] - end.xi[1] == pytest.approx(5)
@@ -71,8 +87,7 @@ def test_what_has_vanished_is_not_followed(seed: int) -> None:
         J = S * np.array([1.0, 2 * level])
         return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2000)
 
-    clipped = np.array([np.inf, 1.5])
-    end = minimise(levelled, np.array([0.0, 0.0]), (-ENDLESS, ENDLESS), ENDLESS, clipped, 40)
+    end = search(levelled, (0.0, 0.0), 40, clipped=np.array([np.inf, 1.5]))
     assert end.converged
     assert end.xi[0] == pytest.approx(y @ S[:, 0] / (S[:, 0] @ S[:, 0]))
     assert end.xi[1] < -4
@@ -87,8 +102,7 @@ def test_a_cost_that_is_not_finite_is_only_a_step_refused() -> None:
         eps, J = np.array([np.exp(-xi[0]), xi[0] - 1.9]), np.array([[np.exp(-xi[0])], [-1.0]])
         return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
 
-    one = np.full(1, np.inf)
-    end = minimise(walled, np.array([-3.0]), (-one, one), one, one, 100)
+    end = search(walled, (-3.0,), 100)
     assert end.converged
     assert 1.9 < end.xi[0] < 2
 
@@ -98,7 +112,7 @@ def test_a_start_that_makes_no_sense() -> None:
         return Normal(np.nan, xi, np.eye(2), 1)
 
     with pytest.raises(ValueError, match="start values"):
-        minimise(nowhere, np.zeros(2), (-ENDLESS, ENDLESS), ENDLESS, ENDLESS, 10)
+        search(nowhere, (0.0, 0.0), 10)
 
 
 def test_a_linear_problem_is_solved_by_one_undamped_step(seed: int) -> None:
@@ -126,8 +140,7 @@ def slow(xi: Floats) -> Normal:
 
 def test_the_end_of_the_evaluations_is_no_doubt_where_hardly_anything_is_left() -> None:
     """Steps fall off by a factor, as with a model that is not the axis."""
-    start, endless = np.array([0.9]), np.full(1, np.inf)
-    ends = [minimise(slow, start, (-endless, endless), endless, endless, most) for most in range(2, 40)]
+    ends = [search(slow, (0.9,), most) for most in range(2, 40)]
     for end in ends:
         # The step left, squared, in variances.
         left = float(end.normal.g @ end.left) / (end.normal.cost / end.normal.samples)

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.identification.greybox import Disturbance, fit
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.problems import EIGHT, TRUE, reference_problem, reference_record

@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.greybox import Disturbance, Estimate, Problem, compare, fit
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.problems import EIGHT, TRUE, perturbed, reference_problem, reference_record
@@ -18,23 +18,6 @@ SAMPLES = 2000
 def pulls(found: Estimate, true: Floats = TRUE) -> Floats:
     """Errors in standard deviations."""
     return np.asarray((found.theta[: true.size] - true) / found.sd[: true.size])
-
-
-@pytest.mark.parametrize("predictor", ["output-error", "innovations"])
-def test_the_truth_within_the_stated_deviations(predictor: str, seed: int) -> None:
-    """Twelve records of the reference experiment, each from a start of its own."""
-    all_pulls, noise = [], Disturbance(torque=0.01) if predictor == "innovations" else None
-    for k in range(12):
-        rng = np.random.default_rng(seed + k)
-        problem = reference_problem(predictor=predictor, disturbance=noise)
-        found = fit(problem, [reference_record(seed + k, SAMPLES)], perturbed(rng, 0.05))
-        assert found.converged
-        all_pulls.append(pulls(found))
-        assert found.lam0 == pytest.approx(1, abs=6 * np.sqrt(2 / SAMPLES))
-    # Twelve draws of eight numbers that go together, each a standard normal one.
-    assert np.abs(all_pulls).max() < 4.5
-    assert np.abs(np.mean(all_pulls, axis=0)).max() < 4.5 / np.sqrt(12)
-    assert 0.6 < np.sqrt(np.mean(np.square(all_pulls))) < 1.5
 
 
 def test_deviations_are_cramer_and_raos(seed: int) -> None:
@@ -205,14 +188,11 @@ def test_bounds_hold_and_are_said(seed: int) -> None:
     assert any(word.startswith("Jm ended at its bound") for word in found.words)
 
 
-def test_a_noise_level_that_is_not_there_is_said(seed: int) -> None:
+def test_a_noise_level_that_is_not_there_vanishes(seed: int) -> None:
     problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.1))
     found = fit(problem, [reference_record(seed, SAMPLES)])
     assert found.converged
     assert found.noise["torque"] < 0.1
-    assert (
-        any("white torque noise cannot be told" in word for word in found.words) or found.noise["torque"] > 0
-    )
 
 
 def test_the_noise_levels_are_found(seed: int) -> None:
@@ -274,17 +254,6 @@ def test_validation_on_another_record(seed: int) -> None:
     (wrong,) = compare(replace(found.problem, nominal={**found.problem.nominal, "Jm": 0.012}), [other])
     assert right.simulation == pytest.approx(found.fit_simulation[0], abs=3)
     assert wrong.simulation < right.simulation - 10
-
-
-def test_random_starts_reach_the_optimum_where_one_does_not(seed: int) -> None:
-    rec = reference_record(seed, 1000)
-    best = fit(reference_problem(), [rec])
-    bad = {
-        name: value * factor
-        for name, value, factor in zip(EIGHT, TRUE, (1, 3, 0.4, 0.4, 3, 1, 1, 1), strict=True)
-    }
-    many = fit(reference_problem(), [rec], [bad, {}], tries=2)
-    assert many.cost == pytest.approx(best.cost, rel=1e-6)
 
 
 def test_mistakes() -> None:

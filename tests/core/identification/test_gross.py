@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from monitor_core.identification.criterion import choose_disturbance
 from monitor_core.identification.greybox import Disturbance
-from monitor_core.identification.outlier_removal import outliers
-from monitor_core.identification.predictor import Predictor
-from monitor_core.identification.record import Record
+from monitor_core.identification.greybox.criterion import choose_disturbance, outliers
+from monitor_core.identification.predictor.prediction_errors import Predictor
+from monitor_core.identification.records import Record
 from tests.core.identification.problems import reference_problem, reference_record
 
 SAMPLES = 600

@@ -11,7 +11,7 @@ from scipy.linalg import expm_frechet
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive
-from monitor_core.identification.held_drive import Linear, Structure, hold, hold_late
+from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.chains import chain, values

@@ -10,14 +10,15 @@ from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.predictor import Predictor
+from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.identification.problems import check_gradients
 
 H = 0.005
 AVERAGED = three_mass("speed").with_mean_speed()
@@ -37,21 +38,12 @@ def measured(seed: int, samples: int, lost: float = 0.0) -> Record:
 
 @pytest.mark.parametrize("free_delay", [False, True])
 def test_gradients_are_those_of_the_errors(free_delay: bool, seed: int) -> None:
-    """Central differences; a fifth of the samples is lost, friction follows the predicted speed."""
+    """A fifth of the samples is lost, friction follows the predicted speed."""
     record, delay_s = measured(seed, 600, 0.2), 0.002 if free_delay else 0.0
     values = {**REFERENCE_VALUES, "Jm": 0.0065, "fc": 0.05}
     free = ("Jm", "1/ka", "r", "fc")
     problem = Problem(AVERAGED, values, free, disturbance=NOISE, delay_s=delay_s, free_delay=free_delay)
-    predictor = Predictor(problem, [record], NOISE)
-    xi = predictor.start()
-    psi, rates = predictor.errors(xi)[0].psi, predictor.layout.rates(xi)
-    for i in range(predictor.layout.shared):
-        step = 1e-6 * max(1e-3, abs(xi[i])) * np.eye(xi.size)[i]
-        ahead, behind = (predictor.errors(x)[0].eps for x in (xi + step, xi - step))
-        slope = (behind - ahead) / (2 * step[i])
-        assert np.abs(slope - psi[:, i] * rates[i]).max() < 1e-5 * np.abs(slope).max(), (
-            predictor.layout.names[i]
-        )
+    check_gradients(Predictor(problem, [record], NOISE), 1e-5)
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.002])

@@ -8,14 +8,10 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import DISTURBANCE_TIME, Output
 from monitor_core.excitation.reference_experiment import NOISE
-from monitor_core.identification.held_drive import Structure
-from monitor_core.identification.noise import Levels, gain
+from monitor_core.identification.predictor.held_drive import Structure
+from monitor_core.identification.predictor.noise import Levels, gain
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring import AxisMonitor
-from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
 
 H = 0.005
 FREE = ("Jm", "1/Ja", "kg", "r", DISTURBANCE_TIME)
@@ -73,39 +69,6 @@ def test_derivatives_of_the_gain(output: Output) -> None:
         size = abs(slope).max(initial=1e-300)
         np.testing.assert_allclose(dK[:, i] / size, slope / size, atol=3e-6, rtol=1e-3)
         assert size * value > 1e-6 * abs(K(at)).max()
-
-
-@pytest.mark.parametrize("output", ["speed", "angle"])
-def test_innovations_with_a_disturbance_are_white(output: Output, seed: int) -> None:
-    """The monitor takes the drive with the disturbance as it takes any other."""
-    rng = np.random.default_rng(seed)
-    N, slow, white, T = 20_000, 0.4, 0.1, VALUES[DISTURBANCE_TIME]
-    drive = three_mass(output).with_disturbance()
-    model = AxisModel(drive, VALUES, ("kT",))
-    a = np.exp(-H / T)
-    d = np.zeros(N)
-    # What w, held over each interval, makes of d, and how d itself, not held, moves the drive: finely stepped.
-    parts, w = 10, slow * np.sqrt((1 + a) / (1 - a)) / T * rng.standard_normal(N)
-    fine = np.empty(N * parts)
-    b, state = np.exp(-H / parts / T), 0.0
-    for k in range(N):
-        d[k] = state
-        for j in range(parts):
-            following = b * state + T * (1 - b) * w[k]
-            fine[k * parts + j] = (state + following) / 2
-            state = following
-    u = rng.standard_normal(N)
-    torque = np.repeat(u + white * rng.standard_normal(N), parts) + fine
-    moved, _ = simulate_linear(three_mass(output), REFERENCE_VALUES, torque[:, None], H / parts)
-    y = moved[::parts, 0] + NOISE[output] * rng.standard_normal(N)
-    K, lam0 = filter_gain(model, H, white, NOISE[output], slow)
-    pinned = Settings.paper(H, K=tuple(K), lam0=lam0, P0=(1e-60,))
-    _, trace = AxisMonitor(model, pinned).update_traced(SampleBlock(np.arange(N) * 5000, u, y))
-    eps = trace.eps[2000:] / np.sqrt(lam0)
-    assert np.std(d) == pytest.approx(slow, rel=0.3)
-    assert np.mean(eps**2) == pytest.approx(1, abs=5 * np.sqrt(2 / N))
-    for lag in (1, 2, 5, 20):
-        assert abs(np.mean(eps[lag:] * eps[:-lag])) < 5 / np.sqrt(N)
 
 
 def test_a_drive_that_has_the_disturbance_already() -> None:

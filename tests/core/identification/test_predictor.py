@@ -8,11 +8,11 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY
-from monitor_core.identification.criterion import fit_starts
-from monitor_core.identification.predictor import Errors, Predictor
+from monitor_core.identification.greybox.criterion import fit_starts
+from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
+from monitor_core.identification.predictor.record_intervals import MOST_LEVELS, series
 from monitor_core.identification.problem import Disturbance, Problem
-from monitor_core.identification.record import Record
-from monitor_core.identification.record_intervals import MOST_LEVELS, series
+from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
@@ -23,8 +23,8 @@ from tests.core.identification.problems import (
     EIGHT,
     all_errors,
     all_gradients,
-    by_differences,
     case_record,
+    check_gradients,
     reference_record,
 )
 from tests.core.oracle.prediction import prediction
@@ -88,7 +88,7 @@ def test_gradients_of_every_case(name: str, motion: str, seed: int) -> None:
     rec = replace(rec, valid=np.random.default_rng(seed).random(300) > 0.1)
     problem = as_monitor(case, motion=motion, initial="free", free_delay=True, delay_s=0.0004)
     predictor = Predictor(problem, [rec], None)
-    _check_gradients(predictor, 1e-6)
+    check_gradients(predictor, 1e-6)
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
@@ -107,7 +107,7 @@ def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> Non
     predictor = Predictor(problem, records, noise)
     assert predictor.layout.levels == ("torque", "slow")
     assert predictor.layout.names[-2:] == ("Td", "delay")
-    _check_gradients(predictor, 3e-6)
+    check_gradients(predictor, 3e-6)
 
 
 def test_gradients_through_the_gain_where_the_output_depends_on_theta(seed: int) -> None:
@@ -116,7 +116,7 @@ def test_gradients_through_the_gain_where_the_output_depends_on_theta(seed: int)
     noise = Disturbance(torque=5.0, slow=2.0, time_constant_s=0.1)
     problem = Problem(drive, values(2, gravity=False), ("r", "J1", "1/k1"), initial="first")
     rec = reference_record(seed, 300)
-    _check_gradients(Predictor(problem, [rec], noise), 3e-6)
+    check_gradients(Predictor(problem, [rec], noise), 3e-6)
 
 
 def test_the_initial_states_are_those_of_least_squares(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,32 +164,28 @@ def test_friction_and_gravity_held_at_zero_are_as_if_they_were_not_there(motion:
     case = BY_NAME["gravity"]
     nominal = {**case.model.nominal, **dict.fromkeys(("fc", "tau0", "gc", "gs"), 0.0)}
     rec, some = case_record(seed, case, 200), replace(as_monitor(case, motion=motion), nominal=nominal)
-    without, all_ = (
-        Predictor(replace(some, free=free), [rec], None)
-        for free in (("J1", "fa"), ("J1", "fa", "fc", "tau0", "gc", "gs"))
-    )
+    held, free = ("J1", "fa"), ("J1", "fa", "fc", "tau0", "gc", "gs")
+    without, all_ = (Predictor(replace(some, free=names), [rec], None) for names in (held, free))
     expected = all_errors(all_, all_.start())
     found = all_errors(without, without.start())
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * abs(expected).max())
     assert all_gradients(all_, all_.start())[:, 2:].any(axis=0).all()
-    _check_gradients(all_, 1e-6)
+    check_gradients(all_, 1e-6)
 
 
 def test_gravity_of_a_measured_angle_that_a_free_ratio_scales(seed: int) -> None:
     """Not a sample missing and no friction: nothing else gives an input derivatives."""
     still = {**values(3), "fc": 0.0, "fa": 0.0, "tau0": 0.0}
     case = Case("", "angle", ("r", "gc", "gs"), still, drive=partial(chain, 3))
-    _check_gradients(Predictor(as_monitor(case), [case_record(seed, case, 200)], None), 3e-6)
+    check_gradients(Predictor(as_monitor(case), [case_record(seed, case, 200)], None), 3e-6)
 
 
 def test_distinct_intervals_and_levels(seed: int) -> None:
     """As numpy sorts and counts them."""
     rng = np.random.default_rng(seed)
     signal = np.asarray(rng.integers(0, 3, 400) * 1.5)
-    even, uneven = (
-        np.asarray(np.arange(400) * 0.005),
-        np.asarray(np.cumsum(rng.integers(4000, 4004, 400)) * 1e-6),
-    )
+    even = np.asarray(np.arange(400) * 0.005)
+    uneven = np.asarray(np.cumsum(rng.integers(4000, 4004, 400)) * 1e-6)
     for times, held in ((uneven, signal), (even, signal), (uneven, np.zeros(400)), (even, np.zeros(400))):
         rec = replace(reference_record(seed, 400), t=times, signals={"s": held})
         found = series(rec, ["s"])
@@ -210,19 +206,6 @@ def test_a_signal_that_was_not_measured_everywhere_keeps_its_value(seed: int) ->
     assert abs(parts.signals[parts.level, 0] - smooth).max() <= 0.5 / MOST_LEVELS + 0.01
     late = series(replace(rec, signals={"s": np.where(np.arange(100) < 50, np.nan, 3.0)}), ["s"])
     np.testing.assert_array_equal(late.signals[late.level, 0], 3.0)
-
-
-def _check_gradients(predictor: Predictor, tolerance: float) -> None:
-    xi = predictor.start()
-    analytic = all_gradients(predictor, xi)
-    size = abs(analytic).max(axis=0)
-    moved = np.sqrt(np.mean(all_errors(predictor, xi) ** 2)) / np.where(size > 0, size, 1.0)
-    steps = 3e-4 * np.minimum(moved, 1.0)  # between rounding and what the fourth order leaves
-    delay = [k for k, name in enumerate(predictor.layout.names) if name == "delay"]
-    steps[delay] = np.minimum(steps[delay], 1e-5)
-    numeric = by_differences(predictor, xi, steps)
-    scale = np.where(size > 0, size, 1.0)
-    np.testing.assert_allclose(analytic / scale, numeric / scale, rtol=0, atol=tolerance)
 
 
 def test_parameters_that_follow_a_signal(seed: int) -> None:
@@ -247,7 +230,7 @@ def test_parameters_that_follow_a_signal(seed: int) -> None:
     assert predictor.layout.names == (*EIGHT, "fm per temperature")
     errors = all_errors(predictor, predictor.start())
     assert abs(errors).max() < 1e-10 * np.std(rec.y)
-    _check_gradients(Predictor(problem, [replace(rec, y=rec.y + 1)], None), 1e-6)
+    check_gradients(Predictor(problem, [replace(rec, y=rec.y + 1)], None), 1e-6)
 
 
 def test_a_missing_sample_is_not_looked_at(seed: int) -> None:

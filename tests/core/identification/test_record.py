@@ -1,4 +1,4 @@
-"""Records: checked when made, split, selected, cut and joined."""
+"""Records: checked when made, selected, and cut."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.identification.record import Record, between, join, segments, split
+from monitor_core.identification.records.record import Record, between, segments
 from tests.core.identification.record_cases import H, records, same
 
 
@@ -68,16 +68,6 @@ def test_times() -> None:
     assert (r.unit, record(quantity="angle").unit) == ("rad/s", "rad")
 
 
-@given(records(27), st.lists(st.floats(0.5, 2), min_size=1, max_size=3))
-def test_parts_join_to_the_whole(r: Record, shares: list[float]) -> None:
-    """The smallest share is a ninth, and a part that rounding makes one shorter still has its two samples."""
-    parts = split(r, shares)
-    assert len(parts) == len(shares)
-    for part, share in zip(parts, shares, strict=True):
-        assert abs(len(part) - share / sum(shares) * len(r)) <= 1
-    assert same(join(parts), r)
-
-
 @given(records(), st.floats(0, 0.5), st.floats(0, 0.5))
 def test_a_range_of_time(r: Record, start: float, length: float) -> None:
     inside = [k for k, t in enumerate(r.t) if start <= t - r.t[0] <= start + length]
@@ -96,34 +86,6 @@ def test_segments_have_no_gap_and_hold_every_sample_that_has_a_neighbour(r: Reco
     assert all(piece.intervals.max() <= gap for piece in pieces)
     near = np.concatenate(([False], r.intervals <= gap)) | np.concatenate((r.intervals <= gap, [False]))
     assert [t for piece in pieces for t in piece.t] == r.t[near].tolist()
-
-
-@given(st.lists(records(), min_size=1, max_size=3))
-def test_records_joined_with_a_gap_come_apart_there(several: list[Record]) -> None:
-    alike = [Record(r.t, r.u, r.y, "speed", r.name, r.measured, r.signals) for r in several]
-    pieces = segments(join(alike, gap_s=100.0), 50.0)
-    assert len(pieces) == len(alike)
-    for piece, r in zip(pieces, alike, strict=True):
-        assert np.array_equal(piece.u, r.u)
-        assert piece.intervals == pytest.approx(r.intervals, rel=1e-9)
-
-
-def test_records_that_cannot_be_joined() -> None:
-    with pytest.raises(ValueError, match="no records to join"):
-        join([])
-    with pytest.raises(ValueError, match="records of speed and of angle cannot be joined"):
-        join([record(), record(quantity="angle")])
-    with pytest.raises(ValueError, match=r"with signals \['s'\] and \[\] cannot be joined"):
-        join([record(signals={"s": np.zeros(3)}), record()])
-    with pytest.raises(ValueError, match="times must increase"):
-        join([record(), record()])
-    assert join([record(name="a"), record(name="b")], 1.0).name == "a + b"
-
-
-@pytest.mark.parametrize("shares", [(), (1, 0), (1, -1), (np.nan,), (1, np.inf)])
-def test_shares_that_are_none(shares: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match="each must be positive"):
-        split(record(), shares)
 
 
 def test_samples_taken_out_are_not_measured() -> None:

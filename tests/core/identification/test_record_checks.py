@@ -11,10 +11,9 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.identification.record import Record
-from monitor_core.identification.record_checks import Finding, Known, known_of, suspicions
-from monitor_core.identification.record_checks.outlier_checks import outliers
-from monitor_core.identification.rigid_body import antiresonance_s, rigid_fit, rigid_inertia
+from monitor_core.identification.records import Finding, Known, Record, known_of, suspicions
+from monitor_core.identification.records.rigid_body import antiresonance_s, rigid_fit, rigid_inertia
+from monitor_core.identification.records.sample_checks import outliers
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import three_mass, two_mass
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y
@@ -156,32 +155,35 @@ def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
     assert kinds(Record(t, np.concatenate((record.u, u)), there_and_back, record.quantity), Known()) == []
 
 
-def test_a_standstill_that_ends_with_a_jerk_is_not_stuck(seed: int) -> None:
-    """One end of it may be as abrupt as that of a frozen sensor, not both."""
-    rng = np.random.default_rng(seed)
-    angle = np.concatenate((np.zeros(100), np.cumsum(np.append(0.01, rng.uniform(1e-4, 0.01, 899)))))
-    t = H * np.arange(1000, dtype=float)
-    assert "stuck" not in [
-        kind for kind, _ in kinds(Record(t, rng.normal(size=1000), angle, "angle"), Known())
-    ]
+def jerk(rng: np.random.Generator) -> tuple[float, Output, Floats]:
+    """One end of a standstill may be as abrupt as that of a frozen sensor, not both."""
+    steps = np.append(0.01, rng.uniform(1e-4, 0.01, 899))
+    return H, "angle", np.concatenate((np.zeros(100), np.cumsum(steps)))
 
 
-def test_a_coarse_encoder_is_not_stuck(seed: int) -> None:
-    rng = np.random.default_rng(seed)
+def coarse_encoder(_: np.random.Generator) -> tuple[float, Output, Floats]:
     t = 0.001 * np.arange(8000, dtype=float)
-    angle = 0.01 * np.rint(0.1 * np.cumsum(0.5 + 0.4 * np.sin(2 * np.pi * 0.5 * t)))
-    assert "stuck" not in [
-        kind for kind, _ in kinds(Record(t, rng.normal(size=8000), angle, "angle"), Known())
-    ]
+    return 0.001, "angle", 0.01 * np.rint(0.1 * np.cumsum(0.5 + 0.4 * np.sin(2 * np.pi * 0.5 * t)))
 
 
-def test_a_coarse_or_slow_speed_is_not_stuck(seed: int) -> None:
+def coarse_speed(rng: np.random.Generator) -> tuple[float, Output, Floats]:
+    t = 0.001 * np.arange(8000, dtype=float)
+    return 0.001, "speed", np.rint(rng.choice([20, 100]) * (1 + np.sin(np.pi * t)))
+
+
+def slow_speed(rng: np.random.Generator) -> tuple[float, Output, Floats]:
+    """Each value comes 25 times."""
+    return 0.001, "speed", np.repeat(10 * rng.integers(1, 90, 320), 25).astype(float)
+
+
+@pytest.mark.parametrize("motion", [jerk, coarse_encoder, coarse_speed, slow_speed], ids=lambda f: f.__name__)
+def test_equal_values_that_are_not_stuck(
+    motion: Callable[[np.random.Generator], tuple[float, Output, Floats]], seed: int
+) -> None:
     rng = np.random.default_rng(seed)
-    t, u = 0.001 * np.arange(8000, dtype=float), rng.normal(size=8000)
-    in_steps = [np.rint(levels * (1 + np.sin(np.pi * t))) for levels in (20, 100)]
-    slow = np.repeat(10 * rng.integers(1, 90, 320), 25).astype(float)  # each value comes 25 times
-    for speed in (*in_steps, slow):
-        assert "stuck" not in [kind for kind, _ in kinds(Record(t, u, speed, "speed"), Known())]
+    h, quantity, y = motion(rng)
+    record = Record(h * np.arange(y.size, dtype=float), rng.normal(size=y.size), y, quantity)
+    assert "stuck" not in [kind for kind, _ in kinds(record, Known())]
 
 
 def test_nothing_is_stuck_while_the_torque_does_not_move_either(record: Record) -> None:
@@ -216,27 +218,6 @@ def test_wrong_units(record: Record, torque: float, motion: float, mistake: str)
     assert (finding.kind, finding.severity) == ("units", "warn")
     assert finding.number == pytest.approx(torque / motion, rel=0.4)
     assert mistake in finding.sentence
-
-
-def test_speed_that_is_not_that_of_the_angle(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    t = H * np.arange(2000, dtype=float)
-    w = 2 * np.pi * rng.uniform(0.5, 3)
-    record = Record(t, rng.normal(size=2000), np.sin(w * t), "angle")
-    for factor, hint in (
-        (180 / np.pi, ": degrees?"),
-        (-1, "wrong sign"),
-        (30 / np.pi, "revolutions per minute?"),
-        (3, ""),
-    ):
-        r = Record(t, record.u, record.y, "angle", signals={"speed": factor * w * np.cos(w * t)})
-        (finding,) = [f for f in suspicions(r, Known(speed="speed")) if f.kind == "inconsistent"]
-        assert finding.number == pytest.approx(factor, rel=0.01)
-        assert hint in finding.sentence
-    r = Record(
-        t, record.u, record.y, "angle", signals={"speed": w * np.cos(w * t) + 0.1 * rng.standard_normal(2000)}
-    )
-    assert "inconsistent" not in [kind for kind, _ in kinds(r, Known(speed="speed"))]
 
 
 def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
@@ -286,16 +267,8 @@ def test_outliers(record: Record, what: str, seed: int) -> None:
 def test_a_jump_is_no_outlier() -> None:
     assert not outliers(np.repeat([0.0, 1.0, -5.0, 7.0, 7.5], 20)).any()
     assert not outliers(np.array([1.0, 100.0, 1.0])).any()
-    stop = [
-        -6.96,
-        -0.31,
-        -5.06,
-        -9.6,
-        -11.6,
-        -11.7,
-        -11.5,
-        -11.6,
-    ]  # as a real drive swung when it was stopped
+    # As a real drive swung when it was stopped.
+    stop = [-6.96, -0.31, -5.06, -9.6, -11.6, -11.7, -11.5, -11.6]
     assert not outliers(np.concatenate((np.tile([9.3, 9.4], 50), stop, np.tile([-11.5, -11.6], 50)))).any()
 
 
@@ -372,8 +345,8 @@ def test_one_mass_is_explained_entirely(quantity: Output, seed: int) -> None:
 
 
 def test_what_is_known_of_a_drive() -> None:
-    known = known_of(three_mass("speed"), {**VALUES, "fm": 0.0}, 3, 2.0, "w")
-    assert (known.parameters, known.speed_scale, known.speed) == (3, 2.0, "w")
+    known = known_of(three_mass("speed"), {**VALUES, "fm": 0.0}, 3, 2.0)
+    assert (known.parameters, known.speed_scale) == (3, 2.0)
     assert KNOWN.slowest_s == pytest.approx((KNOWN.inertia or 0) / VALUES["fm"], rel=0.1)
     assert known.slowest_s is not None
     assert known.slowest_s < 0.5

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.record import Record
-from monitor_core.identification.record_checks.motion_checks import averaging, mean_speed
-from monitor_core.identification.resampling import PASS, decimate, is_regular, mean_torque, resample
+from monitor_core.identification.records import Record
+from monitor_core.identification.records.uniform_grid import PASS, decimate, is_regular, mean_torque, resample
 from tests.core.identification.record_cases import records
 
 
@@ -24,12 +23,6 @@ class Tones:
     def __call__(self, t: Floats) -> Floats:
         total: Floats = np.sin(np.outer(t, self.omega) + self.phase).sum(axis=1)
         return total
-
-    def mean(self, start: Floats, end: Floats) -> Floats:
-        """Over each of the intervals."""
-        ends = [(np.cos(np.outer(t, self.omega) + self.phase) / self.omega).sum(axis=1) for t in (start, end)]
-        means: Floats = (ends[0] - ends[1]) / (end - start)
-        return means
 
 
 def sampled(
@@ -47,7 +40,7 @@ def test_the_integral_of_the_torque_is_conserved(r: Record, factor: float) -> No
     interval = factor * r.interval_s
     if r.duration_s < interval:
         return
-    new = resample(r, interval).record
+    new = resample(r, interval)
     impulse = sum(u * h for u, h in zip(new.u[:-1], new.intervals, strict=True))
     held = [max(0.0, min(b, new.t[-1]) - a) for a, b in zip(r.t[:-1], r.t[1:], strict=True)]
     assert impulse == pytest.approx(float(r.u[:-1] @ np.array(held)), abs=1e-12)
@@ -64,7 +57,7 @@ def test_what_is_in_the_band_stays_as_it_is(rng: np.random.Generator, factor: fl
     """Size and phase: each of the six sines may lose a thousandth."""
     interval = 0.001 * factor
     tones = Tones(rng, PASS / 2 / interval * 0.999 if factor > 4 else 100.0)
-    new = resample(sampled(tones, jitter, rng), interval).record
+    new = resample(sampled(tones, jitter, rng), interval)
     fine = new.measured
     assert fine.mean() > 0.9
     assert abs(new.y - tones(new.t))[fine].max() < 6e-3 + 1e-3 * (jitter > 0)
@@ -79,7 +72,7 @@ def test_what_is_above_the_band_does_not_come_back(
     frequency = min(above * 0.5 / (factor * h), 0.49 / h)
     t = h * np.arange(6000, dtype=float)
     y = np.sin(2 * np.pi * frequency * t + rng.uniform(0, 6))
-    new = decimate(Record(t, t, y, "speed"), factor).record
+    new = decimate(Record(t, t, y, "speed"), factor)
     assert abs(new.y[new.measured]).max() < 1.5e-3
 
 
@@ -89,7 +82,7 @@ def test_missing_samples_stay_missing_and_spoil_no_others(rng: np.random.Generat
     whole = sampled(tones, 0.0, rng)
     start = int(rng.integers(2000, 6000))
     hole = np.arange(start, start + 4 * factor)
-    new, intact = decimate(whole.without(hole), factor).record, decimate(whole, factor).record
+    new, intact = decimate(whole.without(hole), factor), decimate(whole, factor)
     lost = intact.measured & ~new.measured
     near = (new.t > whole.t[hole[0] - 1] - factor * 0.001) & (new.t < whole.t[hole[-1] + 1] + factor * 0.001)
     inside = (new.t >= whole.t[hole[0]]) & (new.t <= whole.t[hole[-1]])
@@ -100,7 +93,7 @@ def test_missing_samples_stay_missing_and_spoil_no_others(rng: np.random.Generat
 
 def test_the_grid() -> None:
     r = Record(10 + 0.001 * np.arange(1001, dtype=float), np.ones(1001), np.ones(1001), "speed", "a")
-    new = resample(r, 0.01).record
+    new = resample(r, 0.01)
     assert new.t == pytest.approx(10 + 0.01 * np.arange(101, dtype=float))
     assert (new.name, new.quantity) == ("a", "speed")
     assert new.y[new.measured] == pytest.approx(1.0, abs=1e-9)
@@ -114,27 +107,17 @@ def test_as_it_is() -> None:
         np.arange(100, dtype=float) ** 2,
         "speed",
     )
-    assert decimate(r, 1).record is r
-    again = resample(r, 0.001).record
+    assert decimate(r, 1) is r
+    again = resample(r, 0.001)
     assert again.measured.all()
     assert again.y == pytest.approx(r.y, abs=1e-9)
     assert again.u == pytest.approx(r.u)
 
 
-def test_what_it_costs_is_said(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    regular, irregular = (sampled(Tones(rng, 20.0), jitter, rng) for jitter in (0.0, 0.2))
-    assert is_regular(regular)
-    assert not is_regular(irregular)
-    (words,) = resample(regular, 0.01).words
-    assert words.startswith("resampled from 1 to 10 ms")
-    assert "above 40 Hz is filtered out" in words
-    assert "used as they are they cost nothing" in resample(irregular, 0.01).words[1]
-
-
 def test_lost_samples_are_still_on_the_grid() -> None:
     t = 0.001 * np.delete(np.arange(1000, dtype=float), [5, 100, 101])
     assert is_regular(Record(t, t, t, "speed"))
+    assert not is_regular(Record(t**2 + t, t, t, "speed"))
 
 
 def test_what_cannot_be_resampled() -> None:
@@ -144,38 +127,5 @@ def test_what_cannot_be_resampled() -> None:
         resample(r, 0.0005)
     with pytest.raises(ValueError, match=r"a record of 0.099 s has no two samples 0.1 s apart"):
         resample(r, 0.1)
-    with pytest.raises(ValueError, match="decimation by 0"):
-        decimate(r, 0)
     with pytest.raises(ValueError, match=r"not on a regular grid .* can be resampled, not decimated"):
         decimate(Record(t**2 + t, t, t, "speed"), 2)
-
-
-@given(rngs)
-def test_differenced_angles_are_the_mean_speed_whatever_the_intervals(rng: np.random.Generator) -> None:
-    speed = Tones(rng, 30.0)
-    t = np.cumsum(rng.uniform(0.001, 0.02, 300))
-    angle = np.cumsum(np.append(1.0, speed.mean(t[:-1], t[1:]) * np.diff(t)))
-    r = Record(t, t, angle, "angle").without(np.array([7, 8, 100]))
-    found = mean_speed(r)
-    start = t[r.measured][:-1]
-    assert found.speed == pytest.approx(speed.mean(start, t[found.end]), abs=1e-9)
-    assert found.t_mid == pytest.approx((start + t[found.end]) / 2)
-    assert found.interval.max() >= t[9] - t[6]
-
-
-def test_it_is_half_an_interval_late() -> None:
-    h, omega = 0.005, np.array([1.0, 30.0, 300.0])
-    t = h * np.arange(2000, dtype=float)
-    for w, factor in zip(omega, averaging(omega, h), strict=True):
-        r = Record(t, t, (np.exp(1j * w * t) / (1j * w)).imag, "angle")
-        found = mean_speed(r)
-        assert found.speed == pytest.approx((factor * np.exp(1j * w * t[found.end])).imag, abs=1e-8)
-        assert np.angle(factor) == pytest.approx(-w * h / 2)
-
-
-def test_a_measured_speed_is_not_differenced() -> None:
-    r = Record(np.arange(3.0), np.zeros(3), np.zeros(3), "speed")
-    with pytest.raises(ValueError, match="nothing to differentiate"):
-        mean_speed(r)
-    with pytest.raises(ValueError, match="1 measured angles: for a speed two are needed"):
-        mean_speed(Record(r.t, r.u, np.array([0.0, np.nan, np.nan]), "angle"))

@@ -6,8 +6,13 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
-from monitor_core.identification.covariance import information
-from monitor_core.identification.residuals import autoregression, independence, scores_covariance, whiteness
+from monitor_core.identification.greybox.covariance import information
+from monitor_core.identification.greybox.residuals import (
+    autoregression,
+    independence,
+    scores_covariance,
+    whiteness,
+)
 
 N = 3000
 

@@ -20,13 +20,13 @@ from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.identification.greybox import Estimate, Problem, fit
-from monitor_core.identification.record import Record
-from monitor_core.identification.starting import fit_from, fit_from_scratch, start
-from monitor_core.identification.starting.chains import Chain, chain_of_modes, modes_of_chain
-from monitor_core.identification.starting.modal import Response
+from monitor_core.identification.records import Record
+from monitor_core.identification.starting import fit_from, fit_from_scratch
+from monitor_core.identification.starting.chains import Chain, Slots, chain_of_modes, modes_of_chain
 from monitor_core.identification.starting.modes import black_boxes, modal
-from monitor_core.identification.starting.response import Target, measure
-from monitor_core.identification.starting.slots import Slots
+from monitor_core.identification.starting.response import Response, Target, measure
+from monitor_core.identification.starting.search import Steps
+from monitor_core.identification.starting.starting_fits import from_records
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import (
     INTERVAL_S,
@@ -35,26 +35,6 @@ from monitor_core.modeling.standard_drives import (
     three_mass,
     two_mass,
 )
-
-
-def chain_of_roots(inertia: float, poles: Floats, zeros: Floats) -> Chain:
-    """From the whole inertia, resonances and anti-resonances (n - 1,) each, rad/s; these take turns, a zero first.
-
-    Raises:
-        ValueError: they do not take turns.
-    """
-    p2, z2 = poles**2, zeros**2
-    turns = np.column_stack([z2, p2]).ravel()
-    if not (np.diff(np.concatenate([[0.0], turns])) > 0).all():
-        raise ValueError("anti-resonances and resonances must take turns, an anti-resonance first")
-    others = [np.delete(p2, i) - square for i, square in enumerate(p2)]
-    rigid = np.prod(p2 / z2)
-    a = [
-        rigid * np.prod(z2 - square) / (-square * np.prod(other))
-        for square, other in zip(p2, others, strict=True)
-    ]
-    return chain_of_modes(np.concatenate([[0.0], poles]), np.array([1.0, *a]) / inertia)
-
 
 Way = Literal["scratch", "given"]
 R = REFERENCE_VALUES["r"]
@@ -106,9 +86,8 @@ class Case:
         return self.found(record, way, self.wrong(seed)).cost / best.cost
 
     def found(self, record: Record, way: Way, wrong: Mapping[str, float]) -> Estimate:
-        if way == "given":
-            return fit_from(self.problem(None, record.quantity), [record], wrong)
-        return fit_from_scratch(self.problem(wrong, record.quantity), [record])
+        fitted = fit_from if way == "given" else fit_from_scratch
+        return fitted(self.problem(wrong, record.quantity), [record])
 
 
 def behind_gear(motor: float, *others: float) -> list[float]:
@@ -140,6 +119,10 @@ FIVE = Case("five", five_mass("speed"), five_mass("angle"), five_masses(), 60.0,
 CASES = {case.name: case for case in (TWO, THREE, FIVE)}
 
 
+def ignored(_: int) -> None:
+    """No report of progress."""
+
+
 def at_least(count: int, of_hundred: int) -> int:
     """Successes that chance leaves out once in ten thousand runs, if just as many as must be succeed on average."""
     return int(binom.ppf(1e-4, count, of_hundred / 100))
@@ -158,7 +141,7 @@ def test_from_the_measured_angle(name: str, seed: int) -> None:
     """Where the nominal values are of no use; the fit of the record itself is not asked."""
     case = CASES[name]
     record = case.record(seed, output="angle")
-    best, *_ = start(case.problem(case.wrong(seed), "angle"), [record])
+    best, *_ = from_records(case.problem(case.wrong(seed), "angle"), measure([record]), ignored)
     found = {n: best.values[n] / case.values[n] for n in case.free if n[0] in "Jk"}
     assert np.abs(np.log(list(found.values()))).max() < 0.3, found
 
@@ -198,34 +181,15 @@ def stiffness(k: Floats) -> Floats:
 
 @law
 @given(chains)
-def test_poles_and_zeros_of_a_chain_are_that_chain(drawn: tuple[list[float], list[float]]) -> None:
-    """Zeros are the resonances with the first mass held; both by scipy's symmetric solver."""
-    J, k = np.array(drawn[0]), np.array(drawn[1])
-    K, M = stiffness(k), np.diag(J)
-    poles = np.sqrt(sla.eigvalsh(K, M)[1:])
-    zeros = np.sqrt(sla.eigvalsh(K[1:, 1:], M[1:, 1:]))
-    back = chain_of_roots(float(J.sum()), poles, zeros)
-    # The far end hangs on differences of the roots: the solver's 1e-15 comes back a few million times as large.
-    np.testing.assert_allclose(np.concatenate(back), np.concatenate([J, k]), rtol=1e-7)
-
-
-@law
-@given(chains)
 def test_modes_of_a_chain_are_that_chain(drawn: tuple[list[float], list[float]]) -> None:
-    """Y(s) at some points is that of the force balance, and back again."""
+    """Resonances are scipy's, Y(s) at some points is that of the force balance, and back again."""
     J, k = np.array(drawn[0]), np.array(drawn[1])
     p, a = modes_of_chain(Chain(J, k))
+    np.testing.assert_allclose(p[1:] ** 2, sla.eigvalsh(stiffness(k), np.diag(J))[1:], rtol=1e-9)
     for s in (0.3, 1.0 + 0.5j, 4.0j):
         balance = np.linalg.inv(np.diag(J) * s + stiffness(k) / s)[0, 0]
         assert np.sum(a * s / (s**2 + p**2)) == pytest.approx(balance, rel=1e-6)
     np.testing.assert_allclose(np.concatenate(chain_of_modes(p, a)), np.concatenate([J, k]), rtol=1e-8)
-
-
-@pytest.mark.parametrize("roots", [([3.0, 2.0], [1.0, 2.5]), ([1.0], [2.0])])
-def test_what_is_no_chain_is_refused(roots: tuple[list[float], list[float]]) -> None:
-    poles, zeros = roots
-    with pytest.raises(ValueError, match="take turns"):
-        chain_of_roots(1.0, np.array(poles), np.array(zeros))
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
@@ -267,9 +231,8 @@ def test_response_and_its_slopes(output: Output, shift: float, seed: int) -> Non
     np.testing.assert_allclose(G, direct, rtol=1e-6)
     for i in range(response.start.size):
         e = 1e-5 * np.eye(response.start.size)[i]
-        slope = (
-            response.at(response.start + e, target)[0] - response.at(response.start - e, target)[0]
-        ) / 2e-5
+        ahead, behind = (response.at(response.start + s * e, target)[0] for s in (1, -1))
+        slope = (ahead - behind) / 2e-5
         np.testing.assert_allclose(dG[:, i], slope, atol=1e-5 * np.abs(dG).max())
 
 
@@ -300,14 +263,10 @@ def test_reciprocals_offsets_and_words(seed: int) -> None:
     found = fit_from_scratch(replace(problem, nominal={**THREE.values, **THREE.wrong(seed)}), [record])
     assert found.cost <= AT_OPTIMUM * best.cost
     assert "masses" in found.started_from or "resonances" in found.started_from
-    from_given = fit_from(problem, [record], {"1/Ja": 2 / THREE.values["Ja"], "kg": 0.5 * THREE.values["kg"]})
+    wrong = {**THREE.values, "Ja": 0.5 * THREE.values["Ja"], "kg": 0.5 * THREE.values["kg"]}
+    from_given = fit_from(replace(problem, nominal=wrong), [record])
     assert from_given.cost <= AT_OPTIMUM * best.cost
     assert from_given.started_from.startswith("Started from a search around the values given")
-
-
-def test_a_name_that_is_not_free(seed: int) -> None:
-    with pytest.raises(KeyError, match="kT"):
-        start(THREE.problem(), [THREE.record(seed)], {"kT": 1.0})
 
 
 def test_a_record_of_noise_alone_is_refused(seed: int) -> None:
@@ -320,7 +279,31 @@ def test_a_record_of_noise_alone_is_refused(seed: int) -> None:
 
 def refused(record: Record, words: str) -> bool:
     try:
-        start(THREE.problem(), [record])
+        measure([record])
     except ValueError as error:
         return words in str(error)
     return False
+
+
+@pytest.mark.parametrize("way", ["scratch", "given"])
+def test_progress_grows_from_step_to_step_to_the_end(way: Way, seed: int) -> None:
+    problem, told = TWO.problem(TWO.wrong(seed)), list[tuple[int, int]]()
+    fitted = fit_from_scratch if way == "scratch" else fit_from
+    fitted(problem, [TWO.record(seed)], progress=lambda *step: told.append(step))
+    done, of = zip(*told, strict=True)
+    assert len(set(of)) == 1
+    assert done[-1] == of[0]
+    assert len(done) > 2
+    assert list(done) == sorted(set(done))
+
+
+def test_steps_tell_nothing_twice_and_nothing_beyond() -> None:
+    told = list[tuple[int, int]]()
+    steps = Steps(lambda *step: told.append(step), 10)
+    second = steps.part(4, 3)
+    for done in (1, 1, 3, 2):
+        steps.reached(done)
+    for done in (0, 2, 9):
+        second(done)
+    steps.reached(11)
+    assert told == [(1, 10), (3, 10), (4, 10), (6, 10), (7, 10)]

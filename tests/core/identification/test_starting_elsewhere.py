@@ -10,9 +10,9 @@ import pytest
 
 from monitor_core.excitation.reference_experiment import BAND_HZ
 from monitor_core.identification.greybox import Problem, fit
-from monitor_core.identification.record import Record
+from monitor_core.identification.records import Record
 from monitor_core.identification.starting import fit_from, fit_from_scratch
-from monitor_core.identification.starting.growing_chains import bare
+from monitor_core.identification.starting.chains import problem_of
 from monitor_core.identification.starting.response import measure
 from tests.core.identification import monte_carlo
 from tests.core.identification.test_starting import AT_OPTIMUM, THREE, TWO, Case, Way
@@ -72,8 +72,11 @@ def test_where_only_noise_goes_round_a_loop_nothing_is_told(seed: int) -> None:
 
 def test_a_single_mass(seed: int) -> None:
     """It has no resonance; friction and inertia come from the response all the same."""
-    problem, values = bare(1, "speed"), {"J1": 0.03, "fm": 0.06, "fc": 0.0, "tau0": 0.0}
-    rigid = Case("one", problem.drive, bare(1, "angle").drive, values, 10.0, 95)
+    problem, values = (
+        problem_of(1, "speed", friction=("fm",)),
+        {"J1": 0.03, "fm": 0.06, "fc": 0.0, "tau0": 0.0},
+    )
+    rigid = Case("one", problem.drive, problem_of(1, "angle").drive, values, 10.0, 95)
     record = rigid.record(seed)
     best = fit(replace(problem, nominal=values), [record])
     assert fit_from_scratch(problem, [record]).cost <= AT_OPTIMUM * best.cost

@@ -9,13 +9,12 @@ import pytest
 
 from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.starting import Growth, grow, start
+from monitor_core.identification.starting import Growth, grow
 from monitor_core.identification.starting import growing_chains as growing
 from monitor_core.identification.starting import starting_fits as api
-from monitor_core.identification.starting.chains import Chain, chain
+from monitor_core.identification.starting.chains import Chain, Slots, chain
 from monitor_core.identification.starting.growing_chains import (
     Mode,
-    bare,
     joined,
     lacking,
     longer,
@@ -23,12 +22,10 @@ from monitor_core.identification.starting.growing_chains import (
     stems,
 )
 from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
-from monitor_core.identification.starting.modal import Response
 from monitor_core.identification.starting.modes import Modal, shape
-from monitor_core.identification.starting.response import measure
+from monitor_core.identification.starting.response import Response, measure
 from monitor_core.identification.starting.search import errors, polish
-from monitor_core.identification.starting.slots import Slots
-from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case
+from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case, ignored
 
 MASSES = {"two": 2, "three": 3, "five": 5}
 SHORT_FIVE = replace(FIVE, seconds=30.0)
@@ -38,37 +35,22 @@ SHORT_FIVE = replace(FIVE, seconds=30.0)
 @pytest.mark.parametrize("name", CASES)
 def test_chains_are_the_drawn_drives(name: str, output: Output, seed: int) -> None:
     """Matrix by matrix, where the gear is 1:1."""
-    drawn, n = CASES[name].drive(output), MASSES[name]
+    drawn, n, rng = CASES[name].drive(output), MASSES[name], np.random.default_rng(seed)
     of_chain = chain(n, output)
-    rng = np.random.default_rng(seed)
-    values = dict(zip([p.name for p in of_chain.parameters], np.exp(rng.normal(size=3 * n + 1)), strict=True))
-    same = dict(
-        zip([p.name for p in drawn.parameters], _in_their_order(drawn_names(name), values), strict=True)
-    )
+    values = {p.name: float(np.exp(rng.normal())) for p in of_chain.parameters}
+    same = {p.name: value for p, value in zip(drawn.parameters, [*values.values(), 1.0, 1.0], strict=True)}
+    assert [p.name for p in drawn.parameters][-2:] == ["kT", "r"]
     for which in ("A", "B", "C", "rest", "ratio"):
         np.testing.assert_allclose(of_chain.matrix(which, values), drawn.matrix(which, same), rtol=1e-14)
     assert of_chain.speed_state == drawn.speed_state
     assert of_chain.inputs == drawn.inputs
 
 
-def drawn_names(name: str) -> list[str]:
-    """Of the chain's parameters in the order of the drawn drive's."""
-    n = MASSES[name]
-    return [
-        *(f"J{i}" for i in range(1, n + 1)),
-        *(f"k{i}" for i in range(1, n)),
-        *(f"d{i}" for i in range(1, n)),
-        *("fm", "fc", "tau0", "kT", "r"),
-    ]
-
-
-def _in_their_order(names: list[str], values: dict[str, float]) -> list[float]:
-    return [values.get(name, 1.0) for name in names]
-
-
-def test_a_chain_has_a_mass() -> None:
+def test_a_chain_has_a_mass(seed: int) -> None:
     with pytest.raises(ValueError, match="at least one"):
         chain(0, "speed")
+    with pytest.raises(ValueError, match="at least one"):
+        grow([TWO.record(seed)], 0)
 
 
 def test_what_a_further_mode_gains_is_what_least_squares_gain(seed: int) -> None:
@@ -103,7 +85,7 @@ def grows_to_the_truth(seed: int) -> bool:
 def test_chains_grow_where_black_boxes_show_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The next way is taken, and where that comes out is told."""
     monkeypatch.setattr(api, "black_boxes", lambda *_: iter(()))
-    best, *_ = start(TWO.problem(TWO.wrong(seed)), [TWO.record(seed)])
+    best, *_ = api.from_records(TWO.problem(TWO.wrong(seed)), measure([TWO.record(seed)]), ignored)
     assert best.origin.endswith("a chain that grew to 2 masses")
     assert best.values["Ja"] == pytest.approx(TWO.values["Ja"], rel=0.3)
 
@@ -189,14 +171,6 @@ def test_masses_that_are_none() -> None:
     assert doubt_of(Chain(J[:1], k[:0]), 1.0) == ""
 
 
-@pytest.mark.parametrize(
-    ("upto", "friction", "word"), [(0, ["fm"], "at least one"), (2, ["mu"], "'mu': a chain has fm, fc, tau0")]
-)
-def test_what_cannot_be_grown(upto: int, friction: list[str], word: str, seed: int) -> None:
-    with pytest.raises(ValueError, match=word):
-        grow([TWO.record(seed)], upto, friction=friction)
-
-
 def test_steps_are_told(seed: int) -> None:
     told = list[tuple[int, int]]()
     grow([TWO.record(seed)], 2, progress=lambda *step: told.append(step))
@@ -210,7 +184,6 @@ def test_one_mass_needs_only_itself(seed: int) -> None:
     record = TWO.record(seed)
     found = stems(measure([record]), 1)[0].response
     assert found.values["J1"] == pytest.approx(sum(behind(TWO)), rel=0.7)
-    assert bare(1, "speed").free == ("J1", "fm")
 
 
 def behind(case: Case) -> list[float]:

@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from monitor_core.identification.identification_result import masses_of
 from monitor_core.identification.problem import IdentificationError
-from monitor_core.identification.starting import Growth
+from monitor_core.identification.starting import Growth, masses_of
 from service.commands.identification_task import Request, prepare
 from service.commands.main import app
 from service.config import Config, load

@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from monitor_core.identification.bode import band
-from monitor_core.identification.covariance import colour_of
-from monitor_core.identification.drive_response import drive_response
-from monitor_core.identification.greybox import compare
+from monitor_core.identification.bode import band, drive_response
+from monitor_core.identification.greybox import colour_of, compare, traces_of
 from monitor_core.identification.identification_procedure import Start
 from monitor_core.identification.identification_result import ParameterRow
 from monitor_core.identification.problem import IdentificationError, Problem
-from monitor_core.identification.record import Record
-from monitor_core.identification.traces import traces_of
+from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from service.commands.identification_task import IdentificationTask, Request, prepare
 from service.config import Config

@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from monitor_core.identification.parameter_selection import ParameterSelection, with_schedule
+from monitor_core.identification.parameter_selection import (
+    ParameterSelection,
+    ScheduledTerm,
+    Slope,
+    with_schedule,
+)
 from monitor_core.identification.problem import IdentificationError
-from monitor_core.identification.schedule import ScheduledTerm, Slope
 from service.commands.identification_task import read_schedule
 from service.commands.main import app
 from service.config import Config, load

@@ -1,0 +1,268 @@
+"""The prediction-error criterion of a problem on records, and its minimum, with or without gross errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME
+from monitor_core.identification.greybox.levenberg_marquardt import STEP, UNDAMPED, End, Normal, minimise
+from monitor_core.identification.predictor.parameter_vector import LEVEL
+from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
+from monitor_core.identification.problem import Disturbance, Problem
+from monitor_core.identification.records.record import Bools, Record
+
+HUBER = 1.345
+"""Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
+_ROUNDS = 3
+_START_STEPS = 20
+_JITTER = 1e-3
+_NEAR = 1e-3
+_BEYOND = 0.01
+_LEVEL_STEP = 1.5
+"""Where a noise level hardly shows, it may go anywhere; the other entries then need not wait for it."""
+_LEVELS = (1e-2, 1e-1, 1.0, 1e1, 1e2)
+"""Of torque noise over output noise, tried in units of the signals' own ratio."""
+
+Progress = Callable[[int, float], None]
+"""Called with the number of evaluations and the cost whenever that has fallen."""
+
+
+class Fitted(NamedTuple):
+    """The end of a search, the limit of Huber's loss (infinite: squares), and outputs omitted of each record."""
+
+    predictor: Predictor
+    end: End
+    limit: float = np.inf
+    outliers: tuple[int, ...] = ()
+
+
+def solve(problem: Problem, records: Sequence[Record], most: int, progress: Progress | None) -> Fitted:
+    """The minimum next to the start of the problem.
+
+    Raises:
+        ValueError: the predictor is unstable at the start.
+    """
+    predictor = Predictor(problem, records, choose_disturbance(problem, records))
+    end = _search(predictor, predictor.start(), np.inf, most, progress)
+    predictor, end = _across_intervals(predictor, end, records, most, progress)
+    if problem.loss == "squares":
+        return Fitted(predictor, end)
+    limit = np.inf
+    for _ in range(_ROUNDS):
+        limit = HUBER * robust_deviation(predictor.errors(end.xi), predictor)
+        again = _search(predictor, end.xi, limit, most, progress)
+        end = again._replace(evaluations=end.evaluations + again.evaluations)
+    return Fitted(predictor, end, limit)
+
+
+def _across_intervals(
+    predictor: Predictor, end: End, records: Sequence[Record], most: int, progress: Progress | None
+) -> tuple[Predictor, End]:
+    """A delay at a limit of its interval continues in the next one, as long as that is better."""
+    while (side := _held_at(predictor, end)) and all(r.jitter_s < _JITTER * r.interval_s for r in records):
+        problem = settled(predictor, end.xi)
+        problem = replace(problem, delay_s=problem.delay_s + side * _BEYOND * predictor.interval_s)
+        try:
+            following = Predictor(problem, records, problem.disturbance)
+            found = _search(following, following.start(), np.inf, most, progress)
+        except ValueError:
+            break
+        if not found.normal.cost < end.normal.cost:
+            break
+        predictor, end = following, found._replace(evaluations=end.evaluations + found.evaluations)
+    return predictor, end
+
+
+def _held_at(predictor: Predictor, end: End) -> int:
+    """-1 or 1: the limit of its interval that holds the delay; 0: none, or the user's own bound."""
+    layout = predictor.layout
+    if not layout.free_delay:
+        return 0
+    k = layout.names.index(DELAY)
+    lower, upper = (float(bound[k]) for bound in layout.bounds())
+    near, low_high = _NEAR * predictor.interval_s, predictor.problem.bounds.get(DELAY, (-np.inf, np.inf))
+    if end.xi[k] <= lower + near:
+        return -1 if lower > low_high[0] else 0
+    return 1 if end.xi[k] >= upper - near and upper < low_high[1] else 0
+
+
+def settled(predictor: Predictor, xi: Floats) -> Problem:
+    """The problem with the estimates as its start."""
+    problem, layout, point = predictor.problem, predictor.layout, predictor.layout.point(xi)
+    noise = predictor.disturbance
+    if noise is not None:
+        noise = replace(
+            noise,
+            torque=point.torque * noise.output,
+            slow=point.slow * noise.output,
+            time_constant_s=point.values.get(DISTURBANCE_TIME, noise.time_constant_s),
+        )
+    names = {p.name for p in problem.drive.parameters}
+    slopes = layout.names[len(layout.free) : len(layout.free) + len(point.slopes)]
+    return replace(
+        problem,
+        nominal={name: value for name, value in point.values.items() if name in names},
+        delay_s=point.delay_s,
+        disturbance=noise,
+        slopes=dict(zip(slopes, point.slopes.tolist(), strict=True)),
+    )
+
+
+def fit_starts(predictor: Predictor) -> Floats:
+    """The vector with the initial states that fit best, all else as at the start.
+
+    Without friction and gravity of the simulated motion the errors are linear in them: one step.
+    """
+    xi, shared = predictor.start(), predictor.layout.shared
+    if xi.size == shared:
+        return xi
+
+    def evaluate(own: Floats) -> Normal:
+        value = criterion(predictor, np.concatenate([xi[:shared], own]), np.inf)
+        return value._replace(g=value.g[shared:], H=value.H[shared:, shared:])
+
+    own = xi[shared:]
+    endless = np.full(own.size, np.inf)
+    try:
+        found = minimise(
+            evaluate, own, (-endless, endless), endless, endless, _START_STEPS, damping=UNDAMPED
+        ).xi
+    except ValueError:
+        found = own
+    return np.concatenate([xi[:shared], found])
+
+
+def criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
+    """Sum of squared errors over all records (Huber's loss: linear beyond ``limit``) and its Gauss-Newton model."""
+    rates, P = predictor.layout.rates(xi), xi.size
+    cost, g, H, samples = 0.0, np.zeros(P), np.zeros((P, P)), 0
+    for i, (eps, psi, good) in enumerate(predictor.errors(xi)):
+        if not good:
+            return Normal(np.inf, g, H, samples)
+        columns = predictor.columns(i)
+        weight = np.minimum(1.0, limit / np.maximum(np.abs(eps), 1e-300)) if limit < np.inf else None
+        weighted = psi if weight is None else psi * weight[:, None]
+        cost += _loss(eps, limit)
+        g[columns] += weighted.T @ eps
+        H[np.ix_(columns, columns)] += weighted.T @ psi
+        samples += int(predictor.series[i].measured.sum())
+    return Normal(cost, g * rates, H * np.outer(rates, rates), samples)
+
+
+def robust_deviation(errors: Sequence[Errors], predictor: Predictor) -> float:
+    """Standard deviation of the errors from their median absolute value."""
+    measured = [e.eps[s.measured > 0] for e, s in zip(errors, predictor.series, strict=True)]
+    return float(1.4826 * np.median(np.abs(np.concatenate(measured))))
+
+
+def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturbance | None:
+    """The noise for K; the level of white torque noise that predicts best, if it is not given."""
+    if problem.predictor == "output-error" or problem.K is not None:
+        return None
+    given = problem.disturbance or Disturbance()
+    if given.torque is not None:
+        return given
+    unit = given.output * _ratio(records)
+    tried = [replace(given, torque=v * unit, slow=v * unit if given.slow else 0.0) for v in _LEVELS]
+    costs = [_cost(problem, records[:1], noise) for noise in tried]
+    return tried[int(np.argmin(costs))]
+
+
+def _ratio(records: Sequence[Record]) -> float:
+    """Root mean square of the torque over that of the output."""
+    u = np.concatenate([r.u for r in records])
+    y = np.concatenate([r.y[r.measured] for r in records])
+    sizes = float(u.std()), float(y.std())
+    return sizes[0] / sizes[1] if min(sizes) > 0 else 1.0
+
+
+def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> float:
+    """At the start: without derivatives by fixed entries, which are most of the work."""
+    held = replace(problem, free=tuple(problem.varying), free_delay=False, initial="first")
+    predictor = Predictor(held, records, noise)
+    return criterion(predictor, predictor.start(), np.inf).cost
+
+
+def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> End:
+    longest, clipped = np.full((2, xi.size), np.inf)
+    for k, entry in enumerate(predictor.layout.entries):
+        if entry.name.startswith(LEVEL):
+            clipped[k] = _LEVEL_STEP
+        elif entry.log:
+            longest[k] = STEP
+
+    def evaluate(at: Floats) -> Normal:
+        return criterion(predictor, at, limit)
+
+    return minimise(evaluate, xi, predictor.bounds(), longest, clipped, most, progress)
+
+
+def _loss(eps: Floats, limit: float) -> float:
+    size = np.abs(eps)
+    if not limit < np.inf:
+        return float(eps @ eps)
+    return float(np.sum(np.where(size <= limit, size**2, 2 * limit * size - limit**2)))
+
+
+# --- Outliers: in the innovations form K carries each of them on in the state, whatever the loss ----------------------
+
+
+GROSS = 5.0
+"""Standard deviations: of normal errors one in 1.7 million is beyond."""
+
+_CARRIED = 20
+"""Samples that an outlier may disturb: gross errors this close behind one are looked at again without it."""
+
+_LOOKS = 20
+"""At the last of them all that is gross counts: a stretch in which nothing fits is not taken apart any further."""
+
+
+def without_gross(fitted: Fitted, most: int, progress: Progress | None) -> Fitted:
+    """Repeat a fit with Huber's loss without the outputs whose errors are gross.
+
+    Only with a gain: in a simulation an outlier affects only its own error, which is clipped.
+    """
+    predictor, end, limit, _ = fitted
+    if not (limit < np.inf and predictor.gain(end.xi).K.any()):
+        return fitted
+    gross = outliers(predictor, end.xi, GROSS / HUBER * limit)
+    if not any(which.any() for which in gross):
+        return fitted
+    try:
+        again = solve(settled(predictor, end.xi), _without(predictor, gross), most, progress)
+    except ValueError:  # a value at its bound may start beyond it by rounding
+        return fitted
+    found = again.end._replace(evaluations=end.evaluations + again.end.evaluations)
+    return again._replace(end=found, outliers=tuple(int(np.count_nonzero(which)) for which in gross))
+
+
+def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
+    """Outputs (N,) of each record that are beyond the limit themselves, not because K carried other errors on.
+
+    Of gross errors in close succession the first counts, then the errors are computed without it.
+    """
+    found = [np.zeros(len(s.record), dtype=np.bool_) for s in predictor.series]
+    looking = predictor
+    for look in range(_LOOKS):
+        gross = [np.abs(e.eps) > limit for e in looking.errors(xi)]
+        if not any(which.any() for which in gross):
+            break
+        last = look == _LOOKS - 1
+        found = [have | (new if last else _first(new)) for have, new in zip(found, gross, strict=True)]
+        looking = Predictor(predictor.problem, _without(predictor, found), predictor.disturbance)
+    return found
+
+
+def _first(gross: Bools) -> Bools:
+    """Those with no other shortly before."""
+    before = np.cumsum(np.concatenate([np.zeros(_CARRIED + 1, dtype=np.int64), gross]))
+    return np.asarray(gross & (before[_CARRIED:-1] == before[: -_CARRIED - 1]))
+
+
+def _without(predictor: Predictor, which: Sequence[Bools]) -> list[Record]:
+    return [s.record.without(these) for s, these in zip(predictor.series, which, strict=True)]

@@ -1,0 +1,196 @@
+"""The result of a fit, and the doubts about it, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DAMPING, Drive
+from monitor_core.excitation.accuracy import Accuracy
+from monitor_core.identification.greybox.criterion import GROSS
+from monitor_core.identification.greybox.residuals import LEVEL as CONFIDENCE
+from monitor_core.identification.greybox.residuals import Correlation
+from monitor_core.identification.predictor.parameter_vector import LEVEL, Layout, whole_intervals
+from monitor_core.identification.problem import Problem
+from monitor_core.wording import listed
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Estimates, how sure they are, and how well they predict.
+
+    Attributes:
+        drive: the problem's, with the state of the disturbance if there is one: what K and ``values`` belong to.
+        problem: the problem with the estimates in place of what it started from; see ``compare``.
+        names: (p,) free parameters, "Td" if it is free, "fm per temperature" of varying ones, "delay" if it is free.
+        theta: (p,) estimates, SI.
+        covariance: (p, p); infinite variance where a direction cannot be told, NaN beside it.
+        values: all parameters of the drive.
+        delay_s: skew between torque and output, estimated or as given.
+        K: (n,) filter gain in the drive's states; zeros for output error.
+        interval_s: that K belongs to.
+        lam0: innovation variance lambda_0, the output's unit squared.
+        noise: standard deviations "torque", "slow" (N m), "output", and "time_constant" (s), where K follows from
+            them.
+        cost: sum of squared prediction errors, or of their Huber losses.
+        whiteness: autocorrelation of the prediction errors.
+        independence: their correlation with past torque.
+        accuracy: what the records tell of the parameters, in relative units and words.
+        coloured: order of the autoregressive model of the errors that the covariance reckons with; 0: they are white.
+        fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
+        fit_simulation: the same, simulated from the estimated initial state without looking at the output again.
+        iterations: evaluations of the predictor and its gradient.
+        converged: the fit stopped because nothing moved any more.
+        moving: where it has not converged, what would still move by more than a tenth of its standard deviation, by the
+            most first.
+        outliers: outputs of each record that count as not measured since their errors are gross; empty: none.
+        words: doubts about the estimates, in sentences.
+        started_from: where the fit started, in a sentence; empty: at the values of the problem.
+    """
+
+    drive: Drive
+    problem: Problem
+    names: tuple[str, ...]
+    theta: Floats
+    covariance: Floats
+    values: Mapping[str, float]
+    delay_s: float
+    K: Floats
+    interval_s: float
+    lam0: float
+    noise: Mapping[str, float]
+    cost: float
+    whiteness: Correlation
+    independence: Correlation
+    accuracy: Accuracy
+    coloured: int
+    fit: tuple[float, ...]
+    fit_simulation: tuple[float, ...]
+    iterations: int
+    converged: bool
+    moving: tuple[str, ...] = ()
+    outliers: tuple[int, ...] = ()
+    words: tuple[str, ...] = ()
+    started_from: str = ""
+
+    @property
+    def sd(self) -> Floats:
+        """(p,) standard deviations of theta."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def correlation(self) -> Floats:
+        """(p, p) of the estimates; NaN where a parameter cannot be told."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.covariance / np.outer(self.sd, self.sd))
+
+    def model(self, monitored: tuple[str, ...] = ()) -> AxisModel:
+        """The axis with these values as nominal ones.
+
+        Raises:
+            KeyError, ValueError: what AxisModel refuses.
+        """
+        return AxisModel(self.drive, self.values, monitored)
+
+
+# --- Doubts -----------------------------------------------------------------------------------------------------------
+
+
+_USUAL = ("kT", "r")
+"""What one would rather hold than others: a data sheet has it."""
+_SMALL = 0.01
+_SURE = 2.0
+"""Standard deviations."""
+
+
+def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
+    """Doubts about the estimates, the gravest first."""
+    if not found.converged:
+        yield f"The search has not converged after {found.iterations} evaluations."
+    yield from _singular(found.accuracy)
+    for finding in found.accuracy.findings():
+        if not finding.hidden and not any(name.startswith(LEVEL) for name in finding.names):
+            yield finding.sentence
+    yield from _at_bounds(layout, xi)
+    yield from _driving(found)
+    if not 0 <= found.delay_s <= found.interval_s:
+        how = "late" if found.delay_s > 0 else "early"
+        yield (
+            f"The torque acts {abs(found.delay_s):.4g} s {how}, more than one interval or before its time: shift it by"
+            f" {whole_intervals(found.delay_s, found.interval_s)} samples in the record."
+        )
+    yield from _levels(found, layout)
+    if count := sum(found.outliers):
+        yield f"{count} outputs are outliers, beyond {GROSS:g} standard deviations: they count as not measured."
+    yield from _residuals(found)
+
+
+def _singular(accuracy: Accuracy) -> Iterator[str]:
+    """The parameter to hold so that the others can be determined."""
+    hidden = accuracy.hidden
+    for row in hidden:
+        names = [name for name, part in zip(accuracy.names, row, strict=True) if part != 0]
+        if len(names) > 1:
+            hold = next((name for name in _USUAL if name in names), names[0])
+            yield (
+                f"The information matrix is singular: {listed(names)} cannot all be told. Fix one of them, best"
+                f" {hold}: values and deviations of the others then mean something."
+            )
+
+
+def _at_bounds(layout: Layout, xi: Floats) -> Iterator[str]:
+    lower, upper = layout.bounds()
+    for entry, value, low, high in zip(layout.entries, xi, lower, upper, strict=False):
+        if not entry.name.startswith(LEVEL) and value in (low, high):
+            yield f"{entry.name} ended at its bound {entry.lower if value == low else entry.upper:g}."
+
+
+def _driving(found: Estimate) -> Iterator[str]:
+    """Significantly negative dampers: the best fit, but of no real drive."""
+    for name, value, sd in zip(found.names, found.theta, found.sd, strict=True):
+        if name in {p.name for p in found.drive.parameters if p.unit == DAMPING} and value < -_SURE * sd:
+            yield (
+                f"{name} = {value:.2g} N m s/rad drives instead of damping: the drive lacks something else that the"
+                f" record shows, or {name} needs 0 as a lower bound."
+            )
+
+
+def _levels(found: Estimate, layout: Layout) -> Iterator[str]:
+    sd = dict(zip(found.accuracy.names, found.accuracy.standard_deviations.tolist(), strict=True))
+    for name in layout.levels:
+        if not sd[LEVEL + name] < 1:
+            yield _level(found, name)
+
+
+def _level(found: Estimate, name: str) -> str:
+    """There is hardly any torque noise, or so much that the noise of the output is invisible."""
+    output = found.noise["output"]
+    if name == "torque" and output**2 < _SMALL * found.lam0:
+        return (
+            f"Noise on the output cannot be told from none: {output:.2g}; all errors are laid to the torque."
+        )
+    what = "white torque noise" if name == "torque" else "slow torque disturbance"
+    return f"The {what} cannot be told from none: {found.noise[name]:.2g} N m."
+
+
+def _residuals(found: Estimate) -> Iterator[str]:
+    white, independent = found.whiteness, found.independence
+    if found.problem.predictor == "innovations" and white.p_value < 1 - CONFIDENCE:
+        worst = int(np.argmax(np.abs(white.values)))
+        yield (
+            f"The prediction errors are not white (correlation {white.values[worst]:.2f} at lag"
+            f" {white.lags[worst]:.0f}, limit {white.limit:.2f}): the noise model is not right; the standard deviations"
+            " reckon with it."
+        )
+    if independent.p_value < 1 - CONFIDENCE:
+        past = independent.lags > 0
+        worst = int(np.argmax(np.abs(independent.values[past])))
+        yield (
+            f"The prediction errors depend on past torque (correlation {independent.values[past][worst]:.2f} at lag"
+            f" {independent.lags[past][worst]:.0f}, limit {independent.limit:.2f}): the drive does not describe all"
+            " that the record shows."
+        )

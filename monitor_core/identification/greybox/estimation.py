@@ -1,0 +1,155 @@
+"""Grey-box identification: the parameters of a drive that predict records best (paper, section 4; Ljung, ch. 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, split_name
+from monitor_core.identification.greybox.comparison import fits, simulated_fits
+from monitor_core.identification.greybox.covariance import Information, information
+from monitor_core.identification.greybox.criterion import Fitted, Progress, settled, solve, without_gross
+from monitor_core.identification.greybox.estimate import Estimate, sentences
+from monitor_core.identification.greybox.levenberg_marquardt import End
+from monitor_core.identification.greybox.residuals import independence, whiteness
+from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.record import Record
+from monitor_core.kernel.tables import OF_MOTION
+
+_SLACK = 20.0
+"""A parameter that may be zero is compared with so many of its standard deviations, were all others known."""
+_MOVES = 0.1
+"""Standard deviations."""
+_CLIPPED_VARIANCE = 0.7101645
+"""Of a standard normal variable clipped at HUBER."""
+
+
+def fit(
+    problem: Problem,
+    records: Sequence[Record],
+    start: Mapping[str, float] | None = None,
+    *,
+    most_iterations: int = 100,
+    progress: Progress | None = None,
+) -> Estimate:
+    """Minimise the sum of squared prediction errors of all records over theta.
+
+    ``start`` replaces nominal values of free parameters ("delay" is one).  With Huber's loss and a gain, outputs with
+    gross errors then count as not measured, so that the state does not follow them, and the search continues.
+    ``progress`` is called with the number of evaluations and the cost whenever that has fallen.
+
+    Raises:
+        KeyError: a start for a parameter that is not free.
+        ValueError: no record, another output than the drive's, no sample measured; the predictor is unstable at the
+            start.
+    """
+    found = solve(_started(problem, start or {}), records, most_iterations, progress)
+    return _estimate(without_gross(found, most_iterations, progress))
+
+
+def _started(problem: Problem, start: Mapping[str, float]) -> Problem:
+    for name in start:
+        if name not in problem.free and not (name == DELAY and problem.free_delay):
+            raise KeyError(f"start of {name}: it is not free")
+    values = {**problem.nominal}
+    for name, value in start.items():
+        base, inverse = split_name(name)
+        if name != DELAY:
+            values[base] = 1 / value if inverse else value
+    return replace(problem, nominal=values, delay_s=start.get(DELAY, problem.delay_s))
+
+
+def _estimate(fitted: Fitted) -> Estimate:
+    predictor, end, limit, outliers = fitted
+    layout, xi = predictor.layout, end.xi
+    errors = predictor.errors(xi)
+    lam0 = _variance(end, errors, limit)
+    information = _information(predictor, xi, errors, lam0, limit)
+    p = len(layout.names)
+    theta = layout.numbers(xi)[:p]
+    final = settled(predictor, xi)
+    point, gain = layout.point(xi), predictor.gain(xi)
+    output = float(np.sqrt(lam0 / gain.S)) if predictor.disturbance else float(np.sqrt(lam0))
+    noise = {"torque": point.torque * output, "slow": point.slow * output, "output": output}
+    if DISTURBANCE_TIME in point.values:
+        noise["time_constant"] = point.values[DISTURBANCE_TIME]
+    eps, one_step = [e.eps for e in errors], fits(predictor, errors)
+    found = Estimate(
+        drive=predictor.drive,
+        problem=final,
+        names=layout.names,
+        theta=theta,
+        covariance=information.covariance[:p, :p],
+        values=point.values,
+        delay_s=point.delay_s,
+        K=gain.K * predictor.d,
+        interval_s=predictor.interval_s,
+        lam0=lam0,
+        noise=noise if predictor.disturbance else {},
+        cost=end.normal.cost,
+        whiteness=whiteness(eps),
+        independence=independence([s.u for s in predictor.series], eps),
+        accuracy=information.accuracy,
+        coloured=information.order,
+        fit=one_step,
+        fit_simulation=one_step
+        if _simulates(predictor, point.values)
+        else simulated_fits(final, [s.record for s in predictor.series]),
+        iterations=end.evaluations,
+        converged=end.converged,
+        moving=() if end.converged else _moving(predictor, end, information.covariance),
+        outliers=outliers,
+    )
+    return replace(found, words=tuple(sentences(found, layout, xi)))
+
+
+def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ...]:
+    """Parameters that the remaining step would move; by an infinite amount where nothing determines them."""
+    layout = predictor.layout
+    p = len(layout.names)
+    step = np.abs(end.left * layout.rates(end.xi))[:p]
+    sd = np.sqrt(np.diag(covariance)[:p])
+    by = np.where(np.isfinite(sd), step / np.where(sd > 0, sd, 1.0), np.inf)
+    return tuple(layout.names[i] for i in np.argsort(-by, kind="stable") if by[i] > _MOVES)
+
+
+def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
+    """Whether the predictor uses no output: not for K, nor for friction and gravity, nor for its start."""
+    problem, drive = predictor.problem, predictor.drive
+    looks = np.isin(drive.inputs, OF_MOTION) & drive.matrix("B", values).any(axis=0)
+    blind = problem.motion == "simulated" or not looks.any()
+    return blind and problem.predictor == "output-error" and problem.initial == "free"
+
+
+def _variance(end: End, errors: Sequence[Errors], limit: float) -> float:
+    """lambda_0: mean square of the errors over the degrees of freedom."""
+    freedom = max(end.normal.samples - end.xi.size, 1)
+    if not limit < np.inf:
+        return end.normal.cost / freedom
+    clipped = sum(float(np.sum(np.clip(e.eps, -limit, limit) ** 2)) for e in errors)
+    return clipped / freedom / _CLIPPED_VARIANCE
+
+
+def _information(
+    predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float
+) -> Information:
+    """Information on everything that the records share, including noise levels."""
+    layout, shared = predictor.layout, predictor.layout.shared
+    gradients, starts = [e.psi[:, :shared] for e in errors], [e.psi[:, shared:] for e in errors]
+    numbers = np.abs(layout.numbers(xi))
+    lengths = np.sqrt(sum((psi**2).sum(axis=0) for psi in gradients))
+    alone = np.sqrt(lam0) / np.where(lengths > 0, lengths, 1.0)
+    sizes = np.where(layout.log, numbers, np.maximum(numbers, _SLACK * alone))
+    sizes[sizes == 0] = 1.0
+    names = [entry.name for entry in layout.entries]
+    eps, variance = [e.eps for e in errors], lam0
+    if limit < np.inf:
+        eps = [np.clip(e, -limit, limit) for e in eps]
+        inside = np.mean(np.concatenate([np.abs(e) < limit for e in eps]))
+        eps = [e / inside for e in eps]
+        variance = lam0 * _CLIPPED_VARIANCE / inside**2
+    return information(names, sizes, gradients, starts, eps, variance)

@@ -1,0 +1,136 @@
+"""Tests of the prediction errors: are they white, are they independent of the input (Ljung, 16.6)?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.fft import next_fast_len, rfft
+from scipy.signal import fftconvolve
+from scipy.special import chdtrc, ndtri  # not scipy.stats: to import that takes seconds
+
+from monitor_core.arrays import Floats
+
+_LAGS = 25
+LEVEL = 0.99
+"""Of confidence limits."""
+_WITHIN = float(ndtri((1 + LEVEL) / 2))
+"""Standard deviations within which so many values of a normal distribution lie."""
+_SEEN = 1e-8
+
+
+class Correlation(NamedTuple):
+    """A correlation function with its limit under the hypothesis, and the test of all lags together."""
+
+    lags: Floats  # (L,)
+    values: Floats  # (L,)
+    limit: float  # 99 % of single values stay within +- this
+    p_value: float  # of a sum of squares as large as this one or larger, were the hypothesis true
+
+
+def whiteness(eps: Sequence[Floats]) -> Correlation:
+    """Autocorrelation of the errors of records at lags 1 .. L; Ljung and Box's test.  Missing ones are zero."""
+    N, r, lags = _count(eps), _correlation(eps, eps), np.arange(1.0, _LAGS + 1)
+    r = r[_LAGS + 1 :] / r[_LAGS]
+    Q = N * (N + 2) * float(np.sum(r**2 / (N - lags)))
+    return Correlation(lags, r, _WITHIN / math.sqrt(N), float(chdtrc(_LAGS, Q)))
+
+
+def independence(u: Sequence[Floats], eps: Sequence[Floats]) -> Correlation:
+    """Correlation of eps(t) with u(t - l) for lags -L .. L.
+
+    Negative lags show feedback.  The test takes 1 .. L together; it knows that neighbouring values go together where
+    the input is not white, and that eps need not be white (covariance.py).
+    """
+    u = [part - part.mean() for part in u]
+    r, lags = _correlation(eps, u), np.arange(-_LAGS, _LAGS + 1.0)
+    size = math.sqrt(_power(u) * _power(eps))
+    if size == 0:
+        return Correlation(lags, 0 * r, 0.0, 1.0)
+    covariance, _ = scores_covariance(eps, [_past(part) for part in u])
+    limit = _WITHIN * math.sqrt(float(np.mean(np.diag(covariance)))) / size
+    return Correlation(lags, r / size, limit, _p_value(r[_LAGS + 1 :], covariance))
+
+
+def _p_value(r: Floats, covariance: Floats) -> float:
+    """Chi-square test of r = 0.  Of a band-limited input, some combinations of its past values are always zero."""
+    values, vectors = np.linalg.eigh(covariance)
+    seen = values > _SEEN * values[-1]
+    Q = float(np.sum((vectors[:, seen].T @ r) ** 2 / values[seen]))
+    return float(chdtrc(int(seen.sum()), Q))
+
+
+def _past(u: Floats) -> Floats:
+    """u(t - 1) .. u(t - L), zero before the record (N, L)."""
+    padded = np.concatenate([np.zeros(_LAGS), u])
+    return np.stack([padded[_LAGS - l : padded.size - l] for l in range(1, _LAGS + 1)], axis=1)
+
+
+def _power(parts: Sequence[Floats]) -> float:
+    return sum(float(part @ part) for part in parts)
+
+
+def _count(eps: Sequence[Floats]) -> int:
+    return sum(int(np.count_nonzero(part)) for part in eps)
+
+
+def _correlation(left: Sequence[Floats], right: Sequence[Floats]) -> Floats:
+    """sum_t left(t) right(t - l) over all records, l = -L .. L."""
+    total = np.zeros(2 * _LAGS + 1)
+    for a, b in zip(left, right, strict=True):
+        most, middle = min(_LAGS, a.size - 1), b.size - 1
+        full = fftconvolve(a, b[::-1])
+        total[_LAGS - most : _LAGS + most + 1] += full[middle - most : middle + most + 1]
+    return total
+
+
+# --- The spectrum of prediction errors that are not white, by an autoregressive model, and what it does to a covarian -
+
+
+# eps(t) + a_1 eps(t-1) + .. + a_k eps(t-k) = e(t),       Phi(omega) = var e / |1 + a_1 z^-1 + ..|^2
+# The order is Schwarz's: zero for white errors, which then change nothing.
+
+MOST_ORDERS = 60
+
+
+def scores_covariance(eps: Sequence[Floats], psi: Sequence[Floats]) -> tuple[Floats, int]:
+    """Covariance (p, p) of sum psi(t) eps(t), for errors that do not depend on psi, and the order of the model.
+
+    sum_ts psi(t) R(t - s) psi(s)' over records, R the errors' autocovariance: in frequency, so that no rounding can
+    make it negative.  Missing errors are zero.
+    """
+    a, variance = autoregression(eps)
+    p = psi[0].shape[1]
+    if a.size == 1:
+        return variance * np.sum([J.T @ J for J in psi], axis=0), 0
+    out = np.zeros((p, p))
+    for J in psi:
+        size = next_fast_len(2 * len(J), real=True)
+        Phi = variance / np.abs(rfft(a, size)) ** 2
+        S = rfft(J, size, axis=0)
+        weight = Phi / size
+        weight[1 : (size + 1) // 2] *= 2  # Both signs of the frequency.
+        out += np.real((S.conj() * weight[:, None]).T @ S)
+    return out, a.size - 1
+
+
+def autoregression(eps: Sequence[Floats]) -> tuple[Floats, float]:
+    """1, a_1 .. a_k and the variance of e, by Levinson's recursion; order k by Schwarz's criterion."""
+    N = _count(eps)
+    most = max(0, min(MOST_ORDERS, N // 10))
+    R = np.array([sum(float(e[: e.size - l] @ e[l:]) for e in eps) for l in range(most + 1)]) / max(N, 1)
+    a, variance = np.ones(1), R[0]
+    best, least = (a, variance), math.inf
+    for k in range(most + 1):
+        criterion = math.log(max(variance, 1e-300)) + k * math.log(max(N, 2)) / max(N, 1)
+        if criterion < least:
+            best, least = (a, float(variance)), criterion
+        if k == most or variance <= 1e-12 * R[0]:
+            break
+        reflection = -float(a @ R[k + 1 : 0 : -1]) / variance
+        extended = np.append(a, 0.0)
+        a = extended + reflection * extended[::-1]
+        variance *= 1 - reflection**2
+    return best

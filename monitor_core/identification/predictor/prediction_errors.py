@@ -1,0 +1,276 @@
+"""Prediction errors eps and their gradient psi = d yhat / d xi of records, for the vector xi of a fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats, Ints
+from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
+from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
+from monitor_core.identification.predictor.noise import Gain, Levels, gain
+from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
+from monitor_core.identification.predictor.record_intervals import Series, series
+from monitor_core.identification.problem import Disturbance, Problem
+from monitor_core.identification.records.record import Record
+from monitor_core.kernel.fixed_predictor import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
+from monitor_core.kernel.tables import COULOMB, TORQUE
+
+
+class Errors(NamedTuple):
+    """Errors of one record: eps (N,) and psi (N, shared + n), zero where y was not measured.
+
+    ``good``: all values are finite.
+    """
+
+    eps: Floats
+    psi: Floats
+    good: bool
+
+
+class Predictor:
+    """The predictor of a problem on its records.
+
+    The vector xi is that of ``layout``, followed by the free part of the initial state of each record.
+
+    Raises:
+        ValueError: no record, another output than the drive's, a record in which nothing was measured.
+    """
+
+    def __init__(self, problem: Problem, records: Sequence[Record], disturbance: Disturbance | None) -> None:
+        _check(problem, records)
+        self.problem, self.disturbance = problem, disturbance
+        slow = disturbance is not None and disturbance.slow > 0
+        self.drive: Drive = problem.drive.with_disturbance() if slow else problem.drive
+        self.interval_s = round(float(np.median(np.concatenate([r.intervals for r in records]))), 6)
+        self.layout = Layout(problem, self.drive, disturbance, self.interval_s)
+        names = [signal for _, signal in self.layout.varying]
+        late = whole_intervals(problem.delay_s, self.interval_s)
+        self._whole_s = late * self.interval_s
+        self.series = [series(record, names, late) for record in records]
+        start = self.layout.point(self.layout.start())
+        self.d = AxisModel(self.drive, start.values, ()).balance()
+        self._structure = Structure(self.drive, self.layout.free, self.d)
+        self._kinds = np.array(self.drive.inputs)
+        self._torque = self._kinds == TORQUE
+        self._source = np.array([self._source_of(kind) for kind in self.drive.inputs])
+        self._last: tuple[Floats, list[Errors]] = (np.empty(0), [])
+        self._signal_mean = np.average(
+            [s.signals[s.level].mean(axis=0) for s in self.series], axis=0, weights=[len(r) for r in records]
+        )
+
+    def _source_of(self, kind: int) -> int:
+        """Source of an input of the motion; friction with an angle or a mean speed uses the predictor's speed."""
+        if kind == COULOMB and self.drive.output != "speed":
+            return FROM_STATE
+        return FROM_RECORD if self.problem.motion == "measured" else FROM_OUTPUT
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.drive.states)
+
+    @property
+    def own(self) -> int:
+        """Number of entries of the vector for each record: its initial state, or the angle where it rests."""
+        initial = self.problem.initial
+        return self.n if initial == "free" else int(initial == "rest" and self.drive.output == "angle")
+
+    def columns(self, i: int) -> np.ndarray:
+        """Indices in the vector of the columns of psi of record i."""
+        shared = self.layout.shared
+        own = shared + i * self.own + np.arange(self.own)
+        return np.concatenate([np.arange(shared), own])
+
+    def start(self) -> Floats:
+        """Start of the vector: nominal values, all at rest."""
+        xi = self.layout.start()
+        rest = self._rest(self._linear(self.layout.point(xi), self._signal_mean))
+        free = self.problem.initial == "free"
+        own = [rest * s.first if free else np.full(self.own, s.first) for s in self.series]
+        return np.concatenate([xi, *own])
+
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Bounds of the vector."""
+        lower, upper = self.layout.bounds()
+        endless = np.full(self.own * len(self.series), math.inf)
+        return np.concatenate([lower, -endless]), np.concatenate([upper, endless])
+
+    def gain(self, xi: Floats) -> Gain:
+        """K and its derivatives (n, shared), in units of d.
+
+        Raises:
+            ValueError: there is no stable filter.
+        """
+        point, shared = self.layout.point(xi), self.layout.shared
+        if self.problem.K is not None:
+            return Gain(np.array(self.problem.K) / self.d, np.zeros((self.n, shared)), math.nan)
+        if self.disturbance is None:
+            return Gain(np.zeros(self.n), np.zeros((self.n, shared)), 1.0)
+        slow = self.disturbance.slow > 0
+        T = point.values[DISTURBANCE_TIME] if slow else math.inf
+        free = self.layout.free
+        which = free.index(DISTURBANCE_TIME) if DISTURBANCE_TIME in free else None
+        found = gain(
+            self._linear(point, self._signal_mean),
+            self._torque,
+            Levels(point.torque, point.slow, T, self.interval_s, self.d[-1]),
+            self.layout.levels,
+            which,
+            self.drive.mean_state,
+        )
+        # The delay does not affect K; its column lies between the parameters and the levels.
+        at = len(free) + len(self.layout.varying)
+        dK = np.insert(found.dK, [at] * self.layout.free_delay, 0.0, axis=1)
+        kept = np.arange(self.n) != self.drive.mean_state  # this state is reset after the correction
+        return found._replace(K=found.K * kept, dK=dK * kept[:, None])
+
+    def errors(self, xi: Floats) -> list[Errors]:
+        """Prediction errors and gradients of all records; not good where theta makes no sense.
+
+        The result for the last vector is cached, as it is needed again at the end of a search.
+        """
+        if not np.array_equal(self._last[0], xi):
+            self._last = (xi.copy(), self._errors(xi))
+        return self._last[1]
+
+    def _errors(self, xi: Floats) -> list[Errors]:
+        with np.errstate(all="ignore"):
+            try:
+                K = self.gain(xi)
+            except ValueError:
+                return [self._nothing(s) for s in self.series]
+            return [self._record_errors(xi, i, K) for i in range(len(self.series))]
+
+    def _nothing(self, s: Series) -> Errors:
+        return Errors(np.full(s.u.size, math.inf), np.zeros((s.u.size, self.columns(0).size)), good=False)
+
+    def _linear(self, point: Point, signals: Floats) -> Linear:
+        """The drive at these values of the signals; the slopes of scheduled parameters are further derivatives."""
+        values, varying = point.values, self.layout.varying
+        if not varying:
+            return self._structure.at(values)
+        theta = self.layout.theta_of(values)
+        for (i, _), slope, signal in zip(varying, point.slopes, signals, strict=True):
+            theta[i] += slope * signal
+        system = self._structure.at(self.layout.values_with(values, theta))
+        which = [i for i, _ in varying]
+        more = [np.concatenate([slopes, slopes[..., which] * signals], axis=-1) for slopes in system[5:]]
+        return Linear(*system[:5], *more)
+
+    def _record_errors(self, xi: Floats, i: int, K: Gain) -> Errors:
+        s, point = self.series[i], self.layout.point(xi)
+        levels = [self._linear(point, signals) for signals in s.signals]
+        acts = self._acts(levels)
+        levels = [_with_inputs(system, acts) for system in levels]
+        x0, Z0 = self._start(xi, i, levels[s.level[0]])
+        P = Z0.shape[1]
+        dK = np.zeros((self.n, P))
+        dK[:, : K.dK.shape[1]] = K.dK
+        X, dX = self._held(point, s, levels, self._torque[acts])
+        scale, dscale = self._scales(levels, self._kinds[acts], dX.shape[2] // self.n)
+        C = np.array([system.C for system in levels])
+        dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
+        eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
+        good = predict_record(
+            s.step, s.level, s.u, s.y, s.measured, self._kinds[acts], self._source[acts], self.drive.speed_state,
+            scale, dscale, X, dX, C, dC, K.K, dK, x0, Z0, eps, psi,
+        )  # fmt: skip
+        return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
+
+    def _acts(self, levels: Sequence[Linear]) -> NDArray[np.bool_]:
+        """Which inputs (m,) act at all: friction and gravity may be held at zero."""
+        acts = [system.B.any(axis=0) | system.dB.any(axis=(0, 2)) for system in levels]
+        return np.asarray(np.logical_or.reduce([self._torque, *acts]))
+
+    def _start(self, xi: Floats, i: int, system: Linear) -> tuple[Floats, Floats]:
+        columns, shared, initial = self.columns(i), self.layout.shared, self.problem.initial
+        Z0, own = np.zeros((self.n, columns.size)), xi[columns[shared:]]
+        if initial == "free":
+            Z0[:, shared:] = np.eye(self.n)
+            return own.copy(), Z0
+        # At rest own is the angle, and empty where the output is a speed.
+        output = self.series[i].first if initial == "first" else float(own.sum())
+        Z0[:, : system.drest.shape[1]] = system.drest * output
+        Z0[:, shared:] = self._rest(system)[:, None]
+        return self._rest(system) * output, Z0
+
+    def _rest(self, system: Linear) -> Floats:
+        """The state of rigid motion with output 1; that of a mean speed is here the mean itself."""
+        rest = system.rest.copy()
+        if self.drive.mean_state >= 0:
+            rest[self.drive.mean_state] = 1 / self.d[self.drive.mean_state]
+        return rest
+
+    def _held(
+        self, point: Point, s: Series, levels: Sequence[Linear], torque: NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
+        """X (G, n, n + m) and dX (G, n + m, n q) for the pairs of the series."""
+        parts = [
+            self._held_level(point, s.pairs[s.pairs[:, 1] == j, 0] * 1e-6, system, torque)
+            for j, system in enumerate(levels)
+        ]
+        order = np.argsort(np.concatenate([np.flatnonzero(s.pairs[:, 1] == j) for j in range(len(levels))]))
+        X = np.concatenate([part[0] for part in parts])[order]
+        dX = np.concatenate([part[1] for part in parts])[order]
+        return X, np.ascontiguousarray(dX.transpose(0, 3, 2, 1)).reshape(len(X), X.shape[2], -1)
+
+    def _held_level(
+        self, point: Point, intervals_s: Floats, system: Linear, torque: NDArray[np.bool_]
+    ) -> tuple[Floats, Floats]:
+        late_s = max(point.delay_s - self._whole_s, 0.0)
+        late = late_s if self.layout.free_delay or late_s else None
+        if self.drive.mean_state >= 0:
+            X, dX = hold_mean(system, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
+        elif late is None:
+            return hold(system, intervals_s)
+        else:
+            X, dX = hold_late(system, torque, intervals_s, late)
+        if late is None:
+            return X, dX
+        return X, dX if self.layout.free_delay else dX[:, :-1]
+
+    def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
+        """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""
+        scale = np.array([system.ratio for system in levels])
+        dscale = np.array([system.dratio for system in levels])
+        friction = kinds == COULOMB
+        scale[:, friction] /= self.problem.speed_scale
+        dscale[:, friction] /= self.problem.speed_scale
+        if self.drive.output != "speed" and friction.any():
+            k = self.drive.speed_state
+            for j, system in enumerate(levels):
+                # The speed at the sensor is (C A x), which depends on x[speed_state] only.
+                sensor = system.C @ system.A[:, k]
+                dsensor = system.dC.T @ system.A[:, k] + system.C @ system.dA[:, k]
+                dscale[j, friction] = dscale[j, friction] * sensor + scale[j, friction, None] * dsensor
+                scale[j, friction] *= sensor
+        return scale, _widened(dscale, q)
+
+
+def _with_inputs(system: Linear, which: NDArray[np.bool_]) -> Linear:
+    """The system with these inputs only."""
+    return system._replace(
+        B=system.B[:, which], dB=system.dB[:, which], ratio=system.ratio[which], dratio=system.dratio[which]
+    )
+
+
+def _widened(slopes: Floats, q: int) -> Floats:
+    """Derivatives with zeros for the delay."""
+    out = np.zeros((*slopes.shape[:-1], q))
+    out[..., : slopes.shape[-1]] = slopes
+    return out
+
+
+def _check(problem: Problem, records: Sequence[Record]) -> None:
+    if not records:
+        raise ValueError("no record to fit")
+    for record in records:
+        if record.quantity != problem.drive.output.removeprefix("mean "):
+            what = f"{record.name or 'record'} holds the {record.quantity}"
+            raise ValueError(f"{what}, the drive's output is the {problem.drive.output}")

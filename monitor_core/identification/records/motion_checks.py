@@ -1,0 +1,111 @@
+"""All that is suspicious about a record; last, whether torque and motion go together: signs, and units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats
+from monitor_core.identification.records.finding import Finding, Known
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.rigid_body import rigid_fit
+from monitor_core.identification.records.sample_checks import strange, times
+from monitor_core.identification.records.signal_checks import signals
+
+_BACK = 3.0
+"""The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
+cannot fall by more than the energy stored before; with the sign reversed it cannot rise by more."""
+_EXPLAINS = 0.5
+"""Part of the torque's variance that one rigid mass explains; below that its inertia is not to be compared."""
+_SLOW = 3.0
+"""Periods of the antiresonance in a window: motions as fast as that do not get through, which would show less."""
+_SURE = 4.0
+"""Standard deviations."""
+_AS_NOMINAL = 5.0
+"""An inertia that far from the nominal one is no wrong guess any more: a guess is wrong by 3."""
+_NEAR = 3.0
+"""To a suspected factor: as far as a guess may be wrong."""
+_NOTHING_KNOWN = Known()
+
+
+class Slip(NamedTuple):
+    """By how much the inertia comes out too large, and by what mistake."""
+
+    factor: float
+    mistake: str
+
+
+_SLIPS = (
+    Slip(1000.0, "a torque in N mm or mN m"),
+    Slip(1 / 1000, "a motion in mrad, or a torque in kN m"),
+    Slip(1 / 57.3, "a motion in degrees"),
+    Slip(57.3, "a motion divided by 57.3 twice"),
+    Slip(1 / 9.55, "a speed in revolutions per minute"),
+    Slip(6.28, "an angle in revolutions"),
+)
+
+
+def suspicions(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, ...]:
+    """What is wrong with a record, those findings first that refuse it.
+
+    Torque and motion are compared only where each of them is sound by itself.
+    """
+    found = [*strange(record), *times(record, known), *signals(record)]
+    if not any(finding.severity == "refuse" for finding in found):
+        sign = list(_wrong_sign(record, known)) if np.count_nonzero(record.measured) > 1 else []
+        found += sign or _units(record, known)
+    return tuple(sorted(found, key=lambda finding: finding.severity != "refuse"))
+
+
+def _work(record: Record) -> Floats:
+    """What the torque has done to the axis by each sample (N,), J.
+
+    With the angle it is exact, since the torque is held.  Of the speed the one at the end of the interval is taken:
+    its noise cannot yet have acted on the torque through a controller.
+    """
+    y = np.interp(record.t, record.t[record.measured], record.y[record.measured])
+    turned = np.diff(y) if record.quantity == "angle" else y[1:] * record.intervals
+    return np.concatenate(([0.0], np.cumsum(record.u[:-1] * turned)))
+
+
+def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
+    done = _work(record)
+    falls = float((np.maximum.accumulate(done) - done).max())
+    rises = float((done - np.minimum.accumulate(done)).max())
+    if falls <= _BACK * rises:
+        return
+    rigid = rigid_fit(record, known.speed_scale)
+    negative = rigid is not None and rigid.inertia < -_SURE * rigid.sd and rigid.explained > _EXPLAINS
+    shown = f", and as one mass it has an inertia of {rigid.inertia:.3g} kg m^2" if rigid and negative else ""
+    yield Finding(
+        "wrong-sign",
+        "refuse" if negative else "warn",
+        f"the axis gives the motor {falls:.3g} J of work and takes {rises:.3g} J from it{shown}: torque or motion has "
+        "the wrong sign",
+        rigid.inertia if rigid and negative else -falls,
+    )
+
+
+def _units(record: Record, known: Known) -> Iterator[Finding]:
+    nominal = known.inertia
+    if nominal is None:
+        return
+    rigid = rigid_fit(record, known.speed_scale, _SLOW * (known.antiresonance_s or 0.0))
+    if rigid is None or rigid.inertia < _SURE * rigid.sd or rigid.explained < _EXPLAINS:
+        return
+    factor = rigid.inertia / nominal
+    if 1 / _AS_NOMINAL < factor < _AS_NOMINAL:
+        return
+    slip = min(_SLIPS, key=lambda s: abs(np.log(factor / s.factor)))
+    near = 1 / _NEAR < factor / slip.factor < _NEAR
+    mistake = f"{slip.mistake} would make it {slip.factor:.3g} times"
+    reason = mistake if near else "are units and gear ratio right?"
+    yield Finding(
+        "units",
+        "warn",
+        f"as one mass the drive shows an inertia of {rigid.inertia:.3g} kg m^2, {factor:.3g} times the nominal "
+        f"{nominal:.3g}: {reason}",
+        factor,
+    )

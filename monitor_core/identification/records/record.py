@@ -1,0 +1,182 @@
+"""A record of one axis: torque in, angle or speed out, at times that need not be regular."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monitor_core.arrays import Floats, Ints
+from monitor_core.drive.structure import Output
+
+Bools = NDArray[np.bool_]
+UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A record of N samples, two at least.
+
+    The torque is held: ``u[k]`` acts from ``t[k]`` to ``t[k+1]``, and ``y[k]`` was measured at ``t[k]``, before
+    ``u[k]`` could act.  The intervals are what they are: a model that is discretised with each interval of its own
+    loses nothing by jitter or lost samples, so nobody needs to resample.
+
+    ``y`` is NaN exactly where it was not measured, so that nobody uses it there by mistake.
+
+    Args:
+        t: (N,) times, s, increasing.
+        u: (N,) motor torque, N m.
+        y: (N,) motor angle, rad, or speed, rad/s; NaN or infinite: not measured.
+        quantity: which of the two.
+        name: as shown to the user, for instance the name of the file.
+        valid: (N,) whether y was measured; None: wherever it is finite.  See ``measured``.
+        signals: (N,) each, further measured signals by name (reference, temperature, angles of other axes); NaN
+            where they were not measured.
+
+    Raises:
+        ValueError: arrays of different length, fewer than two samples, times that do not increase, torque that is
+            not finite; the text says where.
+    """
+
+    t: Floats
+    u: Floats
+    y: Floats
+    quantity: Output
+    name: str = ""
+    valid: Bools | None = None
+    signals: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.quantity not in UNITS:
+            raise ValueError(f"{self._what}: the quantity {self.quantity!r} is neither speed nor angle")
+        t, u, y = (np.array(values, dtype=np.float64) for values in (self.t, self.u, self.y))
+        signals = {name: np.array(values, dtype=np.float64) for name, values in self.signals.items()}
+        valid = np.ones(t.shape, np.bool_) if self.valid is None else np.array(self.valid, dtype=np.bool_)
+        self._check_shapes({"t": t, "u": u, "y": y, "valid": valid, **signals})
+        self._check_times(t)
+        self._check_torque(u)
+        if valid.shape == y.shape:
+            valid &= np.isfinite(y)
+            y[~valid] = np.nan
+        for name, values in {"t": t, "u": u, "y": y, "valid": valid, "signals": signals}.items():
+            object.__setattr__(self, name, values)
+
+    def __len__(self) -> int:
+        """Number of samples N."""
+        return self.t.size
+
+    @property
+    def measured(self) -> Bools:
+        """(N,) whether y was measured there: ``valid``, which is never None once the record is made."""
+        assert self.valid is not None
+        return self.valid
+
+    @property
+    def intervals(self) -> Floats:
+        """(N-1,) s, from each sample to the next."""
+        return np.diff(self.t)
+
+    @property
+    def interval_s(self) -> float:
+        """The typical interval, s: the median, which gaps do not move."""
+        return float(np.median(self.intervals))
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last sample, s."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def jitter_s(self) -> float:
+        """Standard deviation, s, of the intervals below 1.5 typical ones: gaps and lost samples are no jitter."""
+        intervals = self.intervals
+        return float(intervals[intervals < 1.5 * self.interval_s].std())
+
+    @property
+    def unit(self) -> str:
+        """Of y."""
+        return UNITS[self.quantity]
+
+    def select(self, samples: slice | Bools | Ints) -> Record:
+        """The record of these samples only; the torque is held over what was between them.
+
+        Raises:
+            ValueError: fewer than two are left, or they are not in the order of time.
+        """
+        signals = {name: values[samples] for name, values in self.signals.items()}
+        t, u, y = (values[samples] for values in (self.t, self.u, self.y))
+        return Record(t, u, y, self.quantity, self.name, self.measured[samples], signals)
+
+    def without(self, samples: slice | Bools | Ints) -> Record:
+        """The same record, with y at these samples taken for not measured: an outlier, a fault of the sensor."""
+        valid = self.measured.copy()
+        valid[samples] = False
+        return replace(self, valid=valid)
+
+    @property
+    def _what(self) -> str:
+        return f"record {self.name}" if self.name else "record"
+
+    def _check_shapes(self, arrays: Mapping[str, Floats | Bools]) -> None:
+        for name, values in arrays.items():
+            if values.ndim != 1 or values.shape != arrays["t"].shape:
+                wanted = f"({arrays['t'].size},)" if arrays["t"].ndim == 1 else "one dimension"
+                raise ValueError(
+                    f"{self._what}: {name} has the shape {values.shape}, not {wanted} like the times"
+                )
+        if arrays["t"].size < 2:
+            raise ValueError(f"{self._what}: {arrays['t'].size} samples; at least two are needed")
+
+    def _check_times(self, t: Floats) -> None:
+        if not np.isfinite(t).all():
+            raise ValueError(f"{self._what}: the time of sample {_first(~np.isfinite(t))} is not finite")
+        if not (np.diff(t) > 0).all():
+            k = _first(np.diff(t) <= 0)
+            raise ValueError(
+                f"{self._what}: times must increase, but after sample {k} at {t[k]} s comes {t[k + 1]} s"
+            )
+
+    def _check_torque(self, u: Floats) -> None:
+        if not np.isfinite(u).all():
+            k = _first(~np.isfinite(u))
+            raise ValueError(f"{self._what}: the torque of sample {k} is {u[k]}; leave such samples out")
+
+
+def _first(where: Bools) -> int:
+    return int(np.argmax(where))
+
+
+# --- Parts of records: by time, and at gaps ---------------------------------------------------------------------------
+
+
+_FEWEST = 2
+
+
+def between(record: Record, start_s: float, end_s: float) -> Record:
+    """The samples from ``start_s`` to ``end_s``, seconds after the record's first sample, both ends included.
+
+    Raises:
+        ValueError: fewer than two samples are there; the text says how long the record is.
+    """
+    since = record.t - record.t[0]
+    chosen = (since >= start_s) & (since <= end_s)
+    if np.count_nonzero(chosen) < _FEWEST:
+        what = f"record {record.name}" if record.name else "the record"
+        raise ValueError(
+            f"{what} has no two samples from {start_s:g} s on{'' if end_s == np.inf else f' to {end_s:g} s'}: it is "
+            f"{record.duration_s:g} s long"
+        )
+    return record.select(chosen)
+
+
+def segments(record: Record, gap_s: float) -> list[Record]:
+    """The record cut wherever an interval is longer than ``gap_s``; what is left of one sample is dropped."""
+    ends = np.append(np.flatnonzero(record.intervals > gap_s) + 1, len(record))
+    starts = np.concatenate(([0], ends[:-1]))
+    return [
+        record.select(slice(start, end))
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
+        if end - start >= _FEWEST
+    ]

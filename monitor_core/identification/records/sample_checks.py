@@ -1,0 +1,199 @@
+"""Samples that cannot be what the axis did or are missing; what is wrong with a record's times and its length."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from monitor_core.arrays import Floats
+from monitor_core.identification.records.finding import Finding, Known
+from monitor_core.identification.records.record import Bools, Record
+from monitor_core.samples import PHYSICAL_LIMITS
+
+_HALF = 2
+"""Samples on either side of the running median: a peak of one or two samples stands out."""
+_STANDS_OUT = 10.0
+"""Times what 90 % of the samples stay below: for Gaussian noise that is 16 standard deviations."""
+_VISIBLE = 0.2
+"""As part of the range in which 90 % of the values lie: less than that does little harm."""
+_PEAK = 2.0
+"""Times the difference of what comes before and after: a peak comes back, a jump of the torque does not."""
+_REFUSE = 0.01
+"""Part of all samples: where there are so many, those that do not stand out will not be right either."""
+
+
+def strange(record: Record) -> Iterator[Finding]:
+    """Absurd numbers, outliers, missing samples."""
+    yield from _absurd(record)
+    yield from _outliers(record)
+    missing = 1 - float(np.mean(record.measured))
+    if missing > 0:
+        yield Finding(
+            "missing",
+            "refuse" if missing > 0.5 else "warn",
+            f"the {record.quantity} is missing or not finite at {np.count_nonzero(~record.measured)} of {len(record)} "
+            f"samples, {100 * missing:.2g} %",
+            missing,
+        )
+
+
+def outliers(values: Floats) -> Bools:
+    """Which of the values (N,) stand out from their neighbours; those that are not finite do not."""
+    out = np.zeros(values.shape, np.bool_)
+    known = np.flatnonzero(np.isfinite(values))
+    if known.size < 2 * _HALF + 1:
+        return out
+    v = values[known]
+    distance = abs(v - _median(v, _HALF, _HALF))
+    jump = abs(_median(v, 0, 2 * _HALF) - _median(v, 2 * _HALF, 0))
+    low, high = np.quantile(v, (0.05, 0.95))
+    far = distance > max(_STANDS_OUT * np.quantile(distance, 0.9), _VISIBLE * (high - low))
+    out[known] = far & (distance > _PEAK * jump)
+    return out
+
+
+def _median(values: Floats, before: int, after: int) -> Floats:
+    """Of each value and so many before and after it (N,)."""
+    padded = np.pad(values, (before, after), mode="edge")
+    return np.asarray(np.median(sliding_window_view(padded, before + after + 1), axis=1))
+
+
+def _absurd(record: Record) -> Iterator[Finding]:
+    for what, unit, values in _quantities(record):
+        beyond = abs(np.nan_to_num(values)) > PHYSICAL_LIMITS[what]
+        if beyond.any():
+            largest = float(np.nanmax(abs(values)))
+            yield Finding(
+                "absurd",
+                "refuse",
+                f"the {what} is beyond {PHYSICAL_LIMITS[what]:g} {unit} at {np.count_nonzero(beyond)} samples, up to "
+                f"{largest:.3g} {unit}: no motor does that",
+                largest,
+            )
+
+
+def _outliers(record: Record) -> Iterator[Finding]:
+    for what, unit, values in _quantities(record):
+        where = np.flatnonzero(outliers(values))
+        if where.size:
+            k = int(where[np.argmax(abs(values[where]))])
+            share = where.size / len(record)
+            yield Finding(
+                "outliers",
+                "refuse" if share > _REFUSE else "warn",
+                f"{where.size} values of the {what} stand out from their neighbours, the first at "
+                f"{record.t[where[0]] - record.t[0]:.3f} s, the last at {record.t[where[-1]] - record.t[0]:.3f} s, the "
+                f"largest is {values[k]:.4g} {unit}",
+                where.size,
+            )
+
+
+def _quantities(record: Record) -> Iterator[tuple[str, str, Floats]]:
+    yield "torque", "N m", record.u
+    yield record.quantity, record.unit, record.y
+
+
+# --- Length and times -------------------------------------------------------------------------------------------------
+
+
+_FEWEST = 50
+_PER_PARAMETER = 10
+"""Residuals of fewer samples for each parameter tell the noise no better than within a quarter, so nothing tested
+against it can be trusted."""
+_TAUS_LEAST, _TAUS_ENOUGH = 1.0, 5.0
+"""Within one time constant of the slowest motion it looks like a straight line; after five the unknown initial state
+has decayed to less than 1 %."""
+_GAP = 10.0
+"""Typical intervals; the daemon, too, starts its predictor afresh there unless told otherwise."""
+_LOST = 0.02
+"""Part of all samples: 2 % lost cost 13 % of a damper when they go unnoticed; here they are noticed, but the torque
+between is still not known."""
+_JITTER, _JITTER_S = 0.02, 2e-4
+"""Scatter of the intervals, as part of them and in s: stamps late by 0.3 ms give 2 % spread in the friction."""
+_STAMPS = -0.35
+"""Correlation of neighbouring intervals: -0.5 for errors of the stamps about a regular clock; 0 where the sampling
+itself is irregular, which costs nothing."""
+
+
+def times(record: Record, known: Known) -> Iterator[Finding]:
+    """Too short, gaps, lost samples, jitter of the stamps."""
+    yield from _too_short(record, known)
+    yield from _gaps(record)
+    yield from _lost(record)
+    yield from _jitter(record)
+
+
+def _too_short(record: Record, known: Known) -> Iterator[Finding]:
+    count, least = int(np.count_nonzero(record.measured)), max(_FEWEST, _PER_PARAMETER * known.parameters)
+    if count < least:
+        purpose = f" for {known.parameters} parameters" if known.parameters else ""
+        yield Finding(
+            "too-short",
+            "refuse",
+            f"only {count} measured samples; at least {least} are needed{purpose}",
+            count,
+        )
+    if known.slowest_s is None or record.duration_s >= _TAUS_ENOUGH * known.slowest_s:
+        return
+    taus = record.duration_s / known.slowest_s
+    yield Finding(
+        "too-short",
+        "refuse" if taus < _TAUS_LEAST else "warn",
+        f"the record is {record.duration_s:.3g} s long, which is {taus:.2g} times the slowest time constant of the "
+        f"drive, {known.slowest_s:.3g} s; it should be at least {_TAUS_ENOUGH:g} times",
+        taus,
+    )
+
+
+def _gaps(record: Record) -> Iterator[Finding]:
+    intervals = record.intervals
+    wide = intervals > _GAP * record.interval_s
+    if wide.any():
+        k = int(np.argmax(intervals))
+        yield Finding(
+            "gaps",
+            "warn",
+            f"{_times(int(np.count_nonzero(wide)))} nothing was recorded for more than {_GAP:g} intervals, longest for "
+            f"{intervals[k]:.3g} s from {record.t[k] - record.t[0]:.3f} s on; the torque in a gap is not known: cut "
+            "the record there",
+            float(intervals[k]),
+        )
+
+
+def _lost(record: Record) -> Iterator[Finding]:
+    intervals = record.intervals
+    near = intervals[intervals <= _GAP * record.interval_s]
+    lost = int((np.rint(near / record.interval_s) - 1).clip(min=0).sum())
+    if lost > _LOST * (len(record) + lost):
+        share = lost / (len(record) + lost)
+        yield Finding(
+            "lost",
+            "warn",
+            f"{lost} samples, {100 * share:.2g} % of all, are missing between those recorded; the torque that acted "
+            "there is taken to be that of the sample before",
+            share,
+        )
+
+
+def _jitter(record: Record) -> Iterator[Finding]:
+    scatter = record.jitter_s
+    if scatter <= max(_JITTER * record.interval_s, _JITTER_S):
+        return
+    d = record.intervals[record.intervals < _GAP * record.interval_s]
+    d = d - d.mean()
+    correlation = float(d[1:] @ d[:-1] / (d @ d))
+    if correlation < _STAMPS:
+        yield Finding(
+            "jitter",
+            "warn",
+            f"the intervals of {1e3 * record.interval_s:.3g} ms scatter by {1e3 * scatter:.2g} ms, and a long one is "
+            f"followed by a short one (correlation {correlation:.2f}), as with late time stamps of a regular clock; if "
+            "it is that, it costs accuracy: prefer a sample counter",
+            scatter,
+        )
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
