@@ -37,7 +37,8 @@ from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
 from service.ingest.identification_records import Loaded, load
-from service.reports.identification_report import IdentificationReport, Provenance
+from service.reports.formats import Provenance
+from service.reports.identification_report import IdentificationReport
 
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""

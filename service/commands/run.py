@@ -5,19 +5,14 @@ from typing import Annotated
 
 import typer
 
-from service.commands.configuration import ConfigPath, configuration
+from service.commands.configuration import configuration
 from service.commands.exit_codes import explained
+from service.commands.options import ConfigPath, Port
 
 Record = Annotated[
     Path | None,
     typer.Option(
         "--record", metavar="FILE", help="Also write the frames as received into this new .log file."
-    ),
-]
-Port = Annotated[
-    int | None,
-    typer.Option(
-        "--port", min=0, max=65535, help="Port of the page and the API, instead of the configured one."
     ),
 ]
 

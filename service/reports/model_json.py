@@ -2,67 +2,60 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
 from typing import Any
 
-from monitor_core.modeling import Entries, FlatParameter, Laurent, Mode
-from monitor_core.modeling.symbolic import shapes
-from service.reports.model_facts import INPUT_KINDS, OUTPUT_UNITS, Facts, as_dict
+from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.excitation import LocalIdentifiability
+from service.reports.formats import json_text
+from service.reports.model_facts import OUTPUT_UNITS, Facts, matrices
 
 Json = dict[str, Any]
+_KINDS = {TORQUE: "torque", COULOMB: "direction", ONE: "one", COSINE: "cosine", SINE: "sine"}
 
 
 def as_json(facts: Facts) -> str:
     """The whole document.  What needs nominal values is null where one is missing (``missing_nominal``)."""
-    space, report = facts.space, facts.space.report
-    content = {
-        "name": space.name,
-        "states": [{"name": s.name, "unit": s.unit} for s in space.states],
-        "inputs": [{"name": u.name, "kind": INPUT_KINDS[u.kind]} for u in space.inputs],
-        "outputs": [
-            {"name": s.name, "quantity": s.quantity, "unit": OUTPUT_UNITS[s.quantity]} for s in space.sensors
-        ],
-        "parameters": [_parameter(p, facts.nominal) for p in space.parameters],
-        "merged": [{"name": d.name, "definition": str(d.value)} for d in space.definitions],
-        "missing_nominal": list(facts.missing),
-        **_matrices(facts),
-        **_motion(facts),
-        "flat_equations": report.flat_equations,
-        "flat_states": report.flat_states,
-        "remaining_equations": report.remaining_equations,
-        "identifiability": list(facts.identifiability),
-        "local": as_dict(facts.local) if facts.local else None,
-        "notes": list(space.notes),
-    }
-    return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    space, report, motion = facts.space, facts.space.report, facts.motion
+    return json_text(
+        {
+            "name": space.name,
+            "states": [{"name": s.name, "unit": s.unit} for s in space.states],
+            "inputs": [{"name": u.name, "kind": _KINDS[u.kind]} for u in space.inputs],
+            "outputs": [
+                {"name": s.name, "quantity": s.quantity, "unit": OUTPUT_UNITS[s.quantity]}
+                for s in space.sensors
+            ],
+            "parameters": [
+                {"name": p.name, "unit": p.unit, "meaning": p.meaning, "nominal": facts.nominal.get(p.name)}
+                for p in space.parameters
+            ],
+            "merged": [{"name": d.name, "definition": str(d.value)} for d in space.definitions],
+            "missing_nominal": facts.missing,
+            **matrices(space),
+            "poles": [{"re": p.real, "im": p.imag} for p in motion.poles] if motion else None,
+            "resonances_hz": [m.frequency_hz for m in motion.resonances] if motion else None,
+            "antiresonances_hz": [m.frequency_hz for m in motion.antiresonances] if motion else None,
+            "flat_equations": report.flat_equations,
+            "flat_states": report.flat_states,
+            "remaining_equations": report.remaining_equations,
+            "identifiability": facts.identifiability,
+            "local": _local(facts.local) if facts.local else None,
+            "notes": space.notes,
+        }
+    )
 
 
-def _parameter(p: FlatParameter, nominal: Mapping[str, float]) -> Json:
-    return {"name": p.name, "unit": p.unit, "meaning": p.meaning, "nominal": nominal.get(p.name)}
-
-
-def _matrices(facts: Facts) -> Json:
-    s = facts.space
+def _local(local: LocalIdentifiability) -> Json:
+    """What a record tells; null where a parameter is not told at all."""
+    accuracy = local.accuracy
+    deviations = zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True)
     return {
-        letter: _rows(entries, *shape)
-        for letter, entries, shape in zip("ABC", (s.A, s.B, s.C), shapes(s), strict=True)
+        "experiment": local.experiment.words,
+        "noise": local.noise,
+        "held_known": local.held,
+        "left_out": local.left_out,
+        "relative_standard_deviations": dict(deviations),
+        "condition": accuracy.condition,
+        "correlated_pairs": [{"names": [a, b], "correlation": r} for a, b, r in accuracy.pairs()],
+        "words": accuracy.words(),
     }
-
-
-def _rows(entries: Entries, rows: int, columns: int) -> list[list[str]]:
-    zero = Laurent()
-    return [[str(entries.get((row, column), zero)) for column in range(columns)] for row in range(rows)]
-
-
-def _motion(facts: Facts) -> Json:
-    m = facts.motion
-    return {
-        "poles": [{"re": p.real, "im": p.imag} for p in m.poles] if m else None,
-        "resonances_hz": _hertz(m.resonances) if m else None,
-        "antiresonances_hz": _hertz(m.antiresonances) if m else None,
-    }
-
-
-def _hertz(modes: Iterable[Mode]) -> list[float]:
-    return [mode.frequency_hz for mode in modes]

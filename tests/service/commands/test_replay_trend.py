@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from html import escape
 from typing import Any
 
 import pytest
@@ -10,7 +11,6 @@ from typer.testing import CliRunner
 
 from service.commands.main import app
 from service.config import load
-from service.reports.text_format import escaped
 from service.simulation.robot import Fault, SimulatedRobot
 from tests.end_to_end.processes import demo_config
 
@@ -81,7 +81,7 @@ def test_the_page_draws_the_course_and_says_what_the_json_says(found: dict[str, 
     page = found["page"]
     assert "Long-term trend, and when limits are reached" in page
     for parameter in found["trends"]:
-        assert escaped("; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])) in page
+        assert escape("; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])) in page
     for words in ("entry of the history ± sd", "holds it with 90 %", "limit", "reached in this interval"):
         assert f">{words}</text>" in page, words
     assert page.count(">change [%]</text>") == 2 * 3

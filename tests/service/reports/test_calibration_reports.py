@@ -14,21 +14,18 @@ from rich.console import Console
 
 from monitor_core.detection import DetectorName
 from monitor_core.detection.multimodel.multimodel_detector import Limit
+from service.reports.calibration_files import as_json, as_toml
 from service.reports.calibration_html import as_html
-from service.reports.calibration_json import as_json
 from service.reports.calibration_report import (
     Calibration,
-    confusion_rows,
-    confusion_titles,
-    fault_rows,
-    fault_titles,
-    hypothesis_rows,
-    smallest_rows,
-    smallest_titles,
-    threshold_rows,
+    confusion,
+    faults,
+    hypotheses,
+    print_text,
+    smallest,
+    thresholds,
 )
-from service.reports.calibration_text import print_text
-from service.reports.calibration_toml import as_toml
+from service.reports.formats import Table
 from tests.service.reports.calibrations import OWN, WITHIN_S, by_hand
 
 BOTH: list[DetectorName] = ["multimodel", "cusum"]
@@ -44,6 +41,12 @@ SMALLEST = {
 
 def alarming(kind: DetectorName) -> Calibration:
     return replace(by_hand(), alarms=kind)
+
+
+def causes(of: Calibration) -> Table:
+    table = hypotheses(of)
+    assert table is not None
+    return table
 
 
 def printed(of: Calibration, width: int = 160) -> str:
@@ -75,38 +78,38 @@ def test_each_detector_with_its_promise_and_what_it_finds(kind: DetectorName) ->
 
 def test_smallest_changes_side_by_side() -> None:
     of = alarming("multimodel")
-    assert smallest_titles(of) == ("", "models: up", "models: down", "CUSUM: up", "CUSUM: down")
-    rows = list(smallest_rows(of))
+    assert smallest(of).titles == ("", "models: up", "models: down", "CUSUM: up", "CUSUM: down")
+    rows = smallest(of).rows
     assert rows[0] == ("kT", "+10 %", "-10 %", "+20 %", "-20 %")
     assert rows[1] == ("1/Ja", "+20 %", "-50 %", "+50 %", "none")
     assert rows[2] == ("fm", *4 * ("none",))
     other = alarming("cusum")
-    assert smallest_titles(other) == ("", "CUSUM: up", "CUSUM: down", "models: up", "models: down")
-    assert next(iter(smallest_rows(other))) == ("kT", "+20 %", "-20 %", "+10 %", "-10 %")
+    assert smallest(other).titles == ("", "CUSUM: up", "CUSUM: down", "models: up", "models: down")
+    assert smallest(other).rows[0] == ("kT", "+20 %", "-20 %", "+10 %", "-10 %")
 
 
 def test_faults_by_each_detector_with_the_delay_of_the_other() -> None:
     of = alarming("multimodel")
     bank, tests = of.detectors
-    assert fault_titles(of, bank)[-2:] == ("CUSUM: median", "named")
-    assert fault_titles(of, tests)[-2:] == ("models: median", "named first")
-    by_bank, by_tests = list(fault_rows(of, bank)), list(fault_rows(of, tests))
+    assert faults(of, bank).titles[-2:] == ("CUSUM: median", "named")
+    assert faults(of, tests).titles[-2:] == ("models: median", "named first")
+    by_bank, by_tests = faults(of, bank).rows, faults(of, tests).rows
     assert by_bank[0] == ("kT +10 %", "exact", "100 %", "0.5 s", "0.75 s", "15 s", "kT 93 %, others 6.7 %")
     assert by_tests[0] == ("kT +10 %", "exact", "13 %", "15 s", "27 s", "0.5 s", "kT 67 %, 1/Ja 33 %")
     assert by_tests[1] == ("kT +20 %", "exact", "90 %", "3 s", "3 s", "0.25 s", "kT")
     assert by_tests[7] == ("1/Ja -50 %", "simulated", "0 %", "later", "later", "0.7 s", "")
     assert by_bank[7] == ("1/Ja -50 %", "simulated", "100 %", "0.7 s", "0.7 s", "later", "fm 50 %, 1/Ja 50 %")
     alone = replace(of, result=replace(of.result, bank=None), alarms="cusum")
-    assert "models: median" not in fault_titles(alone, alone.result.tests)
-    assert next(iter(fault_rows(alone, alone.result.tests))) == (*by_tests[0][:5], by_tests[0][6])
+    assert "models: median" not in faults(alone, alone.result.tests).titles
+    assert faults(alone, alone.result.tests).rows[0] == (*by_tests[0][:5], by_tests[0][6])
 
 
 def test_names_of_each_detector() -> None:
     bank, tests = alarming("multimodel").detectors
-    assert confusion_titles(bank) == ("fault in", "kT", "1/Ja", "delay", "fm", "noise", "none yet")
-    assert list(confusion_rows(bank))[1] == ("1/Ja", "0 %", "83 %", "0 %", "17 %", "0 %", "0 %")
-    assert confusion_titles(tests) == ("fault in", "kT", "1/Ja", "none yet")
-    assert list(confusion_rows(tests)) == [
+    assert confusion(bank).titles == ("fault in", "kT", "1/Ja", "delay", "fm", "noise", "none yet")
+    assert confusion(bank).rows[1] == ("1/Ja", "0 %", "83 %", "0 %", "17 %", "0 %", "0 %")
+    assert confusion(tests).titles == ("fault in", "kT", "1/Ja", "none yet")
+    assert confusion(tests).rows == [
         ("kT", "91 %", "6.7 %", "2 %"),  # 137, 10 and 3 of 150
         ("1/Ja", "0 %", "67 %", "33 %"),
     ]
@@ -114,8 +117,8 @@ def test_names_of_each_detector() -> None:
 
 def test_thresholds_of_each_detector() -> None:
     of = by_hand()
-    assert [row[-1] for row in threshold_rows(of)] == ["1.1 %", "1.2 %", "1.3 %"]
-    assert list(hypothesis_rows(of)) == [
+    assert [row[-1] for row in thresholds(of).rows] == ["1.1 %", "1.2 %", "1.3 %"]
+    assert causes(of).rows == [
         ("kT", "2", "11.0 to 12.0", "0.002"),
         ("torque sign", "1", "13.0", "0"),
     ]
@@ -131,7 +134,7 @@ def test_thresholds_that_look_alike_are_said_once() -> None:
     own = (*OWN, Limit("fm", 0.1, 5.71, 0.0), Limit("fm", -0.1, 5.74, 0.0))
     bank = replace(of.result.bank, limits=replace(of.result.bank.limits, own=own))
     alike = replace(of, result=replace(of.result, bank=bank))
-    assert list(hypothesis_rows(alike))[-1] == ("fm", "2", "5.7", "0")
+    assert causes(alike).rows[-1] == ("fm", "2", "5.7", "0")
 
 
 @pytest.mark.parametrize(
@@ -153,7 +156,7 @@ def test_what_will_alarm_is_told_first(kind: DetectorName, told: list[str]) -> N
     assert f"Faults that begin at 30 places of the record, by the {first}" in text
     assert f"by the {second}" not in text
     assert f"# The {told[0]}: {SENTENCES[kind]}." in as_toml(of)
-    for row in fault_rows(of, of.detectors[0]):
+    for row in faults(of, of.detectors[0]).rows:
         assert all(cell in text for cell in row if " " not in cell)
 
 

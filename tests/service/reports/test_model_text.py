@@ -123,10 +123,10 @@ def test_colour_on_a_terminal() -> None:
 
 
 def test_a_matrix() -> None:
-    entries = {(0, 0): Laurent.symbol("k"), (1, 1): -Laurent.symbol("Jm", -1)}
-    assert matrix("A", entries, 3, 2) == ["    ⎡ k     0   ⎤", "A = ⎢ 0   -1/Jm ⎥", "    ⎣ 0     0   ⎦"]
-    assert matrix("C", {(0, 1): Laurent.number(1)}, 1, 2) == ["C = [ 0   1 ]"]
-    assert matrix("B", {}, 2, 1, ascii_only=True) == ["B = [ 0 ]", "    [ 0 ]"]
+    entries = [["k", "0"], ["0", "-1/Jm"], ["0", "0"]]
+    assert matrix("A", entries) == ["    ⎡ k     0   ⎤", "A = ⎢ 0   -1/Jm ⎥", "    ⎣ 0     0   ⎦"]
+    assert matrix("C", [["0", "1"]]) == ["C = [ 0   1 ]"]
+    assert matrix("B", [["0"], ["0"]], ascii_only=True) == ["B = [ 0 ]", "    [ 0 ]"]
 
 
 def test_equations_where_the_matrices_do_not_fit() -> None:
