@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
 from monitor_core.calibration import DetectorResult, TrialResult
@@ -13,7 +12,7 @@ from monitor_core.settings import Threshold
 from service.config.threshold_match import made_with
 from service.config.thresholds_file import FORMAT, KIND
 from service.reports.calibration_report import Calibration, promises
-from service.reports.formats import json_text, toml_table
+from service.reports.formats import fields_of, json_text, toml_table
 
 Json = dict[str, Any]
 
@@ -70,13 +69,13 @@ def _rate(result: DetectorResult) -> Json:
 
 def _hypothesis(own: Limit) -> Json:
     """Without what it does not have."""
-    entries = {name: value for name, value in asdict(own).items() if name != "alike" or value}
+    entries = {name: value for name, value in fields_of(own).items() if name != "alike" or value}
     return {name: value for name, value in entries.items() if name != "size" or math.isfinite(value)}
 
 
 def as_json(calibration: Calibration) -> str:
     """Everything that was found."""
-    result = calibration.result
+    result, made = calibration.result, calibration.provenance
     return json_text(
         {
             "axis": calibration.axis.id,
@@ -92,11 +91,9 @@ def as_json(calibration: Calibration) -> str:
             "first_named": _confusion(result.tests),
             "made_with": made_with(result.model, result.settings),
             "nominal": result.model.nominal,
-            "records": [source._asdict() for source in calibration.sources],
+            "records": calibration.sources,
             "warnings": calibration.warnings,
-            "provenance": {
-                name: getattr(calibration.provenance, name) for name in ("version", "date", "command")
-            },
+            "provenance": {"version": made.version, "date": made.date, "command": made.command},
         }
     )
 
@@ -123,7 +120,7 @@ def _bank(calibration: Calibration) -> Json | None:
         return None
     return {
         "false_alarms": {**_rate(result), "confidence": 0.9},
-        "hypotheses": [asdict(trial) for trial in bank.limits.own],
+        "hypotheses": bank.limits.own,
         "faults": [_fault(calibration, trial) for trial in result.caught],
         "smallest_found": {name: _smallest(result, name) for name in calibration.result.model.monitored},
         "named": _confusion(result),

@@ -7,6 +7,7 @@ import math
 import shlex
 import sys
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any, NamedTuple
@@ -86,17 +87,25 @@ def for_terminal(
 
 
 def json_text(content: Any) -> str:
-    """A document: arrays become lists, numbers that are not finite null."""
-    return json.dumps(_finite(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    """A document: arrays become lists, records of named fields objects, numbers that are not finite null."""
+    return json.dumps(_simple(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def _finite(value: Any) -> Any:
+def fields_of(record: Any) -> dict[str, Any]:
+    """The fields of a dataclass or a NamedTuple by name."""
+    named: tuple[str, ...] = getattr(record, "_fields", ()) or tuple(field.name for field in fields(record))
+    return {name: getattr(record, name) for name in named}
+
+
+def _simple(value: Any) -> Any:
+    if is_dataclass(value) or hasattr(value, "_fields"):
+        value = fields_of(value)
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {key: _finite(entry) for key, entry in value.items()}
+        return {key: _simple(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
+        return [_simple(entry) for entry in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

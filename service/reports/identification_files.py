@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from monitor_core.drive import DELAY, split_name
-from monitor_core.identification import Correlation, FrequencyResponse, Growth, ParameterRow, Slope, Trace
+from monitor_core.identification import FrequencyResponse, Growth, ParameterRow, Slope, Trace
 from service.config.nominal_file import FORMAT, structure_of
 from service.ingest.identification_records import Source
-from service.reports.formats import json_text, one_line, percent, toml_table
+from service.reports.formats import fields_of, json_text, one_line, percent, toml_table
 from service.reports.identification_report import IdentificationReport, residual_words
 
 Json = dict[str, Any]
@@ -177,26 +177,23 @@ def as_json(report: IdentificationReport) -> str:
             "output": e.problem.drive.output,
             "trustworthy": not report.rejection,
             "why_not": report.rejection or None,
-            "parameters": [_json_parameter(row) for row in result.rows()],
+            "parameters": [_parameter(row) for row in result.rows()],
             "schedule": [_slope(slope) for slope in result.slopes()],
-            "masses": _json_growth(result.growth) if result.growth else None,
+            "masses": _growth(result.growth) if result.growth else None,
             "names": e.names,
             "covariance": e.covariance,
             "correlation": e.correlation,
-            "predictor": _json_predictor(report),
+            "predictor": _predictor(report),
             "noise": e.noise,
             "records": [_record(*trace) for trace in report.traces()],
             "residuals": {
-                "whiteness": _json_correlation(e.whiteness),
-                "independence": _json_correlation(e.independence),
+                "whiteness": e.whiteness,
+                "independence": e.independence,
                 "words": [test.words for test in residual_words(report)],
             },
             "warnings": report.warnings,
             "started_from": e.started_from or None,
-            "bode": {
-                **{name: _json_response(getattr(result.bode, name)) for name in _RESPONSES},
-                "words": result.bode.words,
-            },
+            "bode": {name: _response(response) for name, response in fields_of(result.bode).items()},
             "provenance": {
                 "axiswatch": p.version, "date": p.date, "command": p.command, "drawing": p.drawing
             },
@@ -204,10 +201,7 @@ def as_json(report: IdentificationReport) -> str:
     )  # fmt: skip
 
 
-_RESPONSES = ("drive", "before", "black_box", "measured")
-
-
-def _json_parameter(row: ParameterRow) -> Json:
+def _parameter(row: ParameterRow) -> Json:
     return {
         "name": row.name,
         "unit": row.unit,
@@ -220,7 +214,7 @@ def _json_parameter(row: ParameterRow) -> Json:
     }
 
 
-def _json_growth(growth: Growth) -> Json:
+def _growth(growth: Growth) -> Json:
     models = [
         {
             "masses": model.masses,
@@ -237,7 +231,7 @@ def _json_growth(growth: Growth) -> Json:
     return {"recommended": growth.recommended, "words": growth.words, "models": models}
 
 
-def _json_predictor(report: IdentificationReport) -> Json:
+def _predictor(report: IdentificationReport) -> Json:
     e = report.result.estimate
     return {
         "kind": e.problem.predictor,
@@ -245,7 +239,7 @@ def _json_predictor(report: IdentificationReport) -> Json:
         "torque_delay_s": e.delay_s,
         "innovation_variance": e.lam0,
         "colour": report.result.colour,
-        "states": [{"name": s.name, "unit": s.unit} for s in e.drive.states],
+        "states": e.drive.states,
         "gain": e.K,
         "friction_speed_scale": e.problem.speed_scale,
         "converged": e.converged,
@@ -254,13 +248,10 @@ def _json_predictor(report: IdentificationReport) -> Json:
     }
 
 
-def _json_correlation(c: Correlation) -> Json:
-    return {"lags": c.lags, "values": c.values, "limit": c.limit, "p_value": c.p_value}
-
-
-def _json_response(response: FrequencyResponse | None) -> Json | None:
-    if response is None:
-        return None
+def _response(response: Any) -> Any:
+    """A frequency response; what is none, such as the words beside them, as it is."""
+    if not isinstance(response, FrequencyResponse):
+        return response
     return {
         "name": response.name,
         "frequency_hz": response.frequency_hz,

@@ -19,7 +19,7 @@ def as_json(facts: Facts) -> str:
     return json_text(
         {
             "name": space.name,
-            "states": [{"name": s.name, "unit": s.unit} for s in space.states],
+            "states": space.states,
             "inputs": [{"name": u.name, "kind": _KINDS[u.kind]} for u in space.inputs],
             "outputs": [
                 {"name": s.name, "quantity": s.quantity, "unit": OUTPUT_UNITS[s.quantity]}

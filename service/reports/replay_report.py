@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
@@ -11,9 +10,9 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from monitor_core.detection import Alarm, Reach
+from monitor_core.detection import Alarm, Name, Reach
 from monitor_core.monitoring import AxisStatus, ParameterStatus, ParameterTrend
-from service.reports.formats import json_text
+from service.reports.formats import fields_of, json_text
 from service.reports.replay_result import Replayed, ReplayedAxis, reached, trend_sentence
 from service.texts.timestamps import iso, maybe_iso
 from service.texts.trend_texts import reach_words, trend_words
@@ -113,9 +112,9 @@ def _axis(axis: ReplayedAxis) -> Json:
         "counters": status.counters,
         "dropped": axis.dropped,
         "clock": axis.clock,
-        "stamps": axis.stamps._asdict() if axis.stamps is not None else None,
+        "stamps": axis.stamps,
         "parameters": [_parameter(p) for p in status.parameters],
-        "detectors": [asdict(d) for d in status.detectors],
+        "detectors": status.detectors,
         "trends": [_trend(p) for p in axis.trends],
         "alarms": [_alarm(e, axis) for e in axis.alarms],
     }
@@ -151,36 +150,22 @@ def _trend(p: ParameterTrend) -> Json:
 
 
 def _limit(r: Reach, words: str) -> Json:
-    times = {"low": iso(r.low_us), "high": maybe_iso(r.high_us)}
-    return {"name": r.name, "limit": r.limit, "unit": r.unit, "state": r.state, **times, "words": words}
+    return {**_timed(r), "words": words}
 
 
 def _alarm(e: Alarm, axis: ReplayedAxis) -> Json:
+    reaches = [_limit(r, reach_words(r, e.updated_us)) for r in e.reaches]
     return {
-        "parameter": e.parameter,
-        "direction": e.direction,
+        **_timed(e),
         "words": axis.words(e),
-        "stage": e.stage,
-        "causes": [cause._asdict() for cause in e.causes],
-        "doubt": e.doubt,
-        "kind": e.kind,
-        "reaches": [_limit(r, reach_words(r, e.updated_us)) for r in e.reaches],
-        "onset": iso(e.onset_us),
-        "onset_low": maybe_iso(e.onset_low_us),
-        "onset_high": maybe_iso(e.onset_high_us),
-        "raised": iso(e.raised_us),
-        "updated": iso(e.updated_us),
-        "ended": maybe_iso(e.ended_us),
-        "size": e.size,
-        "size_sd": e.size_sd,
-        "crossings": e.crossings,
-        "past": [
-            {
-                "until": iso(name.until_us),
-                "stage": name.stage,
-                "parameter": name.parameter,
-                "direction": name.direction,
-            }
-            for name in e.past
-        ],
+        "reaches": reaches,
+        "past": [_timed(name) for name in e.past],
+    }
+
+
+def _timed(record: Alarm | Reach | Name) -> Json:
+    """Its fields, with times such as onset_us written out as onset."""
+    return {
+        name.removesuffix("_us"): maybe_iso(value) if name.endswith("_us") else value
+        for name, value in fields_of(record).items()
     }
