@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +19,7 @@ from service.commands.options import (
     RecordRanges,
     ReportFile,
 )
-from service.commands.output_files import STDOUT, Files, write_all
+from service.commands.output_files import Files
 from service.commands.progress import steps_bar
 from service.config.base_table import seconds_in
 
@@ -88,12 +89,15 @@ def calibrate(
     chosen = axis_named(read.axes, axis)
     with explained():
         from monitor_core.calibration import CalibrationOptions
+        from service.reports.calibration_files import as_json, as_toml
+        from service.reports.calibration_html import as_html
+        from service.reports.calibration_report import print_text
         from service.reports.formats import Provenance
 
         options = CalibrationOptions(*wanted)
         with steps_bar(chosen.id) as progress:
             found = calibrate_axis(read, chosen, records, options, Provenance.now(), progress)
-    _write(found, files)
+    files.write(as_toml(found), as_html(found), partial(as_json, found), partial(print_text, found))
 
 
 def calibrate_axis(
@@ -146,19 +150,3 @@ def _sizes(text: str) -> tuple[float, ...]:
     if not sizes or not all(0 < size <= 10 for size in sizes):
         raise typer.BadParameter(f"{text}: write percents, such as 5,10,20", param_hint="--sizes")
     return tuple(sizes)
-
-
-def _write(found: Calibration, files: Files) -> None:
-    """All files, and the tables to the terminal."""
-    from rich.console import Console
-
-    from service.reports.calibration_files import as_json, as_toml
-    from service.reports.calibration_html import as_html
-    from service.reports.calibration_report import print_text
-
-    texts = [(files.values, as_toml(found)), (files.report, as_html(found))]
-    if files.json is not None:
-        texts.append((files.json, as_json(found)))
-    if files.json != STDOUT:
-        print_text(found, Console(highlight=False))
-    write_all(texts)

@@ -55,12 +55,13 @@ def run_daemon(
         CannotListenError: the address of the page is not available.
         DaemonFailedError: an internal fault.
     """
+    stop = stop or threading.Event()
     with ExitStack() as stack:
-        stop = stack.enter_context(stopped_by_signals(stop))
         core = FramePipeline(config)
         compiled = _in_background(config, stack)
         readers = _open_buses(config, core, stack)
         worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
+        stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
         for reader in readers.values():
             stack.callback(reader.close)

@@ -13,6 +13,7 @@ from rich.console import Console
 from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained
 from service.commands.options import Port
+from service.commands.run import configure_logs
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.resources import shipped
@@ -121,10 +122,9 @@ def with_drive_of(config: Config, drive: str | None, model: str | None, monitor:
 
 
 def _run(config: Config, fault: Fault) -> None:
-    from service.commands import logs
     from service.commands.daemon import run_daemon
 
-    logs.configure()
+    configure_logs()
     stop = threading.Event()
     with explained():
         robot = RobotThread(config, fault, stop)

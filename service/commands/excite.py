@@ -94,13 +94,11 @@ def _write_all(experiment: Experiment, axis: str, output: Path, pictures: dict[s
     """The table, the pictures, then what there is to say."""
     from rich.console import Console
 
-    from service.reports.excitation_text import as_csv, print_text
+    from service.reports.excitation_report import as_csv, as_picture, print_text
 
     write(output, "".join(as_csv(experiment)))
     for form, path in pictures.items():
         if path is not None:
-            from service.reports.excitation_picture import as_picture
-
             write(path, as_picture(experiment, f"Experiment for {axis}", form))
     print_text(experiment, axis, Console(highlight=False))
 

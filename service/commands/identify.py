@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -20,11 +21,8 @@ from service.commands.options import (
     ReportFile,
     names_in,
 )
-from service.commands.output_files import STDOUT, Files, write_all
+from service.commands.output_files import Files
 from service.commands.progress import steps_bar
-
-if TYPE_CHECKING:
-    from service.reports.identification_report import IdentificationReport
 
 Command = JsonCommand
 
@@ -135,6 +133,9 @@ def identify(
     with explained():
         from service.commands.identification_task import Request, drawing_of, prepare
         from service.reports.formats import Provenance
+        from service.reports.identification_files import as_json, as_toml
+        from service.reports.identification_html import as_html
+        from service.reports.identification_report import print_text
 
         request = Request(
             free=names_in(",".join(free or ())),
@@ -151,7 +152,8 @@ def identify(
         task = prepare(read, chosen, records, validate or [], request)
         with steps_bar(chosen.id) as progress:
             result = task.run(Provenance.now(drawing_of(chosen.config)), progress)
-    _write(result, files)
+    values = None if result.rejection else as_toml(result)
+    files.write(values, as_html(result), partial(as_json, result), partial(print_text, result))
     if result.rejection:
         print(f"axiswatch: no nominal values: {result.rejection}", file=sys.stderr)
         raise typer.Exit(MISTAKE)
@@ -172,20 +174,3 @@ def _masses(text: str | None) -> int | None:
     if not (text.isdecimal() and 1 <= int(text) <= MOST_MASSES):
         raise typer.BadParameter(f"{text}: write auto, or 1 to {MOST_MASSES}", param_hint="--masses")
     return int(text)
-
-
-def _write(report: IdentificationReport, files: Files) -> None:
-    """All files, the nominal values only if they are reliable; and the tables to the terminal."""
-    from rich.console import Console
-
-    from service.reports.identification_files import as_json, as_toml
-    from service.reports.identification_html import as_html
-    from service.reports.identification_report import print_text
-
-    texts = [] if report.rejection else [(files.values, as_toml(report))]
-    texts.append((files.report, as_html(report)))
-    if files.json is not None:
-        texts.append((files.json, as_json(report)))
-    if files.json != STDOUT:
-        print_text(report, Console(highlight=False))
-    write_all(texts)

@@ -202,8 +202,7 @@ def _experiment(path: Path, config: Config, axis: NamedAxis) -> TorqueExperiment
 def _reports(drive: Drive, latex: bool, json: Path | None, matlab: Path | None) -> Iterator[tuple[Path, str]]:
     """Path and text of each requested report."""
     if json is not None:
-        from service.reports.model_facts import facts_of
-        from service.reports.model_json import as_json
+        from service.reports.model_facts import as_json, facts_of
 
         yield json, as_json(facts_of(*drive))
     if latex:

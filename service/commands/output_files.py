@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import typer
+from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE
 from service.store.atomic_files import replace_text
@@ -48,6 +49,21 @@ class Files(NamedTuple):
                 raise typer.BadParameter(f"{path} cannot be written: {path.parent} is no folder")
         if len({path.resolve() for path in paths}) < len(paths):
             raise typer.BadParameter(f"{what}, report and JSON need files of their own")
+
+    def write(
+        self, values: str | None, report: str, as_json: Callable[[], str], show: Callable[[Console], None]
+    ) -> None:
+        """Write the results, values only if there are any; ``show`` prints them unless the JSON is on standard output.
+
+        Raises:
+            typer.Exit: a file cannot be written.
+        """
+        texts = [(self.report, report)] if values is None else [(self.values, values), (self.report, report)]
+        if self.json is not None:
+            texts.append((self.json, as_json()))
+        if self.json != STDOUT:
+            show(Console(highlight=False))
+        write_all(texts)
 
 
 def write_all(texts: Sequence[tuple[Path, str]]) -> None:

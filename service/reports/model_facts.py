@@ -1,14 +1,15 @@
-"""What there is to say about a drive, found once for all reports."""
+"""What there is to say about a drive, found once for all reports; and all of it as JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling import FlatInput, FlatSensor, Laurent, StateSpace
+from service.reports.formats import json_text
 
 if TYPE_CHECKING:
     from monitor_core.excitation import LocalIdentifiability, TorqueExperiment
@@ -150,3 +151,60 @@ def local_words(local: LocalIdentifiability) -> tuple[str, ...]:
     if local.left_out:
         words += (f"Zero at nominal, left out: {', '.join(local.left_out)}.",)
     return words
+
+
+# --- JSON -------------------------------------------------------------------------------------------------------------
+
+
+_KINDS = {TORQUE: "torque", COULOMB: "direction", ONE: "one", COSINE: "cosine", SINE: "sine"}
+
+
+def as_json(facts: Facts) -> str:
+    """All of it: entries of A, B, C as expressions, numbers where they are known.
+
+    What needs nominal values is null where one is missing (``missing_nominal``).
+    """
+    space, report, motion = facts.space, facts.space.report, facts.motion
+    return json_text(
+        {
+            "name": space.name,
+            "states": space.states,
+            "inputs": [{"name": u.name, "kind": _KINDS[u.kind]} for u in space.inputs],
+            "outputs": [
+                {"name": s.name, "quantity": s.quantity, "unit": OUTPUT_UNITS[s.quantity]}
+                for s in space.sensors
+            ],
+            "parameters": [
+                {"name": p.name, "unit": p.unit, "meaning": p.meaning, "nominal": facts.nominal.get(p.name)}
+                for p in space.parameters
+            ],
+            "merged": [{"name": d.name, "definition": str(d.value)} for d in space.definitions],
+            "missing_nominal": facts.missing,
+            **matrices(space),
+            "poles": [{"re": p.real, "im": p.imag} for p in motion.poles] if motion else None,
+            "resonances_hz": [m.frequency_hz for m in motion.resonances] if motion else None,
+            "antiresonances_hz": [m.frequency_hz for m in motion.antiresonances] if motion else None,
+            "flat_equations": report.flat_equations,
+            "flat_states": report.flat_states,
+            "remaining_equations": report.remaining_equations,
+            "identifiability": facts.identifiability,
+            "local": _local(facts.local) if facts.local else None,
+            "notes": space.notes,
+        }
+    )
+
+
+def _local(local: LocalIdentifiability) -> dict[str, Any]:
+    """What a record tells; null where a parameter is not told at all."""
+    accuracy = local.accuracy
+    deviations = zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True)
+    return {
+        "experiment": local.experiment.words,
+        "noise": local.noise,
+        "held_known": local.held,
+        "left_out": local.left_out,
+        "relative_standard_deviations": dict(deviations),
+        "condition": accuracy.condition,
+        "correlated_pairs": [{"names": [a, b], "correlation": r} for a, b, r in accuracy.pairs()],
+        "words": accuracy.words(),
+    }
