@@ -20,7 +20,6 @@ from service.reports.plot_style import (
     GRID,
     INK,
     QUIET,
-    SIMULATED,
     add_percent,
     as_svg,
     figure,
@@ -138,16 +137,9 @@ def _draw_estimate(axes: Axes, course: Course, i: int, p: ParameterStatus, unit:
 
 def _draw_g(axes: Axes, course: Course, i: int, unit: TimeUnit) -> None:
     h = float(course.h[i])
-    top = h
-    for which, colour, dashes, name in (
-        (rows.UP, FOUND, "-", INCREASE),
-        (rows.DOWN, SIMULATED, (0, (3, 1)), DECREASE),
-    ):
-        t, g = _ups_and_downs(course, which, i, unit)
-        axes.plot(t, g / h, color=colour, lw=1.2, ls=dashes, label=name)
-        top = max(top, float(np.nanmax(g, initial=0.0)))
-    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
-    axes.set(ylabel="g / h", ylim=(0, 1.15 * top / h))
+    (t, up), (_, down) = (_ups_and_downs(course, row, i, unit) for row in (rows.UP, rows.DOWN))
+    top = bank_plots.draw_directions(axes, (t, up / h), (t, down / h))
+    axes.set(ylabel="g / h", ylim=(0, 1.15 * max(top, 1.0)))
 
 
 def _ups_and_downs(course: Course, which: int, i: int, unit: TimeUnit) -> tuple[Floats, Floats]:
