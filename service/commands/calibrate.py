@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
-from datetime import UTC, datetime
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from service.commands.configuration import ConfigPath, OptionalValueCommand, configuration
-from service.commands.drive_choice import axis_named
+from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained
-from service.commands.identify_arguments import Axis, Force, JsonFile, Records, Report
-from service.commands.output_files import STDOUT, Files, write
+from service.commands.options import (
+    AxisName,
+    ConfigPath,
+    Force,
+    JsonCommand,
+    JsonFile,
+    RecordRanges,
+    ReportFile,
+)
+from service.commands.output_files import Files
 from service.commands.progress import steps_bar
 from service.config.base_table import seconds_in
 
@@ -25,8 +29,10 @@ if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions, Progress
     from monitor_core.detection import DetectorName
     from service.config import Config, NamedAxis
-    from service.reports.calibration_report import Calibration, Provenance
+    from service.reports.calibration_report import Calibration
+    from service.reports.formats import Provenance
 
+Command = JsonCommand
 
 Budget = Annotated[
     str,
@@ -57,27 +63,16 @@ Onsets = Annotated[
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the thresholds.")]
 
 
-class Command(OptionalValueCommand):
-    """--json alone writes to standard output."""
-
-    options = ("--json",)
-
-    @staticmethod
-    def is_value(word: str) -> bool:
-        """Whether the word after the option is a file to write to, and not a record."""
-        return word == "-" or word.endswith(".json") or word.startswith("/dev/")
-
-
 def calibrate(
     config: ConfigPath,
-    records: Records,
-    axis: Axis = None,
+    records: RecordRanges,
+    axis: AxisName = None,
     budget: Budget = "1y",
     within: Within = None,
     sizes: Sizes = "5,10,20,30,50",
     onsets: Onsets = 100,
     output: Output = Path("thresholds.toml"),
-    report: Report = None,
+    report: ReportFile = None,
     json: JsonFile = None,
     force: Force = False,
 ) -> None:
@@ -87,18 +82,22 @@ def calibrate(
     parameter are found how soon, and under which name. Records that are too short for the budget, in which the axis
     does not move, or in which something changes, are refused with the place.
     """
-    files = Files.chosen(None, output, report, json)
+    files = Files.chosen(output, report, json)
     files.check(force, "thresholds")
     wanted = seconds_of(budget), within, _sizes(sizes), onsets
     read = configuration(config, without_bus=True, thresholds=False)
     chosen = axis_named(read.axes, axis)
     with explained():
         from monitor_core.calibration import CalibrationOptions
+        from service.reports.calibration_files import as_json, as_toml
+        from service.reports.calibration_html import as_html
+        from service.reports.calibration_report import print_text
+        from service.reports.formats import Provenance
 
         options = CalibrationOptions(*wanted)
         with steps_bar(chosen.id) as progress:
-            found = calibrate_axis(read, chosen, records, options, _provenance(), progress)
-    _write(found, files)
+            found = calibrate_axis(read, chosen, records, options, Provenance.now(), progress)
+    files.write(as_toml(found), as_html(found), partial(as_json, found), partial(print_text, found))
 
 
 def calibrate_axis(
@@ -117,7 +116,7 @@ def calibrate_axis(
         RecordError, DbcError, IngestError: a record cannot be read.
     """
     from monitor_core.calibration import calibrate as find_thresholds
-    from service.commands.background import Background
+    from service.commands.progress import Background
     from service.config.axis_settings import axis_model, axis_settings
     from service.config.detector_choice import alarm_source_of
     from service.ingest.calibration_records import read
@@ -151,36 +150,3 @@ def _sizes(text: str) -> tuple[float, ...]:
     if not sizes or not all(0 < size <= 10 for size in sizes):
         raise typer.BadParameter(f"{text}: write percents, such as 5,10,20", param_hint="--sizes")
     return tuple(sizes)
-
-
-def _provenance() -> Provenance:
-    from service.reports.calibration_report import Provenance
-
-    command = shlex.join(["axiswatch", *sys.argv[1:]])
-    return Provenance(version("axiswatch"), datetime.now(UTC).isoformat(timespec="seconds"), command)
-
-
-def _write(found: Calibration, files: Files) -> None:
-    """All files, and the tables to the terminal.
-
-    Raises:
-        typer.Exit: a file cannot be written.
-    """
-    from service.reports.calibration_html import as_html
-    from service.reports.calibration_toml import as_toml
-
-    texts = [(files.nominal, as_toml(found)), (files.report, as_html(found))]
-    if files.json is not None:
-        from service.reports.calibration_json import as_json
-
-        texts.append((files.json, as_json(found)))
-    for path, text in texts:
-        write(path, text)
-    if files.json != STDOUT:
-        from rich.console import Console
-
-        from service.reports.calibration_text import print_text
-
-        print_text(found, Console(highlight=False))
-    written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
-    print(f"written: {written}", file=sys.stderr)

@@ -7,9 +7,10 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.commands.configuration import ConfigPath, configuration
+from service.commands.configuration import configuration
 from service.commands.exit_codes import explained
-from service.config import AxisConfig, Config, ModelConfig, NamedAxis, in_words, nominal_file_of
+from service.commands.options import ConfigPath
+from service.config import Config, ModelConfig, NamedAxis, in_words, nominal_file_of
 from service.config.base_table import SUFFIX
 from service.config.detector_choice import in_words as detectors_in_words
 from service.config.remarks import remarks
@@ -46,21 +47,16 @@ def _axes(config: Config) -> Table:
 
 def _cells(axis: NamedAxis) -> tuple[str, ...]:
     config = axis.config
+    file = nominal_file_of(config)
+    nominal = () if file is None else (file.path.name, f"of {file.date[:10]}")
+    watched = ", ".join(config.model.monitor)
     return (
         axis.id,
         config.bus,
         f"{config.torque.message}.{config.torque.signal}\n"
         f"{config.motion.message}.{config.motion.signal} ({config.output})",
         f"{1000 * config.sample_interval_s:g} ms",
-        "\n".join(
-            (
-                _drive(config.model),
-                ", ".join(config.model.monitor),
-                *_nominal(config),
-                *in_words(config),
-                detectors_in_words(axis),
-            )
-        ),
+        "\n".join((_drive(config.model), watched, *nominal, *in_words(config), detectors_in_words(axis))),
     )
 
 
@@ -68,9 +64,3 @@ def _drive(model: ModelConfig) -> str:
     if model.components:
         return f"drawn, {len(model.components)} components"
     return Path(model.drive).name if model.drive.endswith(SUFFIX) else model.drive
-
-
-def _nominal(axis: AxisConfig) -> tuple[str, ...]:
-    """Source of nominal values and gain, if that is a file."""
-    found = nominal_file_of(axis)
-    return () if found is None else (found.path.name, f"of {found.date[:10]}")

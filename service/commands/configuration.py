@@ -1,27 +1,19 @@
-"""The --config option of all commands, and the report of a wrong file."""
+"""The configuration of a command line, the report of a wrong file, and the axis that is wanted."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
 
 import typer
 from rich.console import Console
 from rich.text import Text
-from typer.core import TyperCommand
 
-from service.config import Config, ConfigErrors, Problem, load
-
-ConfigPath = Annotated[
-    Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")
-]
+from service.commands.exit_codes import MISTAKE
+from service.config import Config, ConfigErrors, NamedAxis, Problem, load
 
 _NO_BUS = (
     "no bus: such a configuration is for `identify`, `excite` and `model`; add [[bus]] with its DBC and, to each axis,"
     " bus, and message and signal of torque and motion"
 )
-
-CANNOT_RUN = 2
-"""Exit status where a command cannot do anything: the configuration is wrong."""
 
 
 def configuration(path: Path, without_bus: bool = False, thresholds: bool = True) -> Config:
@@ -37,17 +29,17 @@ def configuration(path: Path, without_bus: bool = False, thresholds: bool = True
     """
     try:
         found = load(path, thresholds=thresholds)
-        if not found.bus and not without_bus:
-            typer.echo(f"axiswatch: {path}: {_NO_BUS}", err=True)
-            raise typer.Exit(CANNOT_RUN)
-        return found
     except ConfigErrors as errors:
         console = Console(stderr=True, soft_wrap=True, highlight=False)
         for problem in errors.problems:
             console.print(_line(problem))
         count = len(errors.problems)
         console.print(f"{count} problem{'s' if count > 1 else ''} in the configuration", style="bold red")
-        raise typer.Exit(CANNOT_RUN) from None
+        raise typer.Exit(MISTAKE) from None
+    if not found.bus and not without_bus:
+        typer.echo(f"axiswatch: {path}: {_NO_BUS}", err=True)
+        raise typer.Exit(MISTAKE)
+    return found
 
 
 def _line(problem: Problem) -> Text:
@@ -60,26 +52,26 @@ def _line(problem: Problem) -> Text:
     return text
 
 
-# --- Options whose value may be left out: --json alone is --json -, standard output -----------------------------------
+def axis_of(config: Path, wanted: str | None) -> NamedAxis:
+    """The one axis of a configuration file that is wanted; it needs no bus.
+
+    Raises:
+        typer.BadParameter: there is none, or several.
+    """
+    return axis_named(configuration(config, without_bus=True).axes, wanted)
 
 
-class OptionalValueCommand(TyperCommand):
-    """A command that inserts "-" where the value of an option was left out, before the line is parsed."""
+def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--axis") -> NamedAxis:
+    """The one of these axes that is wanted: by its name, with or without its robot, or the only one.
 
-    options: ClassVar[tuple[str, ...]] = ()
-
-    @staticmethod
-    def is_value(word: str) -> bool:
-        """Whether the word after such an option is its value."""
-        return word == "-" or not word.startswith("-")
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """As typer does it."""
-        return super().parse_args(ctx, list(self._completed(args)))
-
-    def _completed(self, args: list[str]) -> Iterator[str]:
-        for position, word in enumerate(args):
-            yield word
-            following = args[position + 1 : position + 2]
-            if word in self.options and not (following and self.is_value(following[0])):
-                yield "-"
+    Raises:
+        typer.BadParameter: there is none, or several.
+    """
+    names = ", ".join(a.id for a in axes)
+    if wanted is None and len(axes) > 1:
+        raise typer.BadParameter(f"say which axis: there is {names}", param_hint=option)
+    found = [a for a in axes if wanted in (None, a.id, a.id.split(".", 1)[1])]
+    if len(found) != 1:
+        what = "is in more than one robot" if found else "is not there"
+        raise typer.BadParameter(f"{wanted} {what}; there is {names}", param_hint=option)
+    return found[0]

@@ -1,17 +1,16 @@
 """The daemon: readers, worker, store and web are connected, started and stopped."""
 
-import signal
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack
 from pathlib import Path
-from types import FrameType
 
 import structlog
 
 from service.can.bus_reader import CanReader
 from service.can.log_files import FrameRecorder
+from service.commands.exit_codes import stopped_by_signals
 from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors
@@ -61,7 +60,7 @@ def run_daemon(
         compiled = _in_background(config, stack)
         readers = _open_buses(config, core, stack)
         worker, journal = _worker(config, core, compiled, readers, record, stack, stop)
-        _stop_on_signals(stop, stack)
+        stack.enter_context(stopped_by_signals(stop))
         stack.callback(worker.stop)
         for reader in readers.values():
             stack.callback(reader.close)
@@ -156,25 +155,6 @@ def _serve(
     from service.web.server import serve
 
     serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
-
-
-def _stop_on_signals(stop: threading.Event, stack: ExitStack) -> None:
-    """SIGTERM and SIGINT stop the daemon properly; the second one ends it immediately."""
-    if threading.current_thread() is not threading.main_thread():
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
-
-    def restore_handlers() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-    def on_signal(_number: int, _frame: FrameType | None) -> None:
-        stop.set()
-        restore_handlers()
-
-    for number in before:
-        signal.signal(number, on_signal)
-    stack.callback(restore_handlers)
 
 
 def _shown(host: str) -> str:

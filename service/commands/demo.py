@@ -10,10 +10,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from service.commands.configuration import configuration
+from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained
-from service.commands.run import Port
-from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, axis_id, factors, in_words
+from service.commands.options import Port
+from service.commands.run import configure_logs
+from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.resources import shipped
 from service.simulation.demonstration import usual_fault, watching, with_drive
@@ -72,10 +73,11 @@ def demo(
         read = _adapted(configuration(shipped("demo.toml")), axes, port, folder)
         with explained():
             read = with_drive_of(read, drive, model, tuple(monitor or ()))
-        known = [axis.id for axis in read.axes]
-        broken = axis_id(fault_axis, known) if fault_axis else known[min(1, axes - 1)]
+        broken = read.axes[min(1, axes - 1)]
+        if fault_axis is not None:
+            broken = axis_named(read.axes, fault_axis, "--fault-axis")
         breaks = fault or [f"{usual_fault(read.axes[0].config)}=1.3"]
-        _run(read, Fault(broken, factors(breaks), fault_after))
+        _run(read, Fault(broken.id, factors(breaks), fault_after))
 
 
 @contextmanager
@@ -109,11 +111,10 @@ def with_drive_of(config: Config, drive: str | None, model: str | None, monitor:
         axis = watching(axis, monitor) if monitor else axis
     except (KeyError, ValueError) as error:
         raise typer.BadParameter(str(error.args[0]), param_hint="--monitor") from None
-    keys = ("model", "estimator")
-    changes = {key: getattr(axis, key) for key in keys}
+    changed = {"model": axis.model, "estimator": axis.estimator}
     axes = tuple(
         each.model_copy(
-            update={**changes, "torque": each.torque.model_copy(update={"factor": axis.torque.factor})}
+            update={**changed, "torque": each.torque.model_copy(update={"factor": axis.torque.factor})}
         )
         for each in config.robot[0].axis
     )
@@ -121,10 +122,9 @@ def with_drive_of(config: Config, drive: str | None, model: str | None, monitor:
 
 
 def _run(config: Config, fault: Fault) -> None:
-    from service.commands import logs
     from service.commands.daemon import run_daemon
 
-    logs.configure()
+    configure_logs()
     stop = threading.Event()
     with explained():
         robot = RobotThread(config, fault, stop)

@@ -3,50 +3,28 @@
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from service.commands.drive_choice import axis_of
-from service.commands.exit_codes import MISTAKE, explained
+from service.commands.configuration import axis_of
+from service.commands.exit_codes import explained
+from service.commands.options import AxisName, ConfigPath, names_in
+from service.commands.output_files import write
 
 if TYPE_CHECKING:
     from monitor_core.excitation import Controller, Experiment
-    from service.config import NamedAxis
 
-
-class Given(StrEnum):
-    """The command to the axis."""
-
-    TORQUE = "torque"
-    SPEED = "speed"
-    ANGLE = "angle"
-
-
-class Grid(StrEnum):
-    """Lines of the grid."""
-
-    ALL = "all"
-    ODD = "odd"
-
-
-ConfigOption = Annotated[
-    Path,
-    typer.Option("--config", "-c", metavar="FILE", help="Configuration file (TOML).", show_default=False),
-]
-AxisOption = Annotated[
-    str | None,
-    typer.Option("--axis", metavar="AXIS", help="Which axis, if there are several; its name, or robot.axis."),
-]
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE.csv", help="Where to write it.", show_default=False)
 ]
 Seconds = Annotated[float, typer.Option("--seconds", metavar="S", help="Length of a period.")]
 Periods = Annotated[int, typer.Option("--periods", min=1, help="After one to warm up.")]
 Band = Annotated[str, typer.Option("--band", metavar="LOW:HIGH", help="Frequencies [Hz].")]
-LinesOption = Annotated[Grid, typer.Option("--lines", help="Odd lines bear friction better.")]
+LinesOption = Annotated[
+    Literal["all", "odd"], typer.Option("--lines", help="Odd lines bear friction better.")
+]
 Limit = Annotated[float | None, typer.Option(metavar="X", help="Largest absolute value, SI, at the motor.")]
 Find = Annotated[
     str,
@@ -61,7 +39,8 @@ Free = Annotated[
     ),
 ]
 As = Annotated[
-    Given, typer.Option("--as", help="What is given to the axis: torque, or a reference to follow.")
+    Literal["torque", "speed", "angle"],
+    typer.Option("--as", help="What is given to the axis: torque, or a reference to follow."),
 ]
 Gain = Annotated[
     float | None,
@@ -72,19 +51,19 @@ Picture = Annotated[Path | None, typer.Option(metavar="FILE", help="Also draw a 
 
 
 def excite(
-    config: ConfigOption,
+    config: ConfigPath,
     output: Output,
-    axis: AxisOption = None,
+    axis: AxisName = None,
     seconds: Seconds = 10.0,
     periods: Periods = 2,
     band: Band = "0:30",
-    lines: LinesOption = Grid.ODD,
+    lines: LinesOption = "odd",
     torque_limit: Limit = None,
     speed_limit: Limit = None,
     angle_limit: Limit = None,
     find: Find = "",
     free: Free = "",
-    as_: As = Given.TORQUE,
+    as_: As = "torque",
     kp: Gain = None,
     kd: Gain = None,
     seed: Seed = None,
@@ -98,70 +77,38 @@ def excite(
     """
     if output in (svg, png) or (svg is not None and svg == png):
         raise typer.BadParameter("two of the files to be written are the same", param_hint="--output")
-    found = axis_of(config, axis)
-    names = tuple(_names(text) for text in (free, find))
-    limits = torque_limit, speed_limit, angle_limit
-    with explained():
-        experiment = _planned(
-            found, seconds, periods, _band(band), lines, as_, names, limits, _controller(kp, kd), seed
-        )
+    found, controller, band_hz = axis_of(config, axis), _controller(kp, kd), _band(band)
+    with explained(ValueError):
+        from monitor_core.excitation import Limits
+        from service.commands.experiment import Asked, planned
+
+        limits = (math.inf if limit is None else limit for limit in (torque_limit, speed_limit, angle_limit))
+        within = Limits(*limits)
+        names = names_in(free), names_in(find)
+        asked = Asked(found, seconds, periods, band_hz, lines, as_, *names, within, controller)
+        experiment = planned(asked, seed)
     _write_all(experiment, found.id, output, {"svg": svg, "png": png})
-
-
-def _planned(
-    axis: NamedAxis,
-    seconds: float,
-    periods: int,
-    band: tuple[float, float],
-    lines: Grid,
-    as_: Given,
-    names: tuple[tuple[str, ...], ...],
-    limits: tuple[float | None, ...],
-    controller: Controller | None,
-    seed: int | None,
-) -> Experiment:
-    from monitor_core.excitation import Limits
-    from service.commands.experiment import Asked, planned, task_for
-
-    try:
-        within = Limits(*(math.inf if limit is None else limit for limit in limits))
-        free, find = names
-        asked = Asked(axis, seconds, periods, band, lines.value, as_.value, free, find)
-        return planned(task_for(asked, within, controller), seed)
-    except ValueError as error:
-        raise _mistake(str(error)) from None
 
 
 def _write_all(experiment: Experiment, axis: str, output: Path, pictures: dict[str, Path | None]) -> None:
     """The table, the pictures, then what there is to say."""
     from rich.console import Console
 
-    from service.reports.excitation_text import as_csv, print_text
+    from service.reports.excitation_report import as_csv, as_picture, print_text
 
-    _write(output, "".join(as_csv(experiment)).encode())
+    write(output, "".join(as_csv(experiment)))
     for form, path in pictures.items():
         if path is not None:
-            from service.reports.excitation_picture import as_picture
-
-            _write(path, as_picture(experiment, f"Experiment for {axis}", form))
+            write(path, as_picture(experiment, f"Experiment for {axis}", form))
     print_text(experiment, axis, Console(highlight=False))
 
 
 def _band(text: str) -> tuple[float, float]:
-    """LOW:HIGH.
-
-    Raises:
-        typer.BadParameter: it is no such text.
-    """
     try:
         low, high = (float(part) for part in text.split(":"))
     except ValueError:
         raise typer.BadParameter(f"{text}: write LOW:HIGH in Hz, as 0:30", param_hint="--band") from None
     return low, high
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _controller(kp: float | None, kd: float | None) -> Controller | None:
@@ -177,15 +124,3 @@ def _controller(kp: float | None, kd: float | None) -> Controller | None:
     from monitor_core.excitation import Controller
 
     return Controller(kp, kd)
-
-
-def _write(path: Path, content: bytes) -> None:
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise _mistake(f"cannot write {path}: {error.strerror}") from None
-
-
-def _mistake(text: str) -> typer.Exit:
-    typer.echo(f"axiswatch: {text}", err=True)
-    return typer.Exit(MISTAKE)

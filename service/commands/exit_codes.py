@@ -1,4 +1,4 @@
-"""Exit codes and error messages: one message, never a traceback for a user's mistake."""
+"""Exit codes and error messages: one message, never a traceback for a user's mistake; and the end by a signal."""
 
 import signal
 import sys
@@ -17,25 +17,26 @@ file; 3 a bus cannot be opened or written to; 4 the port is taken or the state d
 
 
 @contextmanager
-def explained() -> Iterator[None]:
+def explained(*mistakes: type[Exception]) -> Iterator[None]:
     """Turn the errors that a user can cause into a message and an exit code.
+
+    Args:
+        mistakes: further errors that mean a mistake of the user here.
 
     Raises:
         typer.Exit: after such an error.
     """
     try:
         yield
-    except typer.Exit:
-        raise
     except Exception as error:
-        code = _code(error)
+        code = _code(error, mistakes)
         if code is None:
             raise
         print(f"axiswatch: {error}", file=sys.stderr)
         raise typer.Exit(code) from None
 
 
-def _code(error: Exception) -> int | None:
+def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None:
     # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
     from monitor_core.calibration import CalibrationError
     from monitor_core.identification import IdentificationError
@@ -48,30 +49,44 @@ def _code(error: Exception) -> int | None:
     from service.store.database import StoreError
     from service.web.server import CannotListenError
 
+    mistakes += (
+        IngestError,
+        DbcError,
+        AxisError,
+        FaultError,
+        ModelError,
+        IdentificationError,
+        CalibrationError,
+    )
     codes: list[tuple[tuple[type[Exception], ...], int]] = [
         ((BusError,), NO_BUS),
-        (
-            (IngestError, DbcError, AxisError, FaultError, ModelError, IdentificationError, CalibrationError),
-            MISTAKE,
-        ),
+        (mistakes, MISTAKE),
         ((StoreError, CannotListenError), UNAVAILABLE),
         ((DaemonFailedError,), FAULT),
     ]
     return next((code for kinds, code in codes if isinstance(error, kinds)), None)
 
 
-# --- Commands that run until Ctrl-C or SIGTERM, which is a regular end: exit code 0 -----------------------------------
+@contextmanager
+def stopped_by_signals(stop: threading.Event | None = None) -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set, which is a regular end: exit code 0; the second one ends the process.
 
-
-def stop_on_signals() -> threading.Event:
-    """An event that SIGINT and SIGTERM set; the second one ends the process at once."""
-    stop = threading.Event()
+    Handlers are as before afterwards.  In another thread than the main one signals are left alone.
+    """
+    stop = stop or threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:
         stop.set()
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    return stop
+    before = {number: signal.signal(number, on_signal) for number in numbers}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -7,12 +7,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from monitor_core.drive import AxisModel, Drive, split_name
 from monitor_core.identification import (
     Disturbance,
-    Finding,
     IdentificationError,
     IdentificationOptions,
     Known,
@@ -37,7 +35,8 @@ from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
 from service.ingest.identification_records import Loaded, load
-from service.reports.identification_report import IdentificationReport, Provenance
+from service.reports.formats import Provenance
+from service.reports.identification_report import IdentificationReport
 
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
@@ -94,28 +93,14 @@ class IdentificationTask:
         Raises:
             IdentificationError: as ``identify``.
         """
-        result = identify(
-            self.problem,
-            [loaded.record for loaded in self.estimation],
-            [loaded.record for loaded in self.validation],
-            self.options,
-            progress,
+        estimation, validation = (
+            [item.record for item in group] for group in (self.estimation, self.validation)
         )
-        return IdentificationReport(
-            self.axis.id,
-            result,
-            tuple(loaded.source for loaded in self.estimation),
-            tuple(loaded.source for loaded in self.validation),
-            self.warnings,
-            provenance,
+        result = identify(self.problem, estimation, validation, self.options, progress)
+        sources, others = (
+            tuple(item.source for item in group) for group in (self.estimation, self.validation)
         )
-
-
-class KnownValues(NamedTuple):
-    """Values of all parameters of a drive; those of the ``unknown`` ones are placeholders."""
-
-    values: Mapping[str, float]
-    unknown: tuple[str, ...]
+        return IdentificationReport(self.axis.id, result, sources, others, self.warnings, provenance)
 
 
 def prepare(
@@ -136,22 +121,23 @@ def prepare(
         RecordError, DbcError, IngestError: a record cannot be read.
     """
     space, drive, *_ = model_of_axis(axis.config)
-    known = known_values(axis, drive)
+    nominal, unknown = known_values(axis, drive)
     schedule = read_schedule(request.schedule, axis.config)
-    selection = select_parameters(space, drive, known.values, request.free, request.fix)
+    selection = select_parameters(space, drive, nominal, request.free, request.fix)
     selection = with_schedule(selection, schedule, request.free)
-    start = _start(known, selection, request.start)
+    start = _start(unknown, selection, request.start)
     used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
-    warnings = (
-        *_record_warnings([*used, *kept_aside], _expectations(axis, drive, known, len(selection.free))),
-        *interval_warnings([loaded.record for loaded in (*used, *kept_aside)], axis.config.sample_interval_s),
-    )
-    scheduled = scheduled_terms(schedule, [loaded.record for loaded in used])
+    loaded = [item.record for item in (*used, *kept_aside)]
+    speed_scale = predictor_of(axis.config).friction_speed_scale
+    count = len(selection.free)
+    known = Known(count, speed_scale=speed_scale) if unknown else known_of(drive, nominal, count, speed_scale)
+    warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
+    scheduled = scheduled_terms(schedule, [item.record for item in used])
     used, kept_aside = (
-        [loaded._replace(record=with_terms(loaded.record, scheduled)) for loaded in group]
+        [item._replace(record=with_terms(item.record, scheduled)) for item in group]
         for group in (used, kept_aside)
     )
-    problem = _problem(axis, drive, known.values, selection, used, request, schedule)
+    problem = _problem(axis, drive, nominal, selection, used, request, schedule)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     options = IdentificationOptions(
@@ -160,7 +146,7 @@ def prepare(
         axis.config.interval_mean,
         request.masses,
         selection.held,
-        known.unknown,
+        unknown,
         scheduled,
     )
     return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
@@ -177,13 +163,16 @@ def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
 # --- values to start from -------------------------------------------------------------------------------
 
 
-def known_values(axis: NamedAxis, drive: Drive) -> KnownValues:
-    """The nominal values of the configuration, or of the file that it names."""
+def known_values(axis: NamedAxis, drive: Drive) -> tuple[Mapping[str, float], tuple[str, ...]]:
+    """Values of all parameters, of the configuration or of the file that it names; and those that it has no value of.
+
+    The values of these are placeholders.
+    """
     names = {p.name for p in (*drive.parameters, *drive.drawn)}
     values = {name: value for name, value in given_values(axis.config).items() if name in names}
     unknown = tuple(p.name for p in drive.parameters if not _is_known(drive, p.name, values))
     placeholders = {name: 1.0 if drive.parameter(name).positive else 0.0 for name in unknown}
-    return KnownValues(AxisModel(drive, {**values, **placeholders}, ()).nominal, unknown)
+    return AxisModel(drive, {**values, **placeholders}, ()).nominal, unknown
 
 
 def _is_known(drive: Drive, name: str, values: Mapping[str, float]) -> bool:
@@ -194,18 +183,18 @@ def _is_known(drive: Drive, name: str, values: Mapping[str, float]) -> bool:
     return all(_is_known(drive, part, values) for part in merged.names)
 
 
-def _start(known: KnownValues, selection: ParameterSelection, requested: Start | None) -> Start:
+def _start(unknown: Sequence[str], selection: ParameterSelection, requested: Start | None) -> Start:
     free = {split_name(name)[0] for name in selection.free}
-    if held := [name for name in known.unknown if name not in free]:
+    if held := [name for name in unknown if name not in free]:
         raise IdentificationError(
             f"no value of {', '.join(held)}, to be held: give it in [robot.axis.model.nominal], or free it with --free"
         )
-    if known.unknown and requested in ("values", "search"):
+    if unknown and requested in ("values", "search"):
         raise IdentificationError(
-            f"--start {requested} needs a value of {', '.join(known.unknown)}: give it in [robot.axis.model.nominal],"
+            f"--start {requested} needs a value of {', '.join(unknown)}: give it in [robot.axis.model.nominal],"
             " or let --start records find it"
         )
-    return requested or ("records" if known.unknown else "search")
+    return requested or ("records" if unknown else "search")
 
 
 # --- parameters that follow signals -----------------------------------------------------------------------
@@ -225,18 +214,14 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
                 f'--schedule "{text}": write PARAMETER: SIGNAL, as "fm: temperature" or "Ja: payload, cos(angle2)"'
             )
         for term in terms.split(","):
-            name = _term(term.strip(), axis)
+            try:
+                name = str(term_of(term.strip(), [signal.name for signal in axis.signal]))
+            except ValueError as error:
+                raise IdentificationError(str(error)) from None
             if name in schedule.get(parameter, ()):
                 raise IdentificationError(f"{parameter} follows {name} twice")
             schedule[parameter] = (*schedule.get(parameter, ()), name)
     return schedule
-
-
-def _term(text: str, axis: AxisConfig) -> str:
-    try:
-        return str(term_of(text, [signal.name for signal in axis.signal]))
-    except ValueError as error:
-        raise IdentificationError(str(error)) from None
 
 
 # --- the problem ------------------------------------------------------------------------------------------
@@ -291,32 +276,23 @@ def _noise(
 # --- checks of the records ----------------------------------------------------------------------------------
 
 
-def _expectations(axis: NamedAxis, drive: Drive, known: KnownValues, parameters: int) -> Known:
-    """Expected properties of the records."""
-    speed_scale = predictor_of(axis.config).friction_speed_scale
-    if known.unknown:
-        return Known(parameters, speed_scale=speed_scale)
-    return known_of(drive, known.values, parameters, speed_scale)
-
-
-def _record_warnings(loaded: Sequence[Loaded], known: Known) -> tuple[str, ...]:
-    """Doubts about the records.
+def _doubts(records: Sequence[Record], known: Known) -> list[str]:
+    """Doubts about the records, in sentences.
 
     Raises:
         IdentificationError: one of them is refused.
     """
-    findings = [(item.record.name, finding) for item in loaded for finding in suspicions(item.record, known)]
-    refused = [_sentence(name, finding) for name, finding in findings if finding.severity == "refuse"]
-    if refused:
+    findings = [
+        (finding.severity, f"{record.name}: {finding.sentence}.")
+        for record in records
+        for finding in suspicions(record, known)
+    ]
+    if refused := [words for severity, words in findings if severity == "refuse"]:
         raise IdentificationError("refused: " + "\n".join(refused))
-    return tuple(_sentence(name, finding) for name, finding in findings)
+    return [words for _, words in findings]
 
 
-def _sentence(name: str, finding: Finding) -> str:
-    return f"{name}: {finding.sentence}."
-
-
-def interval_warnings(records: Sequence[Record], interval_s: float) -> Iterator[str]:
+def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[str]:
     """Doubts about the sample intervals of records, in sentences.
 
     Raises:
@@ -324,16 +300,13 @@ def interval_warnings(records: Sequence[Record], interval_s: float) -> Iterator[
     """
     for record in records:
         ratio = record.interval_s / interval_s
-        apart = f"its samples are {record.interval_s:.6g} s apart, but sample_interval_s = {interval_s:g}"
-        differ = f"{record.name}: {apart}"
+        apart = f"its samples are {record.interval_s:.6g} s apart"
+        differ = f"{record.name}: {apart}, but sample_interval_s = {interval_s:g}"
         if not 1 / _OTHER_SAMPLING < ratio < _OTHER_SAMPLING:
-            raise IdentificationError(f"{differ}: {_probable_mistake(ratio)}")
+            mistake = "correct it, or the times, which must be in seconds"
+            for factor, unit in _TIME_UNITS.items():
+                if math.isclose(ratio, factor, rel_tol=0.1):
+                    mistake = f"times must be in seconds, these look like {unit}"
+            raise IdentificationError(f"{differ}: {mistake}")
         if not math.isclose(ratio, 1.0, rel_tol=_SAME_INTERVAL):
             yield f"{differ}: the result then belongs to the interval of this record, and the daemon refuses it."
-
-
-def _probable_mistake(ratio: float) -> str:
-    for factor, unit in _TIME_UNITS.items():
-        if math.isclose(ratio, factor, rel_tol=0.1):
-            return f"times must be in seconds, these look like {unit}"
-    return "correct it, or the times, which must be in seconds"

@@ -2,63 +2,108 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
-from datetime import UTC, datetime
-from importlib.metadata import version
-from typing import TYPE_CHECKING
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
 
 import typer
 
-from service.commands.configuration import ConfigPath, OptionalValueCommand, configuration
-from service.commands.drive_choice import axis_named
+from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import MISTAKE, explained
-from service.commands.identify_arguments import (
-    Axis,
-    Beginning,
-    Delay,
-    Fix,
-    Folder,
+from service.commands.options import (
+    AxisName,
+    ConfigPath,
     Force,
-    Free,
-    HoldNoise,
+    JsonCommand,
     JsonFile,
-    Kind,
-    MassesOption,
-    Output,
-    PredictorOption,
-    Records,
-    Report,
-    Robust,
-    Slow,
-    StartOption,
-    Validate,
-    Varying,
+    RecordRanges,
+    ReportFile,
+    names_in,
 )
 from service.commands.output_files import Files
 from service.commands.progress import steps_bar
 
-if TYPE_CHECKING:
-    from monitor_core.identification import Predictor, Start
-    from service.config import NamedAxis
-    from service.reports.identification_report import Provenance
+Command = JsonCommand
 
-
-class Command(OptionalValueCommand):
-    """--json alone writes to standard output."""
-
-    options = ("--json",)
-
-    @staticmethod
-    def is_value(word: str) -> bool:
-        """Whether the word after the option is a file to write to, and not a record."""
-        return word == "-" or word.endswith(".json") or word.startswith("/dev/")
+Free = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--free",
+        metavar="NAMES",
+        help='Only these parameters, "Jm,fm,1/Ja". Default: all that can be identified with kT and r held.',
+    ),
+]
+Fix = Annotated[
+    list[str] | None,
+    typer.Option("--fix", metavar="NAMES", help="These stay at their nominal values, beside kT and r."),
+]
+PredictorOption = Annotated[
+    Literal["innovations", "output-error"] | None,
+    typer.Option("--predictor", help="How the motion is predicted. Default: as configured."),
+]
+Varying = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--schedule",
+        metavar="NAME:SIGNALS",
+        help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "Ja: payload, cos(angle2)".'
+        " Of a signal there are cos, sin and square.",
+    ),
+]
+Validate = Annotated[
+    list[str] | None,
+    typer.Option("--validate", metavar="RECORD", help="Also predict this record, which is not fitted."),
+]
+Delay = Annotated[bool, typer.Option("--delay", help="Also find by how much the torque acts late.")]
+Slow = Annotated[
+    float | None,
+    typer.Option(
+        "--disturbance",
+        metavar="SECONDS",
+        min=1e-3,
+        help="What disturbs the torque also has a slow part with this time constant, a state of the model.",
+    ),
+]
+HoldNoise = Annotated[
+    bool,
+    typer.Option(
+        "--hold-noise",
+        help="The gain follows from torque_noise and output_noise as configured. Default: from noise found in the"
+        " records.",
+    ),
+]
+Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
+StartOption = Annotated[
+    Literal["search", "values", "records"] | None,
+    typer.Option(
+        "--start",
+        help="Where the fit starts: at the configured values and where a search around them ends; there only (fast);"
+        " or at what the records alone tell. Default: search; records where the configuration has no values.",
+    ),
+]
+MassesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--masses",
+        metavar="auto|N",
+        help="Also say how many masses in a row the records ask for: rows of up to five (auto) or N are compared.",
+    ),
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option("--output-dir", metavar="DIR", help="Where nominal.toml and report.html go. Default: here."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="The nominal values; default nominal.toml."),
+]
 
 
 def identify(
     config: ConfigPath,
-    records: Records,
-    axis: Axis = None,
+    records: RecordRanges,
+    axis: AxisName = None,
     free: Free = None,
     fix: Fix = None,
     varying: Varying = None,
@@ -72,7 +117,7 @@ def identify(
     masses: MassesOption = None,
     output_dir: Folder = None,
     output: Output = None,
-    report: Report = None,
+    report: ReportFile = None,
     json: JsonFile = None,
     force: Force = False,
 ) -> None:
@@ -81,48 +126,37 @@ def identify(
     Writes nominal.toml, which the configuration of the daemon refers to, and report.html. If a parameter cannot be
     identified or the fit does not converge, the report says so, no nominal values are written, and the exit code is 2.
     """
-    files = Files.chosen(output_dir, output, report, json)
-    files.check(force)
+    files = Files.chosen(output or (output_dir or Path()) / "nominal.toml", report, json, output_dir)
+    files.check(force, "nominal values")
     read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)
     with explained():
-        from service.commands.identification_task import Request, prepare
+        from service.commands.identification_task import Request, drawing_of, prepare
+        from service.reports.formats import Provenance
+        from service.reports.identification_files import as_json, as_toml
+        from service.reports.identification_html import as_html
+        from service.reports.identification_report import print_text
 
-        kind = _kind(predictor)
         request = Request(
-            _names(free),
-            _names(fix),
-            kind,
-            delay,
-            disturbance,
-            hold_noise,
-            robust,
-            _start(start),
-            tuple(varying or ()),
-            _masses(masses),
+            free=names_in(",".join(free or ())),
+            fix=names_in(",".join(fix or ())),
+            predictor=predictor,
+            delay=delay,
+            disturbance_s=disturbance,
+            hold_noise=hold_noise,
+            robust=robust,
+            start=start,
+            schedule=tuple(varying or ()),
+            masses=_masses(masses),
         )
         task = prepare(read, chosen, records, validate or [], request)
         with steps_bar(chosen.id) as progress:
-            result = task.run(_provenance(chosen), progress)
-    files.write(result)
+            result = task.run(Provenance.now(drawing_of(chosen.config)), progress)
+    values = None if result.rejection else as_toml(result)
+    files.write(values, as_html(result), partial(as_json, result), partial(print_text, result))
     if result.rejection:
         print(f"axiswatch: no nominal values: {result.rejection}", file=sys.stderr)
         raise typer.Exit(MISTAKE)
-
-
-def _kind(predictor: Kind | None) -> Predictor | None:
-    """As the engine calls it."""
-    kinds: dict[Kind, Predictor] = {Kind.INNOVATIONS: "innovations", Kind.OUTPUT_ERROR: "output-error"}
-    return None if predictor is None else kinds[predictor]
-
-
-def _start(start: Beginning | None) -> Start | None:
-    starts: dict[Beginning, Start] = {
-        Beginning.SEARCH: "search",
-        Beginning.VALUES: "values",
-        Beginning.RECORDS: "records",
-    }
-    return None if start is None else starts[start]
 
 
 def _masses(text: str | None) -> int | None:
@@ -140,17 +174,3 @@ def _masses(text: str | None) -> int | None:
     if not (text.isdecimal() and 1 <= int(text) <= MOST_MASSES):
         raise typer.BadParameter(f"{text}: write auto, or 1 to {MOST_MASSES}", param_hint="--masses")
     return int(text)
-
-
-def _names(given: list[str] | None) -> tuple[str, ...]:
-    """Names separated by commas, or one option for each; names of merged parameters contain blanks."""
-    return tuple(name.strip() for part in given or [] for name in part.split(",") if name.strip())
-
-
-def _provenance(axis: NamedAxis) -> Provenance:
-    from service.commands.identification_task import drawing_of
-    from service.reports.identification_report import Provenance
-
-    command = shlex.join(["axiswatch", *sys.argv[1:]])
-    date = datetime.now(UTC).isoformat(timespec="seconds")
-    return Provenance(version("axiswatch"), date, command, drawing_of(axis.config))

@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-import threading
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Annotated
 
-import typer
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
 from service.can.bus_reader import CanReader
-from service.commands.configuration import ConfigPath, configuration
-from service.commands.exit_codes import explained, stop_on_signals
+from service.commands.configuration import configuration
+from service.commands.exit_codes import explained, stopped_by_signals
+from service.commands.options import ConfigPath, Seconds
 from service.config import Config, needed
 from service.ingest.bus_samples import Ingest, Value
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
+from service.texts.timestamps import now_us
 
-_TAKE_S = 0.1
+_TAKE_S, _LINES_S = 0.1, 1.0
 
-Seconds = Annotated[
-    float | None,
-    typer.Option("--seconds", min=0.0, metavar="N", help="Stop after N seconds. [default: never]"),
-]
+_UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
+_OLD_S = 1.0
+_COLUMNS = ("axis", "quantity", "value", "signal", "raw value", "rate", "age")
+Stamped = Mapping[str, Stamps]
 
 
 def listen(config: ConfigPath, seconds: Seconds = None) -> None:
@@ -36,15 +36,26 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
     On a terminal this is a live table; elsewhere one line for each value, once a second.
     """
     read = configuration(config)
-    stop = stop_on_signals()
     with explained(), ExitStack() as stack:
+        stop = stack.enter_context(stopped_by_signals())
         sources = _open(read, stack)
-        end = None if seconds is None else time.monotonic() + seconds
+        end = math.inf if seconds is None else time.monotonic() + seconds
         console = Console(highlight=False)
+        live = None
         if console.is_terminal:
-            _show(console, read, sources, stop, end)
-        else:
-            _print(read, sources, stop, end)
+            live = stack.enter_context(Live(console=console, auto_refresh=False, transient=False))
+        latest, due = Latest(read), time.monotonic() + _LINES_S
+        while not stop.wait(_TAKE_S) and time.monotonic() < end:
+            for reader, ingest in sources:
+                for value in ingest.feed_values(reader.take()):
+                    latest.add(value)
+            stamps = {axis_id: axis.stamps for _, ingest in sources for axis_id, axis in ingest.axes.items()}
+            words = [*_buses(read, sources), *_remarks(read, stamps)]
+            if live is not None:
+                live.update(table(latest, now_us(), words, stamps), refresh=True)
+            elif time.monotonic() >= due:
+                due += _LINES_S
+                print(*lines(latest, now_us(), words, stamps), sep="\n", flush=True)
 
 
 _Sources = list[tuple[CanReader, Ingest]]
@@ -63,36 +74,6 @@ def _open(config: Config, stack: ExitStack) -> _Sources:
     return sources
 
 
-def _show(
-    console: Console, config: Config, sources: _Sources, stop: threading.Event, end: float | None
-) -> None:
-    latest = Latest(config)
-    with Live(console=console, auto_refresh=False, transient=False) as live:
-        while not _is_over(stop, end):
-            _take(latest, sources)
-            stamps = _stamps(sources)
-            words = [*_buses(config, sources), *_remarks(config, stamps)]
-            live.update(table(latest, _now_us(), words, stamps), refresh=True)
-
-
-def _print(config: Config, sources: _Sources, stop: threading.Event, end: float | None) -> None:
-    latest = Latest(config)
-    due = time.monotonic() + 1
-    while not _is_over(stop, end):
-        _take(latest, sources)
-        if time.monotonic() >= due:
-            due += 1
-            stamps = _stamps(sources)
-            words = [*_buses(config, sources), *_remarks(config, stamps)]
-            print(*lines(latest, _now_us(), words, stamps), sep="\n", flush=True)
-
-
-def _take(latest: Latest, sources: _Sources) -> None:
-    for reader, ingest in sources:
-        for value in ingest.feed_values(reader.take()):
-            latest.add(value)
-
-
 def _buses(config: Config, sources: _Sources) -> list[str]:
     """One line for each bus: its state, its frames, and the dropped frames by reason."""
     words = []
@@ -104,10 +85,6 @@ def _buses(config: Config, sources: _Sources) -> list[str]:
     return words
 
 
-def _stamps(sources: _Sources) -> dict[str, Stamps]:
-    return {axis_id: axis.stamps for _, ingest in sources for axis_id, axis in ingest.axes.items()}
-
-
 def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
     """Recommendations for the configuration from the scatter of the time stamps."""
     return [
@@ -116,19 +93,6 @@ def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
         if axis.id in stamps
         for words in remarks(axis.id, axis.config.sample_interval_s, stamps[axis.id])
     ]
-
-
-def _is_over(stop: threading.Event, end: float | None) -> bool:
-    """Wait for one period; True when it is time to stop."""
-    return stop.wait(_TAKE_S) or (end is not None and time.monotonic() >= end)
-
-
-def _now_us() -> int:
-    return time.time_ns() // 1000
-
-
-_UNITS = {"torque": "N m", "angle": "rad", "speed": "rad/s", "counter": ""}
-_OLD_S = 1.0
 
 
 @dataclass
@@ -163,40 +127,34 @@ class Latest:
         else:
             seen.value, seen.count = value, seen.count + 1
 
-    def rows(self, now_us: int) -> Iterator[tuple[str, ...]]:
+    def rows(self, at_us: int) -> Iterator[tuple[str, ...]]:
         """Rows of the table: axis, quantity, value with unit, signal, raw value, rate, age."""
         for (axis_id, quantity), seen in self._seen.items():
             if seen is None:
                 yield (axis_id, quantity, "not received", "", "", "", "")
                 continue
             v = seen.value
-            age_s = max(0, now_us - v.t_us) / 1e6
+            age_s = max(0, at_us - v.t_us) / 1e6
             si = f"{v.si:.6g} {_UNITS.get(quantity, '')}".rstrip()
             signal = f"{v.message}.{v.signal}"
             old = f"{age_s:.1f} s" if age_s >= _OLD_S else "now"
             yield (axis_id, quantity, si, signal, f"{v.physical:.6g}", f"{seen.rate_hz:.1f} Hz", old)
 
 
-_COLUMNS = ("axis", "quantity", "value", "signal", "raw value", "rate", "age")
-
-
-Stamped = Mapping[str, Stamps]
-
-
-def table(latest: Latest, now_us: int, buses: Sequence[str], stamped: Stamped) -> RenderableType:
+def table(latest: Latest, at_us: int, buses: Sequence[str], stamped: Stamped) -> RenderableType:
     """The table for a terminal."""
     rows = Table(*_COLUMNS)
-    for row in latest.rows(now_us):
+    for row in latest.rows(at_us):
         rows.add_row(*map(escape, row), style=None if row[-1] == "now" else "yellow")
     for row in _stamp_rows(stamped):
         rows.add_row(*map(escape, row))
     return Group(rows, *map(escape, buses))
 
 
-def lines(latest: Latest, now_us: int, buses: Sequence[str], stamped: Stamped) -> Iterator[str]:
+def lines(latest: Latest, at_us: int, buses: Sequence[str], stamped: Stamped) -> Iterator[str]:
     """Lines for a file or a pipe; tabulators separate the columns."""
     yield from buses
-    for row in (*latest.rows(now_us), *_stamp_rows(stamped)):
+    for row in (*latest.rows(at_us), *_stamp_rows(stamped)):
         yield "\t".join(row)
 
 

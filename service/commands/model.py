@@ -2,35 +2,36 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
-from service.commands.configuration import OptionalValueCommand
-from service.commands.drive_choice import FoundDrive, Quantity, experiment_of, found_drive
-from service.commands.exit_codes import MISTAKE, explained
+from service.commands.configuration import axis_named, configuration
+from service.commands.exit_codes import explained
+from service.commands.options import AxisName, JsonCommand, JsonFile
+from service.commands.output_files import STDOUT, write
 from service.config.base_table import SUFFIX
-from service.config.drive_sources import LIBRARY
+from service.config.drive_sources import LIBRARY, model_called, model_of_axis
 
 if TYPE_CHECKING:
     from monitor_core.excitation import TorqueExperiment
+    from monitor_core.modeling import StateSpace
+    from service.config import Config, NamedAxis
+
+LONGEST = 20_000
+"""Samples of a record that are looked at: more tell the same, only more exactly."""
 
 
-class Command(OptionalValueCommand):
-    """--json alone writes to standard output; a drive after it is the drive."""
-
-    options = ("--json",)
+class Command(JsonCommand):
+    """A drive after --json is the drive."""
 
     @staticmethod
-    def is_value(word: str) -> bool:
-        """Whether the word after the option is a file to write to."""
+    def is_file(word: str) -> bool:
+        """Whether the word after --json is a file to write to."""
         return word == "-" or Path(word).suffix not in ("", SUFFIX) or word.startswith("/dev/")
 
-
-STDOUT = Path("-")
 
 DriveArgument = Annotated[
     str | None,
@@ -48,25 +49,14 @@ ConfigOption = Annotated[
         "--config", "-c", metavar="FILE", help="The drive of an axis of this configuration instead."
     ),
 ]
-AxisOption = Annotated[
-    str | None,
-    typer.Option("--axis", metavar="AXIS", help="Which axis, if there are several; its name, or robot.axis."),
-]
 OutputOption = Annotated[
-    Quantity | None,
+    Literal["speed", "angle"] | None,
     typer.Option("--output", help="Measured quantity, overriding the drawing or the configuration."),
 ]
 Latex = Annotated[bool, typer.Option("--latex", help="Print A, B, C as LaTeX instead.")]
-Json = Annotated[
-    Path | None,
-    typer.Option(
-        "--json", metavar="[FILE]", help="Also write everything here; - or nothing is standard output."
-    ),
-]
 Matlab = Annotated[
     Path | None, typer.Option("--matlab", metavar="FILE.m", help="Also write a function for MATLAB's idgrey.")
 ]
-
 Record = Annotated[
     Path | None,
     typer.Option(
@@ -75,17 +65,26 @@ Record = Annotated[
         help="Use the torque of this record instead of a multisine; with --config.",
     ),
 ]
-Wanted = tuple["TorqueExperiment | None", float]
+
+
+class Drive(NamedTuple):
+    """A state space, nominal values that take precedence over the drawing's own, and the torque to tell them from."""
+
+    space: StateSpace
+    values: Mapping[str, float]
+    experiment: TorqueExperiment | None = None
+    speed_scale: float = 1.0
+    """Of Coulomb friction [rad/s]"""
 
 
 def model(
     drive: DriveArgument = None,
     name: ModelName = None,
     config: ConfigOption = None,
-    axis: AxisOption = None,
+    axis: AxisName = None,
     output: OutputOption = None,
     latex: Latex = False,
-    json: Json = None,
+    json: JsonFile = None,
     matlab: Matlab = None,
     record: Record = None,
 ) -> None:
@@ -94,61 +93,35 @@ def model(
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
     distinguish, in principle and from a record. A report on standard output replaces the text.
     """
-    files = _Files(STDOUT if latex else None, json, matlab)
-    files.check()
+    files = {"--latex": STDOUT if latex else None, "--json": json, "--matlab": matlab}
+    _check({option: path for option, path in files.items() if path is not None})
+    _check_source(drive, name, config, axis, record)
     with explained():
-        found = found_drive(drive, name, config, axis, output)
-        experiment = experiment_of(record, config, axis)
-        texts = list(files.texts(found, experiment))
-    for path, text in texts:
-        _write(path, text)
-    if STDOUT not in (path for path, _ in texts):
-        _print(found, experiment)
+        if config is not None:
+            found = _drive_of_axis(config, axis, output, record)
+        else:
+            found = Drive(model_called(drive or "", name, output).space, {})
+        texts = list(_reports(found, latex, json, matlab))
+        for path, text in texts:
+            write(path, text)
+        if STDOUT not in (path for path, _ in texts):
+            _print(found)
 
 
-class _Files(NamedTuple):
-    """Path of each report; None: not requested."""
+def _check(files: Mapping[str, Path]) -> None:
+    """Check the paths before anything is computed.
 
-    latex: Path | None
-    json: Path | None
-    matlab: Path | None
-
-    def check(self) -> None:
-        """Check the paths before anything is computed.
-
-        Raises:
-            typer.BadParameter: two reports on standard output, a drawing to be overwritten, an invalid MATLAB name.
-        """
-        given = {f"--{option}": path for option, path in self._asdict().items() if path is not None}
-        shown = [option for option, path in given.items() if path == STDOUT]
-        if len(shown) > 1:
-            raise typer.BadParameter(f"{' and '.join(shown)} cannot both write to standard output")
-        for option, path in given.items():
-            if path.suffix == SUFFIX:
-                raise typer.BadParameter(
-                    f"{path} is a drawing, it will not be overwritten", param_hint=option
-                )
-        if self.matlab is not None:
-            _function_name(self.matlab)
-
-    def texts(self, drive: FoundDrive, experiment: Wanted) -> Iterator[tuple[Path, str]]:
-        """Path and text of each requested report."""
-        from monitor_core.modeling import nominal_of
-
-        space, nominal = drive.space, nominal_of(drive.space, drive.values)
-        if self.json is not None:
-            from service.reports.model_facts import facts_of
-            from service.reports.model_json import as_json
-
-            yield self.json, as_json(facts_of(space, drive.values, *experiment))
-        if self.latex is not None:
-            from monitor_core.modeling.symbolic import as_latex
-
-            yield self.latex, as_latex(space)
-        if self.matlab is not None:
-            from service.reports.model_matlab import as_matlab
-
-            yield self.matlab, as_matlab(space, nominal, _function_name(self.matlab))
+    Raises:
+        typer.BadParameter: two reports on standard output, a drawing to be overwritten, an invalid MATLAB name.
+    """
+    shown = [option for option, path in files.items() if path == STDOUT]
+    if len(shown) > 1:
+        raise typer.BadParameter(f"{' and '.join(shown)} cannot both write to standard output")
+    for option, path in files.items():
+        if path.suffix == SUFFIX:
+            raise typer.BadParameter(f"{path} is a drawing, it will not be overwritten", param_hint=option)
+    if "--matlab" in files:
+        _function_name(files["--matlab"])
 
 
 def _function_name(path: Path) -> str:
@@ -168,22 +141,82 @@ def _function_name(path: Path) -> str:
     return name
 
 
-def _print(drive: FoundDrive, experiment: Wanted) -> None:
+def _check_source(
+    drive: str | None, name: str | None, config: Path | None, axis: str | None, record: Path | None
+) -> None:
+    """Check that the command line names one drive.
+
+    Raises:
+        typer.BadParameter: none or two, or an option that does not fit.
+    """
+    if (drive is None) == (config is None):
+        known = f"a file ({SUFFIX}), one of {', '.join(LIBRARY)}, or --config FILE"
+        raise typer.BadParameter(f"give {'a drive' if drive is None else 'one drive, not two'}: {known}")
+    if axis is not None and config is None:
+        raise typer.BadParameter("goes with --config FILE", param_hint="--axis")
+    if name is not None and not (drive or "").endswith(SUFFIX):
+        raise typer.BadParameter(f"goes with a Modelica file (FILE{SUFFIX})", param_hint="--model")
+    if record is not None and config is None:
+        raise typer.BadParameter("goes with --config FILE, which says how to read it", param_hint="--record")
+
+
+def _drive_of_axis(
+    config: Path, axis: str | None, output: Literal["speed", "angle"] | None, record: Path | None
+) -> Drive:
+    """The drive of a configured axis, and the torque of a record of it."""
+    from service.config import given_values, predictor_of
+
+    read = configuration(config, without_bus=True)
+    found = axis_named(read.axes, axis)
+    experiment = None if record is None else _experiment(record, read, found)
+    space = model_of_axis(found.config, output).space
+    return Drive(
+        space, given_values(found.config), experiment, predictor_of(found.config).friction_speed_scale
+    )
+
+
+def _experiment(path: Path, config: Config, axis: NamedAxis) -> TorqueExperiment:
+    """The experiment of a record.
+
+    Raises:
+        RecordError: it cannot be read, or has fewer than two samples of the axis.
+    """
+    from monitor_core.excitation import TorqueExperiment
+    from service.can.user_errors import RecordError
+    from service.config import predictor_of
+    from service.ingest.records import read_record, samples_of
+
+    interval_s = axis.config.sample_interval_s
+    torque = samples_of(read_record(path, config), axis.id).u[:LONGEST]
+    if len(torque) < 2:
+        raise RecordError(f"{path}: no samples of {axis.id}")
+    seconds = len(torque) * interval_s
+    words = f"the torque of {path.name}, {seconds:.3g} s at {1 / interval_s:.4g} samples a second"
+    return TorqueExperiment(torque, interval_s, words, predictor_of(axis.config).output_noise)
+
+
+def _reports(drive: Drive, latex: bool, json: Path | None, matlab: Path | None) -> Iterator[tuple[Path, str]]:
+    """Path and text of each requested report."""
+    if json is not None:
+        from service.reports.model_facts import as_json, facts_of
+
+        yield json, as_json(facts_of(*drive))
+    if latex:
+        from monitor_core.modeling.symbolic import as_latex
+
+        yield STDOUT, as_latex(drive.space)
+    if matlab is not None:
+        from monitor_core.modeling import nominal_of
+        from service.reports.model_matlab import as_matlab
+
+        nominal = nominal_of(drive.space, drive.values)
+        yield matlab, as_matlab(drive.space, nominal, _function_name(matlab))
+
+
+def _print(drive: Drive) -> None:
     from rich.console import Console
 
     from service.reports.model_facts import facts_of
     from service.reports.model_text import print_text
 
-    with explained():
-        print_text(facts_of(drive.space, drive.values, *experiment), Console(highlight=False))
-
-
-def _write(path: Path, text: str) -> None:
-    if path == STDOUT:
-        sys.stdout.write(text)
-        return
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        typer.echo(f"axiswatch: cannot write {path}: {error.strerror}", err=True)
-        raise typer.Exit(MISTAKE) from None
+    print_text(facts_of(*drive), Console(highlight=False))

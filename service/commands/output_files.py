@@ -1,112 +1,100 @@
-"""Output files of commands: nominal values, report, JSON, terminal."""
+"""Output files of commands: written atomically, and checked before anything is computed."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import typer
+from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE
 from service.store.atomic_files import replace_text
 
-if TYPE_CHECKING:
-    from service.reports.identification_report import IdentificationReport
+STDOUT = Path("-")
 
 
 class Files(NamedTuple):
     """The file of each result; no ``json``: not requested."""
 
-    nominal: Path
+    values: Path
     report: Path
     json: Path | None
 
     @classmethod
     def chosen(
-        cls, folder: Path | None, nominal: Path | None, report: Path | None, json: Path | None
+        cls, values: Path, report: Path | None, json: Path | None, folder: Path | None = None
     ) -> Files:
-        """Nominal values in the folder, the report next to them, unless other paths are given."""
-        nominal = nominal or (folder or Path()) / "nominal.toml"
-        return cls(nominal, report or (folder or nominal.parent) / "report.html", json)
+        """The report next to the values, or in the folder, unless another path is given."""
+        return cls(values, report or (folder or values.parent) / "report.html", json)
 
-    def check(self, force: bool, what: str = "nominal values") -> None:
-        """Check that the files can be written, before anything is computed; ``what`` is written to the first of them.
+    def check(self, force: bool, what: str) -> None:
+        """Check that the files can be written; ``what`` is written to the first of them.
 
         Raises:
             typer.BadParameter: a file exists already, or a folder does not.
         """
-        if self.nominal.exists() and not force:
+        if self.values.exists() and not force:
             raise typer.BadParameter(
-                f"{self.nominal} is there already; --force overwrites it", param_hint="--output"
+                f"{self.values} is there already; --force overwrites it", param_hint="--output"
             )
         paths = [path for path in self if path is not None and path != STDOUT]
         for path in paths:
-            if not path.parent.is_dir() or path.is_dir():
-                raise typer.BadParameter(
-                    f"{path} cannot be written: {path.parent} is no folder"
-                    if not path.is_dir()
-                    else f"{path} is a folder"
-                )
+            if path.is_dir():
+                raise typer.BadParameter(f"{path} is a folder")
+            if not path.parent.is_dir():
+                raise typer.BadParameter(f"{path} cannot be written: {path.parent} is no folder")
         if len({path.resolve() for path in paths}) < len(paths):
             raise typer.BadParameter(f"{what}, report and JSON need files of their own")
 
-    def write(self, report: IdentificationReport) -> None:
-        """Write all files, the nominal values only if they are reliable; and the tables to the terminal.
+    def write(
+        self, values: str | None, report: str, as_json: Callable[[], str], show: Callable[[Console], None]
+    ) -> None:
+        """Write the results, values only if there are any; ``show`` prints them unless the JSON is on standard output.
 
         Raises:
             typer.Exit: a file cannot be written.
         """
-        texts = list(self._texts(report))  # all before the first is written
-        for path, text in texts:
-            write(path, text)
-        if self.json != STDOUT:
-            from rich.console import Console
-
-            from service.reports.identification_text import print_text
-
-            print_text(report, Console(highlight=False))
-        written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
-        print(f"written: {written}", file=sys.stderr)
-
-    def _texts(self, report: IdentificationReport) -> Iterator[tuple[Path, str]]:
-        if not report.rejection:
-            from service.reports.identification_toml import as_toml
-
-            yield self.nominal, as_toml(report)
-        from service.reports.identification_html import as_html
-
-        yield self.report, as_html(report)
+        texts = [(self.report, report)] if values is None else [(self.values, values), (self.report, report)]
         if self.json is not None:
-            from service.reports.identification_json import as_json
-
-            yield self.json, as_json(report)
-
-
-# --- Results of a command into files ----------------------------------------------------------------------------------
+            texts.append((self.json, as_json()))
+        if self.json != STDOUT:
+            show(Console(highlight=False))
+        write_all(texts)
 
 
-STDOUT = Path("-")
+def write_all(texts: Sequence[tuple[Path, str]]) -> None:
+    """Write files, and their names to the error stream.
+
+    Raises:
+        typer.Exit: one cannot be written.
+    """
+    for path, text in texts:
+        write(path, text)
+    written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
+    print(f"written: {written}", file=sys.stderr)
 
 
-def write(path: Path, text: str) -> None:
-    """Write a file atomically: a reader never sees a part of it.
+def write(path: Path, content: str | bytes) -> None:
+    """Write a file, a text atomically: a reader never sees a part of it.
 
     Raises:
         typer.Exit: it cannot be written.
     """
     try:
-        if path == STDOUT:
-            sys.stdout.write(text)
+        if isinstance(content, bytes):
+            path.write_bytes(content)
+        elif path == STDOUT:
+            sys.stdout.write(content)
         elif path.exists() and not path.is_file():  # a device
-            path.write_text(text, encoding="utf-8")
+            path.write_text(content, encoding="utf-8")
         else:
-            replace_text(path, text)
+            replace_text(path, content)
     except OSError as error:
-        typer.echo(f"axiswatch: cannot write {path}: {error.strerror}", err=True)
-        raise typer.Exit(MISTAKE) from None
+        raise _cannot_write(path, error.strerror) from None
 
 
 def page_in(where: Path, name: str) -> Path:
@@ -117,20 +105,20 @@ def page_in(where: Path, name: str) -> Path:
     """
     is_file = where.suffix.lower() in {".html", ".htm"} and not where.is_dir()
     folder, path = (where.parent, where) if is_file else (where, where / name)
-    if why_not := _why_not(folder, path, not is_file):
-        typer.echo(f"axiswatch: cannot write {path}: {why_not}", err=True)
-        raise typer.Exit(MISTAKE)
+    try:
+        if not is_file and not folder.exists():
+            folder.mkdir()
+    except OSError as error:
+        raise _cannot_write(path, f"no folder {folder}: {error.strerror}") from None
+    if not folder.is_dir():
+        raise _cannot_write(path, f"{folder} is no folder")
+    if path.is_dir():
+        raise _cannot_write(path, "it is a folder")
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise _cannot_write(path, "Permission denied")
     return path
 
 
-def _why_not(folder: Path, path: Path, make: bool) -> str:
-    try:
-        if make and not folder.exists():
-            folder.mkdir()
-    except OSError as error:
-        return f"no folder {folder}: {error.strerror}"
-    if not folder.is_dir():
-        return f"{folder} is no folder"
-    if path.is_dir():
-        return "it is a folder"
-    return "" if os.access(path if path.exists() else folder, os.W_OK) else "Permission denied"
+def _cannot_write(path: Path, why: str | None) -> typer.Exit:
+    typer.echo(f"axiswatch: cannot write {path}: {why}", err=True)
+    return typer.Exit(MISTAKE)

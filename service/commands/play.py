@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from service.commands.configuration import ConfigPath, configuration
-from service.commands.exit_codes import explained, stop_on_signals
+from service.commands.configuration import configuration
+from service.commands.exit_codes import explained, stopped_by_signals
+from service.commands.options import ConfigPath
 from service.commands.progress import progress_bar
 from service.config import Config
 
@@ -39,8 +40,7 @@ def play(config: ConfigPath, record: RecordPath, speed: Speed = 1.0, loop: Loop 
     if not (math.isfinite(speed) and speed >= 0):
         raise typer.BadParameter("must be 0 or greater", param_hint="--speed")
     read = configuration(config)
-    stop = stop_on_signals()
-    with explained():
+    with explained(), stopped_by_signals() as stop:
         sent, late_s = _play(read, record, speed or math.inf, loop, stop)
     print(f"{sent} frames sent" + (f", some {late_s:.1f} s late: {TOO_SLOW}" if late_s > LATE_S else ""))
 

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.text import Text
 
-from service.commands.configuration import ConfigPath, configuration
-from service.commands.exit_codes import explained
-from service.commands.output_files import STDOUT, write
+from service.commands.configuration import configuration
+from service.commands.exit_codes import MISTAKE, explained
+from service.commands.options import ConfigPath
+from service.commands.output_files import STDOUT, page_in, write, write_all
 from service.commands.progress import progress_bar
-from service.commands.replay_report import Report, as_json, doubts, stamp_remarks, tables, trends
 from service.config import Config
 
 if TYPE_CHECKING:
-    from service.commands.replay_drawing import Drawing
-    from service.pipeline.axis_monitors import AxisMonitors
+    from service.reports.replay_result import Replayed
 
 Records = Annotated[
     list[Path],
@@ -28,8 +27,6 @@ Json = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Also write everything here; - is standard output."),
 ]
-
-
 Page = Annotated[
     Path | None,
     typer.Option(
@@ -46,46 +43,34 @@ def replay(config: ConfigPath, records: Records, json: Json = None, report: Page
     Several records are one after the other in the life of the robot; the estimates of one are the start of
     the next.
     """
+    from service.reports.replay_report import as_json, print_text
+
     read = configuration(config)
+    page = None if report is None else page_in(report, "replay.html")
     with explained():
-        found, drawing = _replay(read, records, report)
-    if drawing is not None:
-        drawing.write(found, config, records)
-    if json == STDOUT:
-        print(as_json(found), end="")
-        return
-    console = Console()
-    for table in tables(found):
-        console.print(table)
-    for words in trends(found):
-        console.print(Text.assemble(("Trend: ", "bold"), words), soft_wrap=True)
-    for words in (*doubts(found), *stamp_remarks(found)):
-        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+        found = _replay(read, config, records, page is not None)
+    if page is not None:
+        from service.reports.replay_html import as_html
+
+        if not any(axis.course is not None and axis.course.used for axis in found.axes):
+            names = ", ".join(map(str, records))
+            print(f"axiswatch: no sample of any axis in {names}: there is nothing to draw", file=sys.stderr)
+            raise typer.Exit(MISTAKE)
+        write_all([(page, as_html(found))])
+    if json != STDOUT:
+        print_text(found, Console())
     if json is not None:
         write(json, as_json(found))
 
 
-def _replay(config: Config, paths: list[Path], where: Path | None) -> tuple[Report, Drawing | None]:
+def _replay(config: Config, path: Path, records: list[Path], drawn: bool) -> Replayed:
     from service.ingest.records import read_record
     from service.pipeline.axis_monitors import AxisMonitors
+    from service.reports.replay_result import Replay
 
-    monitors = AxisMonitors(config.axes)
-    report, drawing = Report(config, monitors), _drawing(where, monitors)
-    observer = None if drawing is None else drawing.see
+    run = Replay(AxisMonitors(config.axes), config, drawn)
     # All are opened before the first is run: a missing one is found at once.
-    for record in [read_record(path, config) for path in paths]:
+    for record in [read_record(name, config) for name in records]:
         with progress_bar(record.path.name) as progress:
-            for step in record.steps():
-                report.add(monitors.update(step.samples, observer))
-                report.add(monitors.trends.update())
-                progress(step.done)
-        report.add_dropped(record)
-    return report, drawing
-
-
-def _drawing(where: Path | None, monitors: AxisMonitors) -> Drawing | None:
-    if where is None:
-        return None
-    from service.commands.replay_drawing import Drawing
-
-    return Drawing(where, monitors.by_id)
+            run.add(record, progress)
+    return run.result([record.name for record in records], str(path))

@@ -1,23 +1,22 @@
-"""``axiswatch run``: the daemon."""
+"""``axiswatch run``: the daemon; its logs are readable on a terminal, otherwise one JSON object a line."""
 
+import logging
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
+import structlog
 import typer
+from structlog.typing import Processor
 
-from service.commands.configuration import ConfigPath, configuration
+from service.commands.configuration import configuration
 from service.commands.exit_codes import explained
+from service.commands.options import ConfigPath, Port
 
 Record = Annotated[
     Path | None,
     typer.Option(
         "--record", metavar="FILE", help="Also write the frames as received into this new .log file."
-    ),
-]
-Port = Annotated[
-    int | None,
-    typer.Option(
-        "--port", min=0, max=65535, help="Port of the page and the API, instead of the configured one."
     ),
 ]
 
@@ -29,11 +28,46 @@ def run(config: ConfigPath, record: Record = None, port: Port = None) -> None:
     served at the configured address. A bus that goes down later is waited for.
     """
     read = configuration(config)
-    from service.commands import logs
     from service.commands.daemon import run_daemon
 
     if port is not None:
         read = read.model_copy(update={"web": read.web.model_copy(update={"port": port})})
-    logs.configure()
+    configure_logs()
     with explained():
         run_daemon(read, record)
+
+
+def configure_logs(stream: TextIO | None = None, level: int = logging.INFO) -> None:
+    """Send all logs, those of libraries too, to ``stream``, default the standard error stream."""
+    target = stream or sys.stderr
+    shared: list[Processor] = [
+        structlog.contextvars.merge_contextvars,
+        structlog.stdlib.add_log_level,
+        structlog.stdlib.add_logger_name,
+        structlog.processors.TimeStamper(fmt="iso", utc=True),
+    ]
+    structlog.configure(
+        processors=[*shared, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
+        logger_factory=structlog.stdlib.LoggerFactory(),
+        wrapper_class=structlog.stdlib.BoundLogger,
+        cache_logger_on_first_use=True,
+    )
+    handler = logging.StreamHandler(target)
+    handler.setFormatter(
+        structlog.stdlib.ProcessorFormatter(
+            foreign_pre_chain=shared,
+            processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_rendering(target)],
+        )
+    )
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    root.setLevel(level)
+    # What these tell at INFO is said better by the daemon itself.
+    for name in ("can", "uvicorn", "asyncio"):
+        logging.getLogger(name).setLevel(logging.WARNING)
+
+
+def _rendering(target: TextIO) -> list[Processor]:
+    if target.isatty():
+        return [structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)]
+    return [structlog.processors.dict_tracebacks, structlog.processors.JSONRenderer()]

@@ -1,22 +1,18 @@
 """``axiswatch simulate``: a simulated robot sends on the buses of a configuration."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from monitor_core.drive import DELAY
-from service.commands.configuration import ConfigPath, configuration
-from service.commands.exit_codes import explained, stop_on_signals
+from service.commands.configuration import axis_named, configuration
+from service.commands.exit_codes import explained, stopped_by_signals
+from service.commands.options import ConfigPath, Seconds
 from service.simulation.robot import Fault, SimulatedRobot
 from service.simulation.sending import open_buses, run_robot
 
-Seconds = Annotated[
-    float | None,
-    typer.Option("--seconds", min=0.0, metavar="N", help="Stop after N seconds. [default: never]"),
-]
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of motion and noise, to repeat a run.")]
 
 FaultOption = Annotated[
@@ -62,19 +58,6 @@ def in_words(changes: Mapping[str, float]) -> str:
     return ", ".join(parts)
 
 
-def axis_id(name: str, known: list[str]) -> str:
-    """The full name of an axis that may be given without its robot.
-
-    Raises:
-        typer.BadParameter: there is no such axis, or more than one.
-    """
-    found = [k for k in known if name in (k, k.split(".", 1)[1])]
-    if len(found) != 1:
-        what = "is in more than one robot" if found else "is not there"
-        raise typer.BadParameter(f"{name} {what}; there is {', '.join(known)}", param_hint="--fault-axis")
-    return found[0]
-
-
 def simulate(
     config: ConfigPath,
     fault: FaultOption = None,
@@ -89,20 +72,19 @@ def simulate(
     configuration to monitor it. `axiswatch demo` does both in one process.
     """
     read = configuration(config)
-    known = [axis.id for axis in read.axes]
     faults = []
     if fault:
-        where = axis_id(fault_axis, known) if fault_axis else known[0]
-        faults.append(Fault(where, factors(fault), fault_after))
+        where = read.axes[0] if fault_axis is None else axis_named(read.axes, fault_axis, "--fault-axis")
+        faults.append(Fault(where.id, factors(fault), fault_after))
     console = Console(highlight=False, soft_wrap=True)
-    stop = stop_on_signals()
-    with explained():
+    with explained(), stopped_by_signals() as stop:
         robot = SimulatedRobot(read, seed, faults)
+
+        def happened(fault: Fault) -> None:
+            console.print(f"{fault.axis_id}: {in_words(fault.factors)}")
+
         with open_buses(read) as send_moment:
-            console.print(f"{len(known)} axes on {', '.join(bus.channel for bus in read.bus)}; Ctrl-C ends")
-            frames = run_robot(robot, send_moment, stop, partial(_print_fault, console), seconds)
+            channels = ", ".join(bus.channel for bus in read.bus)
+            console.print(f"{len(read.axes)} axes on {channels}; Ctrl-C ends")
+            frames = run_robot(robot, send_moment, stop, happened, seconds)
     console.print(f"{frames} frames sent")
-
-
-def _print_fault(console: Console, fault: Fault) -> None:
-    console.print(f"{fault.axis_id}: {in_words(fault.factors)}")

@@ -1,4 +1,4 @@
-"""A calibration of a configured axis with its origin: the subject of every calibration report."""
+"""A calibration of a configured axis with its origin, in words and tables: on the terminal, and for the page."""
 
 from __future__ import annotations
 
@@ -7,22 +7,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from rich.console import Console
+from rich.text import Text
 
 from monitor_core.calibration import CalibrationResult, DetectorResult, TrialResult
 from monitor_core.detection import DetectorName
 from monitor_core.wording import duration
 from service.config import NamedAxis
 from service.ingest.calibration_records import Source
-from service.reports.text_format import percent, plain
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """Program version, time, command line."""
-
-    version: str
-    date: str
-    command: str
+from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
 
 @dataclass(frozen=True)
@@ -43,11 +36,32 @@ class Calibration:
         return tuple(sorted(results, key=lambda d: d.detector != self.alarms))
 
 
-# --- The tables of a calibration as text, for the terminal and the page -----------------------------------------------
+def print_text(calibration: Calibration, console: Console) -> None:
+    """The promise; faults and names, by the detector that alarms; thresholds."""
+
+    def show(title: str, table: Table) -> None:
+        console.print(for_terminal(table, title))
+
+    console.print(Text(calibration.axis.id, style="bold"))
+    for words in promises(calibration):
+        console.print(Text(words), soft_wrap=True)
+    first = calibration.detectors[0]
+    if first.caught:
+        by, result = f"by the {DETECTORS[first.detector]}", calibration.result
+        show(f"Smallest change found within {result.within_s:.3g} s, in 9 of 10", smallest(calibration))
+        title = f"Faults that begin at {result.onsets} places of the record, {by}"
+        show(title, faults(calibration, first))
+        show(f"Names, all sizes, {by}", confusion(first))
+    show("Thresholds of the CUSUM tests", thresholds(calibration))
+    if (causes := hypotheses(calibration)) is not None:
+        show("Thresholds of the multi-model detector", causes)
+    for words in calibration.warnings:
+        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
 
 
-THRESHOLD_TITLES = ("", "alpha_1", "alpha_2", "allowance", "sd of the estimate")
-HYPOTHESIS_TITLES = ("cause", "sizes", "h", "largest allowance")
+# --- Sentences and tables ---------------------------------------------------------------------------------------------
+
+
 DETECTORS: dict[DetectorName, str] = {"cusum": "CUSUM tests", "multimodel": "multi-model detector"}
 _SHORT: dict[DetectorName, str] = {"cusum": "CUSUM", "multimodel": "models"}
 _VERB: dict[DetectorName, tuple[str, str]] = {
@@ -65,89 +79,76 @@ def promises(calibration: Calibration) -> Iterator[str]:
         yield "No multi-model detector: the axis can have none."
 
 
-def part(calibration: Calibration, trial: DetectorResult) -> str:
+def part(calibration: Calibration, detector: DetectorResult) -> str:
     """The role of a detector with these thresholds."""
-    return f"which {_VERB[trial.detector][trial.detector != calibration.alarms]}"
+    return f"which {_VERB[detector.detector][detector.detector != calibration.alarms]}"
 
 
-def threshold_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
-    """One for each parameter."""
-    for i, name in enumerate(calibration.result.model.monitored):
-        own = calibration.result.settings.thresholds[i]
-        yield (
+def thresholds(calibration: Calibration) -> Table:
+    """A row for each parameter."""
+    result = calibration.result
+    rows = [
+        (
             name,
             plain(own.alpha1, 3),
             plain(own.alpha2, 3),
             percent(own.allowance) if own.allowance else "0",
-            percent(float(calibration.result.scatter.sigma[i])),
+            percent(float(sigma)),
         )
+        for name, own, sigma in zip(
+            result.model.monitored, result.settings.thresholds, result.scatter.sigma, strict=True
+        )
+    ]
+    return Table(("", "alpha_1", "alpha_2", "allowance", "sd of the estimate"), rows)
 
 
-def hypothesis_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
-    """One for each cause."""
-    own = calibration.result.bank.limits.own if calibration.result.bank else ()
+def hypotheses(calibration: Calibration) -> Table | None:
+    """A row for each cause that the multi-model detector knows; None: there is no such detector."""
+    if calibration.result.bank is None:
+        return None
+    own, rows = calibration.result.bank.limits.own, []
     for cause in dict.fromkeys(trial.cause for trial in own):
         mine = [trial for trial in own if trial.cause == cause]
         low, high = (f"{of_all(trial.h for trial in mine):.1f}" for of_all in (min, max))
         allowed = max(trial.allowance for trial in mine)
         between = low if low == high else f"{low} to {high}"
-        yield cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"
+        rows.append((cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"))
+    return Table(("cause", "sizes", "h", "largest allowance"), rows)
 
 
-def smallest_titles(calibration: Calibration) -> tuple[str, ...]:
-    """Up and down by each detector, in order."""
-    return (
-        "",
-        *(
-            f"{_SHORT[detector.detector]}: {way}"
-            for detector in calibration.detectors
-            for way in ("up", "down")
-        ),
-    )
-
-
-def smallest_rows(calibration: Calibration) -> Iterator[tuple[str, ...]]:
-    """One for each parameter: the smallest changes that each detector detects in time."""
-    for name in calibration.result.model.monitored:
-        yield (
-            name,
-            *(_smallest(size) for detector in calibration.detectors for size in detector.smallest(name)),
-        )
+def smallest(calibration: Calibration) -> Table:
+    """A row for each parameter: the smallest changes that each detector finds in time, up and down."""
+    detectors = calibration.detectors
+    titles = [f"{_SHORT[detector.detector]}: {way}" for detector in detectors for way in ("up", "down")]
+    rows = [
+        (name, *(_smallest(size) for detector in detectors for size in detector.smallest(name)))
+        for name in calibration.result.model.monitored
+    ]
+    return Table(("", *titles), rows)
 
 
 def _smallest(size: float | None) -> str:
     return "none" if size is None else percent(size, signed=True)
 
 
-def fault_titles(calibration: Calibration, result: DetectorResult) -> tuple[str, ...]:
-    """Titles of the columns of ``fault_rows``; the last is the delay of the other detector."""
+def faults(calibration: Calibration, result: DetectorResult) -> Table:
+    """A row for each fault, as detected by a detector, with the delay of the other one that tried the same."""
     named = "named" if result.detector == "multimodel" else "named first"
-    others = (f"{_SHORT[detector.detector]}: median" for detector in _others(calibration, result))
-    return ("fault", "how", "found in time", "median delay", "in 9 of 10 by", *others, named)
-
-
-def fault_rows(calibration: Calibration, result: DetectorResult) -> Iterator[tuple[str, ...]]:
-    """One for each fault, as detected by a detector."""
-    beside = _others(calibration, result)
-    for k, trial in enumerate(result.caught):
-        yield (
+    others = [d for d in calibration.detectors if d.detector != result.detector and d.caught]
+    medians = [f"{_SHORT[other.detector]}: median" for other in others]
+    rows = [
+        (
             f"{trial.fault.parameter} {percent(trial.fault.size, signed=True)}",
             "exact" if trial.exact else "simulated",
             percent(trial.found_within(result.within_s)),
             _seconds(trial.delay(0.5)),
             _seconds(trial.delay(0.9)),
-            *(_seconds(other.caught[k].delay(0.5)) for other in beside),
+            *(_seconds(other.caught[k].delay(0.5)) for other in others),
             _names(trial),
         )
-
-
-def _others(calibration: Calibration, result: DetectorResult) -> list[DetectorResult]:
-    """The other detectors with trials of the same faults."""
-    return [
-        detector
-        for detector in calibration.detectors
-        if detector.detector != result.detector and detector.caught
+        for k, trial in enumerate(result.caught)
     ]
+    return Table(("fault", "how", "found in time", "median delay", "in 9 of 10 by", *medians, named), rows)
 
 
 def _seconds(delay: float) -> str:
@@ -164,17 +165,15 @@ def _names(trial: TrialResult) -> str:
     return ", ".join(name if n == total else f"{name} {percent(n / total)}" for n, name in often)
 
 
-def confusion_titles(result: DetectorResult) -> tuple[str, ...]:
-    """Titles of the columns."""
-    names = next(iter(result.confusion().values()), {})
-    return ("fault in", *(name or "none yet" for name in names))
-
-
-def confusion_rows(result: DetectorResult) -> Iterator[tuple[str, ...]]:
-    """One for each parameter: names of the alarms of its faults, of all sizes."""
-    for name, row in result.confusion().items():
-        total = sum(row.values())
-        yield (name, *(percent(n / total) if total else "" for n in row.values()))
+def confusion(result: DetectorResult) -> Table:
+    """A row for each parameter: names of the alarms of its faults, of all sizes."""
+    counts = result.confusion()
+    names = [name or "none yet" for name in next(iter(counts.values()), {})]
+    rows = [
+        (name, *(percent(n / max(sum(row.values()), 1)) if any(row.values()) else "" for n in row.values()))
+        for name, row in counts.items()
+    ]
+    return Table(("fault in", *names), rows)
 
 
 _DOUBTFUL_SCATTER, _FAR_EXTRAPOLATION = 2.0, 30.0

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from service.reports.text_format import without_control_characters
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
+_NOT_HTML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def render(template: str, **values: Any) -> str:
@@ -33,7 +33,7 @@ def _environment() -> Environment:
 
     def clean(value: Any) -> Any:
         is_text = isinstance(value, str) and not isinstance(value, Markup)
-        return without_control_characters(value) if is_text else value
+        return _NOT_HTML.sub("", value) if is_text else value
 
     return Environment(
         loader=FileSystemLoader(TEMPLATES),

@@ -14,7 +14,6 @@ from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMU
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import XAxis
-    from matplotlib.ticker import MultipleLocator
 
 _ZOOM_S = 2.0
 _SIGMAS = 2.0
@@ -89,6 +88,8 @@ def _stems(axes: Axes, c: Correlation, title: str) -> None:
 
 def bode_picture(bode: Bode) -> str:
     """Gain and phase from torque to speed over the excited band: drive with its band, black box, record."""
+    from matplotlib.ticker import MultipleLocator
+
     with figure(6.2) as drawn:
         gain, phase = drawn.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         if bode.measured is not None:
@@ -98,10 +99,14 @@ def bode_picture(bode: Bode) -> str:
         if bode.black_box is not None:
             _dashed(gain, phase, bode.black_box, OTHER, (0, (5, 2)))
         _banded(gain, phase, bode.drive)
-        gain.set(ylabel="gain [dB, rad/s per N m]", xscale="log", ylim=_limits(bode.drive.db))
+        lowest, highest = float(np.nanmin(bode.drive.db)), float(np.nanmax(bode.drive.db))
+        gain.set(
+            ylabel="gain [dB, rad/s per N m]", xscale="log", ylim=(lowest - _FLOOR_DB, highest + _FLOOR_DB)
+        )
         phase.set(ylabel="phase [degrees]", xlabel="frequency [rad/s]")
-        phase.yaxis.set_major_locator(_quarters())
-        _limit_phase(phase, bode.drive)
+        phase.yaxis.set_major_locator(MultipleLocator(90))
+        degrees = np.degrees(bode.drive.phase)
+        phase.set_ylim(float(degrees.min()) - 60, float(degrees.max()) + 60)
         gain.set_xlim(_omega(bode.drive)[[0, -1]])
         hertz = gain.secondary_xaxis("top", functions=(lambda w: w / (2 * np.pi), lambda f: f * 2 * np.pi))
         hertz.set_xlabel("frequency [Hz]")
@@ -144,10 +149,6 @@ def _measured(gain: Axes, phase: Axes, response: FrequencyResponse, near: Freque
     phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=MEASURED, ms=3.5)
 
 
-def _limits(db: Floats) -> tuple[float, float]:
-    return float(np.nanmin(db)) - _FLOOR_DB, float(np.nanmax(db)) + _FLOOR_DB
-
-
 def _plain_decades(axis: XAxis) -> None:
     """1, 2, 5, 10, 20, .. written as they are."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -155,14 +156,3 @@ def _plain_decades(axis: XAxis) -> None:
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
-
-
-def _quarters() -> MultipleLocator:
-    from matplotlib.ticker import MultipleLocator
-
-    return MultipleLocator(90)
-
-
-def _limit_phase(axes: Axes, response: FrequencyResponse) -> None:
-    degrees = np.degrees(response.phase)
-    axes.set_ylim(float(degrees.min()) - 60, float(degrees.max()) + 60)

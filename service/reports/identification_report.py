@@ -1,4 +1,4 @@
-"""Content of all reports of an identification: the result, its records, and its provenance."""
+"""The result of an identification with its origin, in words and tables: on the terminal, and for the page."""
 
 from __future__ import annotations
 
@@ -6,21 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from rich.console import Console
+from rich.markup import escape
+from rich.text import Text
+
 from monitor_core.identification import LEVEL, Growth, IdentificationResult, ParameterRow, Rejection, Trace
 from service.ingest.identification_records import Source
-from service.reports.text_format import percent, plain
+from service.reports.formats import Provenance, Table, for_terminal, percent, plain
 
 _MOST_NAMED = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Provenance:
-    """How a result was made: ``date`` in ISO 8601, ``drawing`` name and sha256 of the drive's file, if it has one."""
-
-    version: str
-    date: str
-    command: str
-    drawing: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +89,35 @@ class IdentificationReport:
             )
 
 
-# --- The result of an identification in the words that all its reports use --------------------------------------------
+def print_text(report: IdentificationReport, console: Console) -> None:
+    """Parameters, fits, tests, doubts."""
+    result, rows = report.result, list(report.result.rows())
+    held = {number: "dim" for number, row in enumerate(rows) if row.held}
+    parameters = parameter_table(rows)
+    title, right = (
+        f"{report.axis_id}: {result.start.drive.name}",
+        {*parameters.titles} - {"parameter", "unit"},
+    )
+    console.print(for_terminal(parameters, title, right, len(parameters.titles), held))
+    for words in slope_words(report):
+        console.print(escape(words), soft_wrap=True)
+    console.print(f"Predictor: {escape(predictor_words(report))}\n", soft_wrap=True)
+    fits = fits_table(report)
+    console.print(for_terminal(fits, "Fit, 100 (1 - |y - yhat| / |y - mean y|)", fits.titles[2:], 0))
+    if result.growth is not None:
+        masses = masses_table(result.growth)
+        best = {n: "bold" for n, row in enumerate(masses.rows) if row[0] == str(result.growth.recommended)}
+        title = "Masses in a row; AIC and BIC above the least"
+        console.print(for_terminal(masses, title, masses.titles, 0, best))
+        console.print(f"{escape(' '.join(result.growth.words))}\n", soft_wrap=True)
+    for test in residual_words(report):
+        if test.passed:  # else it is among the warnings
+            console.print(escape(test.words), soft_wrap=True)
+    for words in (*report.warnings, *result.bode.words):
+        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+
+
+# --- Sentences and tables ---------------------------------------------------------------------------------------------
 
 
 def number(value: float | None, sd: float | None = None) -> str:
@@ -105,14 +127,52 @@ def number(value: float | None, sd: float | None = None) -> str:
     return plain(value, 5 if sd is None or sd < abs(value) else 2)
 
 
-def relative(row: ParameterRow) -> str:
-    """The standard deviation relative to the value, where that makes sense."""
-    return "about 0" if row.is_about_zero else percent(row.relative_sd)
+def parameter_table(rows: list[ParameterRow]) -> Table:
+    """A row for each parameter; what was known before stands in the last two columns, if anything was."""
+    cells = [
+        (
+            row.name,
+            number(row.value, row.sd),
+            row.unit,
+            plain(row.sd, 2) if row.sd is not None else "held",
+            "about 0" if row.is_about_zero else percent(row.relative_sd),
+            number(row.before),
+            "" if row.held else percent(row.change, signed=True),
+        )
+        for row in rows
+    ]
+    titles = ("parameter", "value", "unit", "sd", "sd", "before", "change")
+    count = 7 if any(row.before is not None for row in rows if not row.held) else 5
+    return Table(titles[:count], [row[:count] for row in cells])
 
 
-def deviation(row: ParameterRow) -> str:
-    """The standard deviation, or why there is none."""
-    return plain(row.sd, 2) if row.sd is not None else f"held: {row.held}"
+def fits_table(report: IdentificationReport) -> Table:
+    """A row for each record."""
+    rows = [
+        (trace.name, purpose, f"{trace.fit:.2f} %", f"{trace.fit_simulation:.2f} %")
+        for purpose, _, trace in report.traces()
+    ]
+    return Table(("record", "for", "one step ahead", "simulated"), rows)
+
+
+def masses_table(growth: Growth) -> Table:
+    """A row for each number of masses; AIC and BIC above those of the best."""
+    titles = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "simulated", "kept aside")
+    count = 7 if any(model.validation for model in growth.models) else 6
+    least = [min(getattr(model, name) for model in growth.models) for name in ("aic", "bic")]
+    rows = [
+        (
+            str(model.masses),
+            plain(model.estimate.cost, 5),
+            f"{model.aic - least[0]:+.0f}",
+            f"{model.bic - least[1]:+.0f}",
+            f"{min(model.estimate.fit):.2f} %",
+            f"{min(model.estimate.fit_simulation):.2f} %",
+            f"{min(model.validation):.2f} %" if model.validation else "",
+        )
+        for model in growth.models
+    ]
+    return Table(titles[:count], [row[:count] for row in rows])
 
 
 class Tested(NamedTuple):
@@ -125,27 +185,24 @@ class Tested(NamedTuple):
 def residual_words(report: IdentificationReport) -> Iterator[Tested]:
     """The two tests of the prediction errors; those of output error need not be white."""
     e = report.result.estimate
-    white, p = e.whiteness.p_value >= 1 - LEVEL, e.whiteness.p_value
-    if e.problem.predictor == "innovations":
-        verdict = (
-            "look like white noise, as they should"
-            if white
-            else "are not white: the noise model is not right"
-        )
-    else:
+    white, independent = (test.p_value >= 1 - LEVEL for test in (e.whiteness, e.independence))
+    output_error = e.problem.predictor == "output-error"
+    if output_error:
         verdict = (
             "are white"
             if white
             else "are not white, which output error allows: what disturbs the axis is slow"
         )
-    fine = white or e.problem.predictor == "output-error"
-    yield Tested(fine, f"The prediction errors {verdict} (p = {p:.2g}).")
-    independent, p = e.independence.p_value >= 1 - LEVEL, e.independence.p_value
+    elif white:
+        verdict = "look like white noise, as they should"
+    else:
+        verdict = "are not white: the noise model is not right"
+    yield Tested(white or output_error, f"The prediction errors {verdict} (p = {e.whiteness.p_value:.2g}).")
     if independent:
         verdict = "do not depend on past torque: the drive explains all that the torque does"
     else:
         verdict = "depend on past torque: the drive does not describe all that the record shows"
-    yield Tested(independent, f"The prediction errors {verdict} (p = {p:.2g}).")
+    yield Tested(independent, f"The prediction errors {verdict} (p = {e.independence.p_value:.2g}).")
 
 
 def slope_words(report: IdentificationReport) -> Iterator[str]:
@@ -156,39 +213,6 @@ def slope_words(report: IdentificationReport) -> Iterator[str]:
         doubt = "" if s.is_significant else ", which cannot be told from none"
         slope = f"by {number(s.slope, s.sd)} {unit} for each 1 of it (sd {plain(s.sd, 2)}){doubt}"
         yield f"{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
-
-
-class MassesRow(NamedTuple):
-    """One number of masses in the comparison, in words; ``wanted``: the records support it."""
-
-    masses: str
-    cost: str
-    aic: str
-    bic: str
-    fit: str
-    simulated: str
-    aside: str
-    wanted: bool
-
-
-MASSES_TITLES = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "simulated", "kept aside")
-
-
-def masses_rows(growth: Growth) -> Iterator[MassesRow]:
-    """The comparison; AIC and BIC above those of the best."""
-    least = [min(getattr(model, name) for model in growth.models) for name in ("aic", "bic")]
-    for model in growth.models:
-        e = model.estimate
-        yield MassesRow(
-            str(model.masses),
-            plain(e.cost, 5),
-            f"{model.aic - least[0]:+.0f}",
-            f"{model.bic - least[1]:+.0f}",
-            f"{min(e.fit):.2f} %",
-            f"{min(e.fit_simulation):.2f} %",
-            f"{min(model.validation):.2f} %" if model.validation else "",
-            model.masses == growth.recommended,
-        )
 
 
 def predictor_words(report: IdentificationReport) -> str:

@@ -1,15 +1,15 @@
-"""What there is to say about a drive, found once for all reports."""
+"""What there is to say about a drive, found once for all reports; and all of it as JSON."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.excitation import LocalIdentifiability
-from monitor_core.modeling import FlatInput, FlatSensor, StateSpace
+from monitor_core.modeling import FlatInput, FlatSensor, Laurent, StateSpace
+from service.reports.formats import json_text
 
 if TYPE_CHECKING:
     from monitor_core.excitation import LocalIdentifiability, TorqueExperiment
@@ -56,38 +56,22 @@ def facts_of(
         experiment: what torque the parameters are to be told from; by default a multisine.
         speed_scale: of Coulomb friction [rad/s].
     """
-    from monitor_core.modeling import nominal_of, resonances_of
+    from monitor_core.excitation import local_identifiability, usual_experiment
+    from monitor_core.modeling import nominal_of, resonances_of, structural
 
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)
-    found, untold = (None, "") if missing else _local(space, values, experiment, speed_scale)
-    return Facts(space, nominal, missing, motion, _identifiability(space), found, untold)
-
-
-def _local(
-    space: StateSpace,
-    values: Mapping[str, float] | None,
-    experiment: TorqueExperiment | None,
-    speed_scale: float,
-) -> tuple[LocalIdentifiability | None, str]:
-    from monitor_core.excitation import local_identifiability, usual_experiment
-
+    why = _not_examined(space)
+    identifiability = (f"Not examined: {why}.",) if why else structural(space).words()
+    local, untold = None, ""
     torques = sum(u.kind == TORQUE for u in space.inputs)
-    if _not_examined(space) or len(space.states) > _MOST_LOCAL or torques != 1 or len(space.sensors) != 1:
-        return None, ""
-    try:
-        return local_identifiability(space, values, experiment or usual_experiment(), speed_scale), ""
-    except ValueError as error:
-        return None, f"not known: {error}"
-
-
-def _identifiability(space: StateSpace) -> tuple[str, ...]:
-    if why := _not_examined(space):
-        return (f"Not examined: {why}.",)
-    from monitor_core.modeling import structural
-
-    return structural(space).words()
+    if not (missing or why) and len(space.states) <= _MOST_LOCAL and (torques, len(space.sensors)) == (1, 1):
+        try:
+            local = local_identifiability(space, values, experiment or usual_experiment(), speed_scale)
+        except ValueError as error:
+            untold = f"not known: {error}"
+    return Facts(space, nominal, missing, motion, identifiability, local, untold)
 
 
 def _not_examined(space: StateSpace) -> str:
@@ -100,25 +84,17 @@ def _not_examined(space: StateSpace) -> str:
     return ""
 
 
-# --- Words for what goes into a drive and comes out, the same in all reports ------------------------------------------
+# --- What goes into a drive and comes out, the same in all reports ----------------------------------------------------
 
 
-INPUT_KINDS = MappingProxyType(
-    {TORQUE: "torque", COULOMB: "direction", ONE: "one", COSINE: "cosine", SINE: "sine"}
-)
-"""Kinds of input by name."""
-
-OUTPUT_UNITS = MappingProxyType({"speed": "rad/s", "angle": "rad"})
-
-_INPUTS = MappingProxyType(
-    {
-        TORQUE: "motor torque, N m",
-        COULOMB: "direction of motion, tanh(speed/scale)",
-        ONE: "constant 1",
-        COSINE: "cosine of the angle",
-        SINE: "sine of the angle",
-    }
-)
+OUTPUT_UNITS = {"speed": "rad/s", "angle": "rad"}
+_INPUTS = {
+    TORQUE: "motor torque, N m",
+    COULOMB: "direction of motion, tanh(speed/scale)",
+    ONE: "constant 1",
+    COSINE: "cosine of the angle",
+    SINE: "sine of the angle",
+}
 
 
 def input_words(given: FlatInput) -> str:
@@ -132,7 +108,21 @@ def output_words(sensor: FlatSensor) -> str:
     return f"{sensor.name}: {sensor.quantity}, {OUTPUT_UNITS[sensor.quantity]}"
 
 
-# --- Words and numbers for what a record tells of the parameters of a drive -------------------------------------------
+def matrices(space: StateSpace) -> dict[str, list[list[str]]]:
+    """The entries of A (n, n), B (n, m) and C (p, n) as text."""
+    n, m, p = len(space.states), len(space.inputs), len(space.sensors)
+    zero = Laurent()
+    return {
+        letter: [[str(entries.get((i, j), zero)) for j in range(columns)] for i in range(rows)]
+        for letter, entries, rows, columns in (
+            ("A", space.A, n, n),
+            ("B", space.B, n, m),
+            ("C", space.C, p, n),
+        )
+    }
+
+
+# --- What a record tells of the parameters of a drive -----------------------------------------------------------------
 
 
 _MODEST = 10
@@ -141,17 +131,14 @@ _MODEST = 10
 
 def experiment_words(local: LocalIdentifiability) -> str:
     """What the figures stand on."""
-    return f"{local.experiment.words}; noise {local.noise:.3g}{_unit(local)}; standard deviation of each parameter:"
-
-
-def _unit(local: LocalIdentifiability) -> str:
-    return f" {OUTPUT_UNITS[local.quantity]}"
+    noise = f"{local.noise:.3g} {OUTPUT_UNITS[local.quantity]}"
+    return f"{local.experiment.words}; noise {noise}; standard deviation of each parameter:"
 
 
 def deviation_cells(local: LocalIdentifiability) -> Iterator[str]:
     """``Jm 0.3 %`` for each parameter."""
     for name, sd in zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True):
-        yield f"{name} {100 * sd:.2g} %" if sd < float("inf") else f"{name}: not told"
+        yield f"{name} {100 * sd:.2g} %" if sd < math.inf else f"{name}: not told"
 
 
 def local_words(local: LocalIdentifiability) -> tuple[str, ...]:
@@ -166,18 +153,58 @@ def local_words(local: LocalIdentifiability) -> tuple[str, ...]:
     return words
 
 
-def as_dict(local: LocalIdentifiability) -> dict[str, Any]:
-    """For JSON; null where a parameter is not told at all."""
-    deviations = zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True)
-    pairs = [{"names": [pair, other], "correlation": r} for pair, other, r in local.accuracy.pairs()]
-    condition = local.accuracy.condition
+# --- JSON -------------------------------------------------------------------------------------------------------------
+
+
+_KINDS = {TORQUE: "torque", COULOMB: "direction", ONE: "one", COSINE: "cosine", SINE: "sine"}
+
+
+def as_json(facts: Facts) -> str:
+    """All of it: entries of A, B, C as expressions, numbers where they are known.
+
+    What needs nominal values is null where one is missing (``missing_nominal``).
+    """
+    space, report, motion = facts.space, facts.space.report, facts.motion
+    return json_text(
+        {
+            "name": space.name,
+            "states": space.states,
+            "inputs": [{"name": u.name, "kind": _KINDS[u.kind]} for u in space.inputs],
+            "outputs": [
+                {"name": s.name, "quantity": s.quantity, "unit": OUTPUT_UNITS[s.quantity]}
+                for s in space.sensors
+            ],
+            "parameters": [
+                {"name": p.name, "unit": p.unit, "meaning": p.meaning, "nominal": facts.nominal.get(p.name)}
+                for p in space.parameters
+            ],
+            "merged": [{"name": d.name, "definition": str(d.value)} for d in space.definitions],
+            "missing_nominal": facts.missing,
+            **matrices(space),
+            "poles": [{"re": p.real, "im": p.imag} for p in motion.poles] if motion else None,
+            "resonances_hz": [m.frequency_hz for m in motion.resonances] if motion else None,
+            "antiresonances_hz": [m.frequency_hz for m in motion.antiresonances] if motion else None,
+            "flat_equations": report.flat_equations,
+            "flat_states": report.flat_states,
+            "remaining_equations": report.remaining_equations,
+            "identifiability": facts.identifiability,
+            "local": _local(facts.local) if facts.local else None,
+            "notes": space.notes,
+        }
+    )
+
+
+def _local(local: LocalIdentifiability) -> dict[str, Any]:
+    """What a record tells; null where a parameter is not told at all."""
+    accuracy = local.accuracy
+    deviations = zip(accuracy.names, accuracy.standard_deviations.tolist(), strict=True)
     return {
         "experiment": local.experiment.words,
         "noise": local.noise,
-        "held_known": list(local.held),
-        "left_out": list(local.left_out),
-        "relative_standard_deviations": {n: sd if sd < float("inf") else None for n, sd in deviations},
-        "condition": condition if condition < float("inf") else None,
-        "correlated_pairs": pairs,
-        "words": list(local.accuracy.words()),
+        "held_known": local.held,
+        "left_out": local.left_out,
+        "relative_standard_deviations": dict(deviations),
+        "condition": accuracy.condition,
+        "correlated_pairs": [{"names": [a, b], "correlation": r} for a, b, r in accuracy.pairs()],
+        "words": accuracy.words(),
     }

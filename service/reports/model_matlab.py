@@ -9,23 +9,11 @@ from monitor_core.modeling import Laurent, StateSpace
 from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import input_words, output_words
 
-KEYWORDS = frozenset(
-    {
-        "break",
-        "case",
-        "catch",
-        "classdef",
-        "continue",
-        "else",
-        "elseif",
-        "end",
-        "for",
-        "function",
-        "global",
-        "if",
-    }
-    | {"otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while"}
-)
+_WORDS = """
+break case catch classdef continue else elseif end for function global if otherwise parfor persistent return spmd switch
+try while
+"""
+KEYWORDS = frozenset(_WORDS.split())
 _OURS = frozenset({"A", "B", "C", "D", "K", "x0", "Ts", "varargin", "zeros"})
 _LONGEST = 63
 """Characters of a MATLAB name that count."""

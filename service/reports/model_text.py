@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
+from typing import Literal
 
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
@@ -10,14 +11,14 @@ from rich.table import Table
 from rich.text import Text
 
 from monitor_core.excitation import LocalIdentifiability
-from monitor_core.modeling import Entries, Laurent, Resonances, StateSpace, modes
-from monitor_core.modeling.symbolic import shapes
+from monitor_core.modeling import Laurent, Resonances, StateSpace, modes
 from service.reports.model_facts import (
     Facts,
     deviation_cells,
     experiment_words,
     input_words,
     local_words,
+    matrices,
     output_words,
 )
 
@@ -76,70 +77,70 @@ def elimination_words(space: StateSpace) -> str:
     return words
 
 
-def _grid(*columns: str, right: Sequence[str] = ()) -> Table:
-    """A table without lines; cells are folded, never cut."""
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=bool(columns), header_style="dim")
-    for name in columns:
-        table.add_column(name, justify="right" if name in right else "left", overflow="fold")
+def _grid(
+    rows: Iterable[tuple[str, ...]], *titles: str, right: Collection[str] = (), key: str = "", gap: int = 2
+) -> Table:
+    """A table without lines; cells are folded, never cut, but for those of the first column, in this style."""
+    cells = list(rows)
+    table = Table(box=None, padding=(0, gap, 0, 0), show_header=bool(titles), header_style="dim")
+    for number, name in enumerate(titles or [""] * max(map(len, cells), default=0)):
+        whole = number == 0 and not titles
+        justify: Literal["right", "left"] = "right" if name in right else "left"
+        style = key if number == 0 else ""
+        table.add_column(name, justify=justify, overflow="fold", no_wrap=whole, style=style)
+    for row in cells:
+        table.add_row(*map(Text, row))
     return table
 
 
 def _signals(space: StateSpace) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
-    table.add_column(style="cyan", no_wrap=True)
-    table.add_column(overflow="fold")
     rows = [(f"x{i}", f"{s.name}, {s.unit}") for i, s in enumerate(space.states, 1)]
     rows += [(f"u{i}", input_words(u)) for i, u in enumerate(space.inputs, 1)]
     rows += [(f"y{i}", output_words(s)) for i, s in enumerate(space.sensors, 1)]
-    for symbol, words in rows:
-        table.add_row(symbol, Text(words))
-    return table
+    return _grid(rows, key="cyan")
 
 
 def _parameters(facts: Facts) -> Table:
-    table = _grid("name", "nominal", "unit", "meaning", right=("nominal",))
-    for p in facts.space.parameters:
-        value = f"{facts.nominal[p.name]:.6g}" if p.name in facts.nominal else "-"
-        table.add_row(
-            Text(p.name, style="cyan"), value, Text("" if p.unit == "1" else p.unit), Text(p.meaning)
+    rows = [
+        (
+            p.name,
+            f"{facts.nominal[p.name]:.6g}" if p.name in facts.nominal else "-",
+            "" if p.unit == "1" else p.unit,
+            p.meaning,
         )
-    return table
+        for p in facts.space.parameters
+    ]
+    return _grid(rows, "name", "nominal", "unit", "meaning", right=("nominal",), key="cyan")
 
 
 def _poles(facts: Facts, both: str) -> RenderableType | None:
     if facts.motion is None:
         return Text(f"not known: no nominal value for {', '.join(facts.missing)}")
-    table = _grid("1/s", "Hz", "damping", "time constant", right=("1/s", "Hz", "damping", "time constant"))
+    rows = []
     for p in facts.motion.poles:
         decay = f"{-1 / p.real:.3g} s" if p.real < 0 else ""
         for mode in modes([p]):
-            table.add_row(
-                f"{p.real:.4g} {both} {p.imag:.4g}i",
-                f"{mode.frequency_hz:.4g}",
-                f"{mode.damping + 0.0:.3g}",
-                decay,
-            )
+            pair = f"{p.real:.4g} {both} {p.imag:.4g}i"
+            rows.append((pair, f"{mode.frequency_hz:.4g}", f"{mode.damping + 0.0:.3g}", decay))
         if not modes([p, p.conjugate()]):
-            table.add_row(f"{p.real:.4g}" if p.real else "0", "", "", decay)
-    return table
+            rows.append((f"{p.real:.4g}" if p.real else "0", "", "", decay))
+    titles = ("1/s", "Hz", "damping", "time constant")
+    return _grid(rows, *titles, right=titles)
 
 
 def _resonances(motion: Resonances) -> RenderableType:
-    table = _grid("", "Hz", "damping", right=("Hz", "damping"))
-    found = [("resonance", m) for m in motion.resonances] + [
-        ("anti-resonance", m) for m in motion.antiresonances
-    ]
-    for kind, mode in sorted(found, key=lambda pair: pair[1].frequency_hz):
-        table.add_row(kind, f"{mode.frequency_hz:.4g}", f"{mode.damping + 0.0:.3g}")
-    return table if found else Text("none")
+    found = [("resonance", m) for m in motion.resonances]
+    found += [("anti-resonance", m) for m in motion.antiresonances]
+    found.sort(key=lambda pair: pair[1].frequency_hz)
+    rows = [(kind, f"{mode.frequency_hz:.4g}", f"{mode.damping + 0.0:.3g}") for kind, mode in found]
+    return _grid(rows, "", "Hz", "damping", right=("Hz", "damping")) if rows else Text("none")
 
 
 def _told(local: LocalIdentifiability) -> RenderableType:
     """The standard deviation of each parameter, side by side to save lines, and what is not told, in words."""
-    table = _grid()
     cells = list(deviation_cells(local))
-    for start in range(0, len(cells), _SIDE_BY_SIDE):
-        table.add_row(*(Text(cell) for cell in cells[start : start + _SIDE_BY_SIDE]))
+    starts = range(0, len(cells), _SIDE_BY_SIDE)
+    table = _grid(tuple(cells[start : start + _SIDE_BY_SIDE]) for start in starts)
     return Group(Text(experiment_words(local)), table, _sentences(local_words(local)) or Text(""))
 
 
@@ -149,11 +150,7 @@ def _lines(lines: Iterable[str]) -> RenderableType | None:
 
 
 def _sentences(sentences: Iterable[str]) -> RenderableType | None:
-    table = Table(box=None, padding=(0, 1, 0, 0), show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for sentence in sentences:
-        table.add_row("-", Text(sentence))
+    table = _grid((("-", sentence) for sentence in sentences), gap=1)
     return table if table.row_count else None
 
 
@@ -165,29 +162,22 @@ _GAP = 3
 
 def matrix_lines(space: StateSpace, width: int, ascii_only: bool = False) -> list[str]:
     """The three matrices, or x' and y row by row, in lines of at most ``width`` characters where that can be."""
-    blocks = [
-        matrix(letter, entries, rows, columns, ascii_only)
-        for letter, entries, (rows, columns) in zip(
-            "ABC", (space.A, space.B, space.C), shapes(space), strict=True
-        )
-    ]
+    blocks = [matrix(letter, cells, ascii_only) for letter, cells in matrices(space).items()]
     if all(len(line) <= width for block in blocks for line in block):
         return [line for block in blocks for line in (*block, "")][:-1]
     return [line for equation in equations(space) for line in wrapped(equation, width)]
 
 
-def matrix(letter: str, entries: Entries, rows: int, columns: int, ascii_only: bool = False) -> list[str]:
+def matrix(letter: str, cells: list[list[str]], ascii_only: bool = False) -> list[str]:
     """The rows, entries in aligned columns, "A =" beside the middle one."""
-    zero = Laurent()
-    cells = [[str(entries.get((row, column), zero)) for column in range(columns)] for row in range(rows)]
-    widths = [max(len(row[column]) for row in cells) for column in range(columns)]
+    last = len(cells) - 1
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = []
     for number, row in enumerate(cells):
-        head = f"{letter} = " if number == (rows - 1) // 2 else " " * (len(letter) + 3)
+        head = f"{letter} = " if number == last // 2 else " " * (len(letter) + 3)
         body = (" " * _GAP).join(cell.center(size) for cell, size in zip(row, widths, strict=True))
-        brackets = (
-            "[]" if ascii_only or rows == 1 else "⎡⎤" if number == 0 else "⎣⎦" if number == rows - 1 else "⎢⎥"
-        )
+        brackets = "⎡⎤" if number == 0 else "⎣⎦" if number == last else "⎢⎥"
+        brackets = "[]" if ascii_only or not last else brackets
         lines.append(f"{head}{brackets[0]} {body} {brackets[1]}")
     return lines
 

@@ -16,6 +16,7 @@ from service.reports.timeline import zigzag
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Line = tuple[Floats, Floats]
 INCREASE, DECREASE, H = "g of an increase", "g of a decrease", "h"
 _COLOURS = ((INK, "-"), (OTHER, "-"), (BEFORE, "-"), (SIMULATED, (0, (3, 1))), (FOUND, (0, (3, 1))))
 """Of the causes that are named in the panel: the likeliest ones."""
@@ -25,16 +26,25 @@ _LINEAR = 1.6
 """Up to here g / h is drawn as it is; beyond, its part above h by its logarithm, as after a change it grows fast."""
 
 
+def draw_directions(axes: Axes, increase: Line | None, decrease: Line | None) -> float:
+    """g / h for an increase and for a decrease, and h; returns the largest."""
+    top = 0.0
+    for line, colour, dashes, label in (
+        (increase, FOUND, "-", INCREASE),
+        (decrease, SIMULATED, (0, (3, 1)), DECREASE),
+    ):
+        if line is not None:
+            axes.plot(*line, color=colour, lw=1.2, ls=dashes, label=label)
+            top = max(top, float(np.nanmax(line[1], initial=0.0)))
+    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
+    return top
+
+
 def draw_parameter(axes: Axes, course: Course, bank: BankCourse, name: str, unit: TimeUnit) -> None:
     """The evidence for an increase and for a decrease of a parameter."""
-    top = 0.0
-    for way, colour, dashes, label in ((1, FOUND, "-", INCREASE), (-1, SIMULATED, (0, (3, 1)), DECREASE)):
-        group = Group(name, way)
-        if group in bank.groups:
-            t, g = _line(course, bank, group, unit)
-            axes.plot(t, g, color=colour, lw=1.2, ls=dashes, label=label)
-            top = max(top, float(np.nanmax(g, initial=0.0)))
-    _finish(axes, top)
+    groups = (Group(name, way) for way in (1, -1))
+    lines = (_line(course, bank, group, unit) if group in bank.groups else None for group in groups)
+    _finish(axes, draw_directions(axes, *lines))
 
 
 def others(bank: BankCourse, parameters: Sequence[str]) -> list[Group]:
@@ -64,15 +74,15 @@ def draw_others(
         borderpad=0.1,
     )
     axes.set_title("other causes")
+    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
     _finish(axes, max(bank.largest(group.cause) for group in groups))
 
 
-def _line(course: Course, bank: BankCourse, group: Group, unit: TimeUnit) -> tuple[Floats, Floats]:
+def _line(course: Course, bank: BankCourse, group: Group, unit: TimeUnit) -> Line:
     return zigzag(course.middles / unit.seconds, bank.low(group, course.used), bank.high(group, course.used))
 
 
 def _finish(axes: Axes, top: float) -> None:
-    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
     axes.set(ylabel="multi-model\ng / h")
     if top <= _LINEAR:
         axes.set(ylim=(0, 1.15 * max(top, 1.0)))

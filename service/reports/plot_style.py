@@ -21,17 +21,8 @@ if TYPE_CHECKING:
 
 INK, GRID, MEASURED, FOUND, SIMULATED, OTHER, BEFORE, ALARM, QUIET = (f"#01010{k}" for k in range(1, 10))
 """Stand for colours of the page, which COLOURS names."""
-COLOURS = {
-    INK: "ink",
-    GRID: "line",
-    MEASURED: "measured",
-    FOUND: "found",
-    SIMULATED: "simulated",
-    OTHER: "other",
-    BEFORE: "before",
-    ALARM: "bad",
-    QUIET: "quiet",
-}
+_NAMES = ("ink", "line", "measured", "found", "simulated", "other", "before", "bad", "quiet")
+COLOURS = {f"#01010{k}": name for k, name in enumerate(_NAMES, 1)}
 WIDTH = 9.0
 """Of a picture, inches; the page scales it."""
 _MOST_POINTS = 1200
@@ -114,15 +105,8 @@ def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str], rows:
 
 def add_percent(axes: Axes, nominal: float) -> None:
     """A scale on the right: the change from a nominal value, which is not 0."""
-
-    def share(value: Any) -> Any:
-        return 100 * (value / nominal - 1)
-
-    def value(share: Any) -> Any:
-        return nominal * (1 + share / 100)
-
-    right = axes.secondary_yaxis("right", functions=(share, value))
-    right.set_ylabel("change [%]")
+    functions = (lambda value: 100 * (value / nominal - 1), lambda share: nominal * (1 + share / 100))
+    axes.secondary_yaxis("right", functions=functions).set_ylabel("change [%]")
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -28,7 +28,7 @@ from monitor_core.monitoring import (
     Trace,
     standard_deviation,
 )
-from service.reports.timeline import Counts, Timeline, Times, joined, known
+from service.reports.timeline import Counts, Extremes, Timeline, Times, joined
 
 MOST_BINS = 1600
 SIGMAS = 2.0
@@ -44,23 +44,16 @@ class Course:
     """What the recursion of one axis did, bin by bin."""
 
     def __init__(self, monitor: AxisMonitor, most: int = MOST_BINS) -> None:
-        s, self._most, self._monitor = monitor.settings, most - most % 2, monitor
-        p = len(monitor.model.monitored)
+        self._most, self._monitor = most - most % 2, monitor
         self._names = monitor.model.monitored
-        self._theta0 = monitor.model.theta0
-        self._lam0, self._sd_of_one = s.lam0, standard_deviation(s, 1.0)
-        self._alpha1, _, allowance = s.tests(p)
-        self._allowance = allowance * monitor.model.scale
+        p = len(self._names)
         self.h: Floats = monitor.batch.thresholds[:, monitor.lane].copy()
         """Thresholds (p,)"""
         self.beside: BankCourse | None = None
         """Of the multi-model detector; None: there is none, or it has taken no sample"""
         self.timeline = Timeline()
-        self._width = max(1, round(s.interval_s * 1e6))
-        self._low, self._high = (
-            np.full((_ROWS, p, self._most), np.inf),
-            np.full((_ROWS, p, self._most), -np.inf),
-        )
+        self._width = max(1, round(monitor.settings.interval_s * 1e6))
+        self._extremes = Extremes(_ROWS, p, self._most)
         self._sum = np.zeros((p, self._most))
         self._fates = np.zeros((len(FATES), self._most), np.int64)
         self._unseen = np.zeros((p, self._most), np.int64)
@@ -82,7 +75,7 @@ class Course:
             self._merge()
         bins = where // self._width
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
-        self._add(bins[starts], starts, self._rows(trace, took))
+        self._extremes.take(bins[starts], starts, self._rows(trace, took))
         if beside is not None:
             self._of_the_bank().take(bins[starts], starts, beside.g[took])
         self._sum[:, bins[starts]] += np.add.reduceat(trace.theta[took].T, starts, axis=1)
@@ -95,15 +88,16 @@ class Course:
             self._gaps[since[k] : bins[k] + 1] = True
         for crossing in crossings:  # at that very sample g has started again
             row, i = UP if crossing.direction == "up" else DOWN, self._names.index(crossing.parameter)
-            at = bins[int(np.argmax(t == crossing.time_us))]
-            self._high[row, i, at] = max(self._high[row, i, at], self.h[i])
+            self._extremes.raise_to(self.h[i], row, i, bins[int(np.argmax(t == crossing.time_us))])
 
     def _rows(self, trace: Trace, took: NDArray[np.bool_]) -> Floats:
         """All that is followed (rows, p, N), in the order of the rows."""
         theta, P, g = trace.theta[took], trace.P[took], trace.g[took]
-        nominal = self._theta0 + trace.shift[took]
-        band = SIGMAS * self._sd_of_one * np.sqrt(P)
-        nu = self._alpha1 * np.sqrt(self._lam0 * P) + self._allowance
+        model, settings = self._monitor.model, self._monitor.settings
+        alpha1, _, allowance = settings.tests(len(self._names))
+        nominal = model.theta0 + trace.shift[took]
+        band = SIGMAS * standard_deviation(settings, 1.0) * np.sqrt(P)
+        nu = alpha1 * np.sqrt(settings.lam0 * P) + allowance * model.scale
         rows = (theta, theta - band, nominal, nominal - nu, theta + band, nominal + nu, g[:, 0], g[:, 1])
         return np.stack([row.T for row in rows])
 
@@ -114,15 +108,10 @@ class Course:
             self.beside = BankCourse(self._monitor.multimodel.bank, self._names, self._most)
         return self.beside
 
-    def _add(self, bins: Counts, starts: Counts, rows: Floats) -> None:
-        for which, least in ((self._low, np.minimum), (self._high, np.maximum)):
-            which[..., bins] = least(which[..., bins], least.reduceat(rows, starts, axis=-1))
-
     def _merge(self) -> None:
         """Two bins become one, twice as wide."""
         self._width *= 2
-        self._low = joined(self._low, np.minimum, np.inf)
-        self._high = joined(self._high, np.maximum, -np.inf)
+        self._extremes.merge()
         self._sum = joined(self._sum, np.add, 0)
         self._fates, self._unseen = (joined(c, np.add, 0) for c in (self._fates, self._unseen))
         self._gaps = joined(self._gaps, np.logical_or, 0)
@@ -148,11 +137,11 @@ class Course:
 
     def low(self, row: int, i: int) -> Floats:
         """The least values in each bin; NaN: none."""
-        return known(self._low[row, i, : self.used])
+        return self._extremes.low(self.used, row, i)
 
     def high(self, row: int, i: int) -> Floats:
         """The largest values in each bin; NaN: none."""
-        return known(self._high[row, i, : self.used])
+        return self._extremes.high(self.used, row, i)
 
     def mean(self, i: int) -> Floats:
         """Of the estimates in each bin; NaN: none."""
@@ -205,37 +194,37 @@ class BankCourse:
     """
 
     def __init__(self, bank: HypothesisBank, parameters: Sequence[str], most: int) -> None:
-        self._h = bank.h
+        self._h, self._most = bank.h, most
         groups = [_group(hypothesis.cause, hypothesis.size, parameters) for hypothesis in bank.hypotheses]
         self.groups: tuple[Group, ...] = tuple(dict.fromkeys(groups))
         """What is drawn as one line each"""
         self._members = [np.flatnonzero([group_of == group for group_of in groups]) for group in self.groups]
-        self._low = np.full((len(self.groups), most), np.inf)
-        self._high = -self._low
+        self._extremes = Extremes(len(self.groups), most)
 
     def take(self, bins: Counts, starts: Counts, g: Floats) -> None:
         """Take g (N, H) of samples; those from ``starts[k]`` on are of ``bins[k]``."""
         share = g / self._h
         largest = np.stack([share[:, members].max(axis=1) for members in self._members])
-        for which, least in ((self._low, np.minimum), (self._high, np.maximum)):
-            which[:, bins] = least(which[:, bins], least.reduceat(largest, starts, axis=1))
+        self._extremes.take(bins, starts, largest)
 
     def merge(self) -> None:
         """Two bins become one, twice as wide."""
-        self._low, self._high = joined(self._low, np.minimum, np.inf), joined(self._high, np.maximum, -np.inf)
+        self._extremes.merge()
 
     def low(self, group: Group, used: int) -> Floats:
         """The least values in the first bins; NaN: none."""
-        return known(self._low[self.groups.index(group), :used])
+        return self._extremes.low(used, self.groups.index(group))
 
     def high(self, group: Group, used: int) -> Floats:
         """The largest values in the first bins; NaN: none."""
-        return known(self._high[self.groups.index(group), :used])
+        return self._extremes.high(used, self.groups.index(group))
 
     def largest(self, cause: str) -> float:
         """g / h of a cause, of all samples."""
-        own = [k for k, group in enumerate(self.groups) if group.cause == cause]
-        return float(self._high[own].max(initial=0.0))
+        values = [
+            self._extremes.high(self._most, k) for k, own in enumerate(self.groups) if own.cause == cause
+        ]
+        return float(np.nanmax(values, initial=0.0))
 
 
 def _group(cause: str, size: float, parameters: Sequence[str]) -> Group:

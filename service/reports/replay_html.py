@@ -7,16 +7,22 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import ParameterStatus, ParameterTrend, Status
+from monitor_core.monitoring import ParameterStatus, Status
 from monitor_core.trend import COVERED
+from service.reports.formats import percent, plain
 from service.reports.html import render, safe
-from service.reports.replay_course import SIGMAS
+from service.reports.replay_course import SIGMAS, Course
 from service.reports.replay_plots import axis_pictures
-from service.reports.replay_result import REASONS, Replayed, ReplayedAxis, dated, duration, time_unit
-from service.reports.text_format import percent, plain
+from service.reports.replay_result import (
+    REASONS,
+    Replayed,
+    ReplayedAxis,
+    dated,
+    duration,
+    time_unit,
+    trend_sentence,
+)
 from service.reports.trend_plots import trend_picture
-from service.texts.alarm_texts import episode_words
-from service.texts.trend_texts import reach_words, trend_words
 
 _ARROWS = {"up": "↑ up", "down": "↓ down"}
 
@@ -55,7 +61,7 @@ def _outcome(replayed: Replayed) -> tuple[str, str, str]:
 def _key_figures(replayed: Replayed) -> tuple[tuple[str, str], ...]:
     samples = sum(axis.status.samples for axis in replayed.axes)
     used = sum(axis.status.counters["used"] for axis in replayed.axes)
-    longest = max((1e-6 * axis.course.timeline.end_us for axis in replayed.axes), default=0.0)
+    longest = max((1e-6 * _course(axis).timeline.end_us for axis in replayed.axes), default=0.0)
     dropped = sum(_without_missing(axis.dropped) for axis in replayed.axes)
     dropped += sum(map(_without_missing, replayed.frames_dropped.values()))
     alarms, axes = sum(len(axis.alarms) for axis in replayed.axes), len(replayed.axes)
@@ -87,7 +93,7 @@ def _alarm(axis: ReplayedAxis, alarm: Alarm) -> dict[str, Any]:
         "size": f"{plain(alarm.size, 3)} ± {plain(alarm.size_sd, 2)}" if sized else "-",
         "unit": quantity.unit,
         "share": share,
-        "words": f"{axis.id}: {episode_words(alarm, quantity.nominal, quantity.unit)}",
+        "words": f"{axis.id}: {axis.words(alarm)}",
     }
 
 
@@ -95,30 +101,26 @@ def _time(axis: ReplayedAxis, t_us: int | None) -> tuple[str | None, str]:
     """Time since the first sample, and date; None: not yet."""
     if t_us is None:
         return None, ""
-    line = axis.course.timeline
+    line = _course(axis).timeline
     return time_unit(1e-6 * line.end_us).written(line.find(t_us)), dated(t_us)
 
 
 def _axis(axis: ReplayedAxis, salt: str) -> dict[str, Any]:
-    status, with_multimodel = axis.status, axis.course.beside is not None
-    beside = ("of the multi-model detector",) if with_multimodel else ()
+    status, course, trends = axis.status, _course(axis), axis.known_trends
+    beside = ("of the multi-model detector",) if course.beside is not None else ()
     meanings = {p.name: p.meaning for p in status.parameters}
-    names = [meanings[trend.name] for trend in axis.trends]
-    pictures = axis_pictures(axis, salt) if axis.course.used else ()
+    names = [meanings[trend.name] for trend in trends]
+    parameters = enumerate(status.parameters if status.samples else ())
     return {
         "id": axis.id,
         "span": _span(axis),
         "detectors": _detectors(axis),
         "numbers": ("estimate", "sd", "change", "largest g / h", *beside, "alarms"),
-        "parameters": [_parameter(axis, i, p) for i, p in enumerate(status.parameters)]
-        if status.samples
-        else [],
-        "pictures": [safe(picture) for picture in pictures],
-        "multimodel": with_multimodel,
-        "trends": [_trend(trend) for trend in axis.trends],
-        "trend_picture": safe(trend_picture(axis.id, axis.trends, names, f"{salt}-trend"))
-        if axis.trends
-        else "",
+        "parameters": [_parameter(axis, i, p) for i, p in parameters],
+        "pictures": list(map(safe, axis_pictures(axis, course, salt))) if course.used else [],
+        "multimodel": bool(beside),
+        "trends": [trend_sentence(trend) for trend in trends],
+        "trend_picture": safe(trend_picture(axis.id, trends, names, f"{salt}-trend")) if trends else "",
         "counters": [
             _counters(f"of {status.samples} samples", status.counters, status.samples),
             _counters("no samples", axis.dropped, 0),
@@ -127,15 +129,20 @@ def _axis(axis: ReplayedAxis, salt: str) -> dict[str, Any]:
     }
 
 
+def _course(axis: ReplayedAxis) -> Course:
+    assert axis.course is not None, "a page is drawn of a replay that collects courses"
+    return axis.course
+
+
 def _parameter(axis: ReplayedAxis, i: int, p: ParameterStatus) -> dict[str, Any]:
-    known, beside = math.isfinite(p.estimate), axis.course.beside
+    known, course = math.isfinite(p.estimate), _course(axis)
     alarms = sum(alarm.parameter == p.name for alarm in axis.alarms)
     numbers = [
         plain(p.estimate, 5) if known else "invalid",
         plain(p.standard_deviation, 2),
         percent(p.estimate / p.nominal - 1, signed=True) if known and p.nominal else "",
-        f"{axis.course.largest_g(i) / axis.course.h[i]:.2f}",
-        *([] if beside is None else [f"{beside.largest(p.name):.2f}"]),
+        f"{course.largest_g(i) / course.h[i]:.2f}",
+        *([] if course.beside is None else [f"{course.beside.largest(p.name):.2f}"]),
         str(alarms or ""),
     ]
     return {
@@ -146,13 +153,6 @@ def _parameter(axis: ReplayedAxis, i: int, p: ParameterStatus) -> dict[str, Any]
         "alarmed": p.status is Status.ALARM,
         "status": str(p.status),
     }
-
-
-def _trend(trend: ParameterTrend) -> str:
-    """The trend in a sentence, and when its limits are reached."""
-    now_us = trend.entries[-1].end_us if trend.entries else 0
-    reaches = (reach_words(reach, now_us) for reach in trend.reaches)
-    return "; ".join([trend_words(trend.name, trend.unit, trend.trend), *reaches])
 
 
 def _detectors(axis: ReplayedAxis) -> str:
@@ -168,7 +168,7 @@ def _detectors(axis: ReplayedAxis) -> str:
 
 
 def _span(axis: ReplayedAxis) -> str:
-    line = axis.course.timeline
+    line = _course(axis).timeline
     words = f"Drive {axis.drive}. {duration(1e-6 * line.end_us)} of samples"
     start, end = (dated(t) for t in (line.start_us, axis.status.time_us))
     words += f", from {start} to {end} UTC" if start and end else ""

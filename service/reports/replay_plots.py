@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from service.reports.plot_style import (
     GRID,
     INK,
     QUIET,
-    SIMULATED,
     add_percent,
     as_svg,
     figure,
@@ -58,35 +57,32 @@ _FATES = (
 Marks = NDArray[np.bool_]
 
 
-class _Fate(NamedTuple):
-    name: str
-    where: Marks
-
-
-def axis_pictures(axis: ReplayedAxis, salt: str) -> Iterator[str]:
+def axis_pictures(axis: ReplayedAxis, course: Course, salt: str) -> Iterator[str]:
     """Of each parameter theta with its band and g with h, below them what became of the samples; SVG elements."""
     parameters = range(len(axis.status.parameters))
-    most = MOST_TOGETHER if axis.course.beside is None else MOST_WITH_BANK
+    most = MOST_TOGETHER if course.beside is None else MOST_WITH_BANK
     for first in parameters[::most]:
-        yield _picture(axis, parameters[first : first + most], f"{salt}-{first}")
+        yield _picture(axis, course, parameters[first : first + most], f"{salt}-{first}")
 
 
-def _picture(axis: ReplayedAxis, chosen: Sequence[int], salt: str) -> str:
-    course, unit = axis.course, time_unit(1e-6 * axis.course.timeline.end_us)
-    fates = list(_fates(axis, chosen))
+def _picture(axis: ReplayedAxis, course: Course, chosen: Sequence[int], salt: str) -> str:
+    unit = time_unit(1e-6 * course.timeline.end_us)
+    fates = list(_fates(axis, course, chosen))
     of_each = [_ESTIMATE, _G] if course.beside is None else [_ESTIMATE, _G, _G]
-    others = _others(axis) if chosen[-1] == len(axis.status.parameters) - 1 else []
+    others = list[Group]()
+    if course.beside is not None and chosen[-1] == len(axis.status.parameters) - 1:
+        others = bank_plots.others(course.beside, [p.name for p in axis.status.parameters])
     heights = of_each * len(chosen) + [_G] * bool(others) + [_FATE * (len(fates) + 1)] * bool(fates)
     with figure(sum(heights) + _LEGEND) as drawn:
         grid = drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
         panels: list[Axes] = list(grid[:, 0])
         for k, i in enumerate(chosen):
             own = panels[len(of_each) * k : len(of_each) * (k + 1)]
-            _draw_parameter(own, axis, i, unit)
+            _draw_parameter(own, axis, course, i, unit)
         if others and course.beside is not None:
             axes = panels[len(of_each) * len(chosen)]
             bank_plots.draw_others(axes, course, course.beside, others, unit)
-            _mark_alarms((axes,), axis, "", unit)
+            _mark_alarms((axes,), axis, course, "", unit)
             _shade(axes, course, unit)
         if fates:
             _draw_fates(panels[-1], course, fates, unit)
@@ -98,20 +94,17 @@ def _picture(axis: ReplayedAxis, chosen: Sequence[int], salt: str) -> str:
         return as_svg(drawn, f"{axis.id}: course of the estimates of {names}, and of g", salt)
 
 
-def _others(axis: ReplayedAxis) -> list[Group]:
-    bank = axis.course.beside
-    return [] if bank is None else bank_plots.others(bank, [p.name for p in axis.status.parameters])
-
-
-def _draw_parameter(panels: Sequence[Axes], axis: ReplayedAxis, i: int, unit: TimeUnit) -> None:
+def _draw_parameter(
+    panels: Sequence[Axes], axis: ReplayedAxis, course: Course, i: int, unit: TimeUnit
+) -> None:
     """The estimate, g of its tests, and that of the multi-model detector where there is one."""
-    course, p = axis.course, axis.status.parameters[i]
+    p = axis.status.parameters[i]
     _draw_estimate(panels[0], course, i, p, unit)
     _draw_g(panels[1], course, i, unit)
     if course.beside is not None:
         panels[1].set(ylabel="CUSUM\ng / h")
         bank_plots.draw_parameter(panels[2], course, course.beside, p.name, unit)
-    _mark_alarms(panels, axis, p.name, unit)
+    _mark_alarms(panels, axis, course, p.name, unit)
     for axes in panels:
         _shade(axes, course, unit)
 
@@ -144,16 +137,9 @@ def _draw_estimate(axes: Axes, course: Course, i: int, p: ParameterStatus, unit:
 
 def _draw_g(axes: Axes, course: Course, i: int, unit: TimeUnit) -> None:
     h = float(course.h[i])
-    top = h
-    for which, colour, dashes, name in (
-        (rows.UP, FOUND, "-", INCREASE),
-        (rows.DOWN, SIMULATED, (0, (3, 1)), DECREASE),
-    ):
-        t, g = _ups_and_downs(course, which, i, unit)
-        axes.plot(t, g / h, color=colour, lw=1.2, ls=dashes, label=name)
-        top = max(top, float(np.nanmax(g, initial=0.0)))
-    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
-    axes.set(ylabel="g / h", ylim=(0, 1.15 * top / h))
+    (t, up), (_, down) = (_ups_and_downs(course, row, i, unit) for row in (rows.UP, rows.DOWN))
+    top = bank_plots.draw_directions(axes, (t, up / h), (t, down / h))
+    axes.set(ylabel="g / h", ylim=(0, 1.15 * max(top, 1.0)))
 
 
 def _ups_and_downs(course: Course, which: int, i: int, unit: TimeUnit) -> tuple[Floats, Floats]:
@@ -182,9 +168,11 @@ def _limits(course: Course, i: int) -> tuple[float, float]:
 # --- alarms, pauses, what was not learned from -------------------------------------------------------
 
 
-def _mark_alarms(panels: Sequence[Axes], axis: ReplayedAxis, name: str, unit: TimeUnit) -> None:
+def _mark_alarms(
+    panels: Sequence[Axes], axis: ReplayedAxis, course: Course, name: str, unit: TimeUnit
+) -> None:
     """Those of the parameter, and those of no parameter, such as a fault of a sensor."""
-    line, names = axis.course.timeline, {p.name for p in axis.status.parameters}
+    line, names = course.timeline, {p.name for p in axis.status.parameters}
     for alarm in (entry for entry in axis.alarms if entry.parameter == name or entry.parameter not in names):
         onset, raised, ended = (line.find(t) for t in (alarm.onset_us, alarm.raised_us, alarm.ended_us))
         for axes in panels:
@@ -218,21 +206,22 @@ def _shade(axes: Axes, course: Course, unit: TimeUnit) -> None:
         )
 
 
-def _fates(axis: ReplayedAxis, chosen: Sequence[int]) -> Iterator[_Fate]:
-    """What kept from learning, of which there was any."""
-    course = axis.course
-    all_of_them = [_Fate("no samples", course.gaps)]
-    all_of_them += [_Fate(name, course.fate(fate) > 0) for fate, name in _FATES]
-    all_of_them += [
-        _Fate(f"{axis.status.parameters[i].name} not observed", course.unseen(i) > 0) for i in chosen
-    ]
-    yield from (entry for entry in all_of_them if entry.where.any())
+def _fates(axis: ReplayedAxis, course: Course, chosen: Sequence[int]) -> Iterator[tuple[str, Marks]]:
+    """What kept from learning, of which there was any, and the bins with it."""
+    names = [p.name for p in axis.status.parameters]
+    for name, where in (
+        ("no samples", course.gaps),
+        *((name, course.fate(fate) > 0) for fate, name in _FATES),
+        *((f"{names[i]} not observed", course.unseen(i) > 0) for i in chosen),
+    ):
+        if where.any():
+            yield name, where
 
 
-def _draw_fates(axes: Axes, course: Course, fates: Sequence[_Fate], unit: TimeUnit) -> None:
-    for k, entry in enumerate(fates):
-        axes.broken_barh(list(_runs(entry.where, course, unit)), (k - 0.32, 0.64), color=QUIET, lw=0)
-    axes.set_yticks(range(len(fates)), [fate.name for fate in fates], fontsize=8.5)
+def _draw_fates(axes: Axes, course: Course, fates: Sequence[tuple[str, Marks]], unit: TimeUnit) -> None:
+    for k, (_, where) in enumerate(fates):
+        axes.broken_barh(list(_runs(where, course, unit)), (k - 0.32, 0.64), color=QUIET, lw=0)
+    axes.set_yticks(range(len(fates)), [name for name, _ in fates], fontsize=8.5)
     axes.set(ylim=(len(fates) - 0.4, -0.6), title="What kept from learning")
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)

@@ -83,11 +83,36 @@ Counts = NDArray[np.int64]
 _T = TypeVar("_T", bound=np.generic)
 
 
-def known(values: Floats) -> Floats:
-    """A copy, NaN where a bin has had no value."""
-    copy = values.copy()
-    copy[~np.isfinite(copy)] = np.nan
-    return copy
+class Extremes:
+    """The least and the largest values of signals (*shape) in each of so many bins."""
+
+    def __init__(self, *shape: int) -> None:
+        self._low, self._high = np.full(shape, np.inf), np.full(shape, -np.inf)
+
+    def take(self, bins: Counts, starts: Counts, values: Floats) -> None:
+        """Take values (.., N); those from ``starts[k]`` on are of ``bins[k]``."""
+        for which, least in ((self._low, np.minimum), (self._high, np.maximum)):
+            which[..., bins] = least(which[..., bins], least.reduceat(values, starts, axis=-1))
+
+    def merge(self) -> None:
+        """Two bins become one, twice as wide."""
+        self._low, self._high = joined(self._low, np.minimum, np.inf), joined(self._high, np.maximum, -np.inf)
+
+    def raise_to(self, value: float, *place: int) -> None:
+        """The largest value at a place is at least that."""
+        self._high[place] = max(self._high[place], value)
+
+    def low(self, used: int, *signal: int) -> Floats:
+        """The least values of a signal in the first bins; NaN: none."""
+        return _known(self._low[signal][:used])
+
+    def high(self, used: int, *signal: int) -> Floats:
+        """The largest values of a signal in the first bins; NaN: none."""
+        return _known(self._high[signal][:used])
+
+
+def _known(values: Floats) -> Floats:
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def zigzag(t: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:

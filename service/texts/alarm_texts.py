@@ -1,11 +1,23 @@
 """An alarm in one sentence."""
 
 import math
-from typing import Protocol
 
-from monitor_core.detection import Cause, Doubt, Kind, Reach, Stage
+from monitor_core.detection import (
+    OUTPUT_NOISE,
+    OUTPUT_OFFSET,
+    OUTPUT_SCALE,
+    OUTPUT_SIGN,
+    OUTPUT_STUCK,
+    TORQUE_LOST,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
+    TORQUE_SIGN,
+    TORQUE_STUCK,
+    Alarm,
+    Cause,
+    Doubt,
+)
 from monitor_core.drive import DELAY
-from service.texts.sensor_texts import sensor_words
 from service.texts.trend_texts import reach_words
 
 SURE = 0.95
@@ -18,49 +30,26 @@ DOUBTS: dict[Doubt, str] = {
     "still": "no motion follows the torque: the sensor or the axis is stuck, or the drive is off",
 }
 
-
-class Told(Protocol):
-    """Interface of an alarm, open or from the journal."""
-
-    @property
-    def parameter(self) -> str:
-        """The best present name."""
-
-    @property
-    def size(self) -> float:
-        """Estimate minus nominal."""
-
-    @property
-    def stage(self) -> Stage:
-        """Whether it has a name."""
-
-    @property
-    def causes(self) -> tuple[Cause, ...]:
-        """The most likely first."""
-
-    @property
-    def doubt(self) -> Doubt:
-        """Why none of them may be the cause."""
-
-    @property
-    def kind(self) -> Kind:
-        """Step or drift, or a forecast."""
-
-    @property
-    def reaches(self) -> tuple[Reach, ...]:
-        """Of a forecast: the limit."""
-
-    @property
-    def updated_us(self) -> int:
-        """Time of the last update."""
+SENSORS = {
+    TORQUE_SIGN: "the measured torque has changed its sign",
+    OUTPUT_SIGN: "the measured motion has changed its sign",
+    TORQUE_STUCK: "the measured torque is stuck: it stays the same while another one acts",
+    TORQUE_LOST: "the torque that acts is not the measured one: its signal is lost, or another one",
+    OUTPUT_STUCK: "the measured motion is stuck: it repeats itself in every digit",
+    TORQUE_SCALE: "the torque that acts is {share} % {more} than the measured one, by its scale",
+    OUTPUT_SCALE: "the measured motion is {share} % {more} than the true one, by its scale",
+    TORQUE_OFFSET: "the torque that acts is {amount} {unit} {more} than the measured one, always",
+    OUTPUT_OFFSET: "the measured motion is {amount} {unit} {more} than the true one, always",
+    OUTPUT_NOISE: "the measured motion is noisier than it was, by {share} %",
+}
+"""Faults of sensors, which the multi-model detector may name."""
 
 
-def episode_words(e: Told, nominal: float, unit: str) -> str:
+def episode_words(e: Alarm, nominal: float, unit: str) -> str:
     """An alarm in words, with its certainty: "something has changed, at first sight fm: fm is .."."""
-    if e.reaches:
-        fact = alarm_words(e.parameter, e.size, nominal, unit)
-        return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
     fact = alarm_words(e.parameter, e.size, nominal, unit)
+    if e.reaches:
+        return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
     if e.stage == "changed":
         return f"something has changed, at first sight {e.parameter}: {fact}"
     if e.doubt:
@@ -95,11 +84,12 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
     """
     if parameter == DELAY:
         return _skew(size, nominal)
+    amount, more = _digits(abs(size)), "less" if size < 0 else "more"
+    if parameter in SENSORS:
+        share = _digits(abs(100 * size))
+        return SENSORS[parameter].format(share=share, amount=amount, unit=unit, more=more)
     share = f" ({_digits(abs(100 * size / nominal))} %)" if nominal else ""
-    sensor = sensor_words(parameter, size, unit, lambda value: _digits(abs(value)))
-    if sensor is not None:
-        return sensor
-    amount = _digits(abs(size)) + ("" if unit == "1" else f" {unit}")
+    amount += "" if unit == "1" else f" {unit}"
     return f"{parameter} is {amount}{share} {'below' if size < 0 else 'above'} its nominal value"
 
 

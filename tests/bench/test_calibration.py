@@ -16,7 +16,7 @@ from service.commands.calibrate import calibrate_axis
 from service.config import load
 from service.config.axis_settings import axis_model, axis_settings
 from service.ingest.calibration_records import read
-from service.reports.calibration_report import Provenance
+from service.reports.formats import Provenance
 from tests.bench.measure import Say
 from tests.service.identification.conftest import write_record, write_robot
 

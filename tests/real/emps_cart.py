@@ -19,9 +19,10 @@ from service.commands.calibrate import calibrate_axis
 from service.commands.identification_task import Request, prepare
 from service.config import Config, load
 from service.ingest.calibration_records import read
-from service.reports.calibration_report import Calibration, Provenance
-from service.reports.identification_report import Provenance as Identified
-from service.reports.identification_toml import as_toml
+from service.reports.calibration_report import Calibration
+from service.reports.formats import Provenance
+from service.reports.formats import Provenance as Identified
+from service.reports.identification_files import as_toml
 from tests.core.alarm_versions import alarm_versions
 
 CART = """model Cart "A motor on a ball screw with a cart: a shaft whose angle in rad is the position in m"

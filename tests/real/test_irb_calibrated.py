@@ -12,7 +12,8 @@ from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiM
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
-from service.reports.calibration_report import Calibration, Provenance
+from service.reports.calibration_report import Calibration
+from service.reports.formats import Provenance
 from tests.real.irb import Record, configuration, read, with_torque_constant, with_viscous_friction
 
 pytestmark = pytest.mark.records

@@ -11,43 +11,34 @@ import pytest
 from typer.testing import CliRunner
 
 from service.commands.main import app
-from service.config import Config, ConfigErrors, load
+from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_model
 from service.simulation.demonstration import watching
-from service.simulation.robot import Fault, SimulatedRobot
+from service.simulation.robot import Fault
 from service.texts.alarm_texts import alarm_words
-from tests.end_to_end.processes import demo_config
+from tests.service.robot_tables import configured, write_table
 
 H, FAULT_S, END_S = 0.005, 14.0, 24.0
-START_S = 1_760_000_000
 WATCHED = 'monitor = ["kT", "1/Ja", "fm", "delay"]'
 INERTIAS = 'monitor = ["1/Jm", "1/Ja", "fm", "delay"]'
 
 
 def written(folder: Path, *changes: tuple[str, str], monitor: str = WATCHED) -> Path:
     """The demo's first axis, with columns; ``changes`` of the text."""
-    file = demo_config(folder, 'interface = "virtual"\nchannel = "skew"', axes=1)
-    text = file.read_text(encoding="utf-8").replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
-    text = text.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
-    text = text.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"')
+    file = configured(folder, "skew", ('monitor = ["kT", "1/Ja", "fm"]', monitor))
+    text = file.read_text(encoding="utf-8")
     text = "\n".join(line for line in text.splitlines() if not line.startswith("initial_p"))
-    for old, new in (('monitor = ["kT", "1/Ja", "fm"]', monitor), *changes):
+    for old, new in changes:
         assert old in text, text
         text = text.replace(old, new)
     file.write_text(text, encoding="utf-8")
     return file
 
 
-def record(folder: Path, config: Config, seed: int, late_s: float) -> Path:
+def record(folder: Path, config: Path, seed: int, late_s: float) -> Path:
     """A record in which the torque acts that late from FAULT_S on."""
-    rows = ["t,u,phi"]
-    for moment in SimulatedRobot(config, seed, [Fault("demo.axis1", {"delay": late_s}, FAULT_S)]).moments():
-        if moment.time_s > END_S:
-            break
-        u, phi, *_ = moment.readings["demo.axis1"]
-        rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
-    (folder / "late.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return folder / "late.csv"
+    faults = [Fault("demo.axis1", {"delay": late_s}, FAULT_S)]
+    return write_table(folder / "late.csv", config, seed, faults, END_S)
 
 
 def replayed(file: Path, *arguments: str) -> str:
@@ -67,7 +58,7 @@ def test_a_torque_half_a_millisecond_late_is_named_and_is_no_inertia(
     monitor: str, tmp_path: Path, seed: int
 ) -> None:
     file = written(tmp_path, monitor=monitor)
-    late = record(tmp_path, load(file, {}), seed, 0.0005)
+    late = record(tmp_path, file, seed, 0.0005)
     (alarm,) = alarms(file, late)
     assert (alarm["parameter"], alarm["direction"], alarm["ended"]) == ("delay", "up", None)
     assert alarm["size"] == pytest.approx(0.0005, rel=0.25)  # over 60 records its standard deviation is 2 %
@@ -80,13 +71,13 @@ def test_a_torque_half_a_millisecond_late_is_named_and_is_no_inertia(
 def test_unwatched_it_reads_as_another_fault(tmp_path: Path, seed: int) -> None:
     """T6: half a millisecond is some percent of an inertia or of the friction, and there is nothing to tell it by."""
     file = written(tmp_path, monitor='monitor = ["kT", "1/Ja", "fm"]')
-    found = alarms(file, record(tmp_path, load(file, {}), seed, 0.0005))
+    found = alarms(file, record(tmp_path, file, seed, 0.0005))
     assert "fm" in {a["parameter"] for a in found}  # in 60 of 60 records, in two of them kT later, too
 
 
 def test_people_read_it_in_words(tmp_path: Path, seed: int) -> None:
     file = written(tmp_path)
-    late = record(tmp_path, load(file, {}), seed, 0.002)
+    late = record(tmp_path, file, seed, 0.002)
     shown = " ".join(replayed(file, str(late)).split())
     assert all(word in shown for word in ("delay", "torque", "frame", "late:")), shown
 

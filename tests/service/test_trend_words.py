@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.detection import Cause, Reach
+from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.trend import trend_of
 from service.texts.alarm_texts import episode_words
 from service.texts.trend_texts import reach_words, trend_words
@@ -74,20 +73,12 @@ def test_what_is_not_sure_is_told_with_its_shares() -> None:
     assert trend_words("fm", UNIT, unsure).startswith("fm: drift or steady or step, 62:30:8; ")
 
 
-@dataclass
-class Forecast:
-    parameter: str = "fm"
-    size: float = 0.02
-    stage: str = "named"
-    causes: tuple[Cause, ...] = ()
-    doubt: str = ""
-    kind: str = "forecast"
-    reaches: tuple[Reach, ...] = (reach("ahead", 12.2, 19.8),)
-    updated_us: int = NOW_US
-
-
 def test_an_alarm_about_a_limit() -> None:
     words = (
         "fm reaches 0.09 N m s/rad in 12 to 20 days; now fm is 0.02 N m s/rad (33 %) above its nominal value"
     )
-    assert episode_words(Forecast(), 0.06, UNIT) == words  # type: ignore[arg-type]
+    reaches = (reach("ahead", 12.2, 19.8),)
+    forecast = Alarm(
+        "fm", "up", NOW_US, NOW_US, NOW_US, None, 0.02, 0.001, 1, "named", kind="forecast", reaches=reaches
+    )
+    assert episode_words(forecast, 0.06, UNIT) == words

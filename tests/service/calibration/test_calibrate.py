@@ -17,10 +17,10 @@ from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.detector_choice import detectors_of
+from service.reports.calibration_files import as_json, as_toml
 from service.reports.calibration_html import as_html
-from service.reports.calibration_json import as_json
-from service.reports.calibration_report import Calibration, Provenance
-from service.reports.calibration_toml import as_toml
+from service.reports.calibration_report import Calibration
+from service.reports.formats import Provenance
 from tests.service.calibration.test_thresholds_file import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 

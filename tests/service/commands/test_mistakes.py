@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,19 +11,13 @@ from typer.testing import CliRunner, Result
 from service.commands.main import app
 from service.store.journal import Journal
 from tests.end_to_end.processes import demo_config
-
-HEAD = "t,torque1,angle1\n"
+from tests.service.robot_tables import HEAD, configured
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     """One axis with columns for tables, on a bus inside the process."""
-    file = demo_config(tmp_path, 'interface = "virtual"\nchannel = "mistakes"', axes=1)
-    text = file.read_text(encoding="utf-8")
-    text = text.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "torque1"')
-    text = text.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "angle1"')
-    file.write_text(text.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"'), encoding="utf-8")
-    return file
+    return configured(tmp_path, "mistakes")
 
 
 def edited(config: Path, old: str, new: str) -> Path:
@@ -49,26 +42,30 @@ def test_a_configuration_that_is_not_there(command: str, tmp_path: Path) -> None
     refused(axiswatch(command, "--config", tmp_path / "none.toml"), 2, "none.toml", "No such file")
 
 
-def test_a_signal_that_the_dbc_does_not_have(config: Path) -> None:
-    edited(config, 'signal = "Torque"', 'signal = "Torgue"')
-    refused(
-        axiswatch("run", "--config", config), 2, f"{config}:", 'no signal "Torgue"', 'did you mean "Torque"?'
-    )
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'signal = "Torque"',
+            'signal = "Torgue"',
+            ("robot.toml:", 'no signal "Torgue"', 'did you mean "Torque"?'),
+        ),
+        (
+            "torque_noise = 0.05",
+            "gain = [0.0, 0.0, -9.0, 0.0, 0.0, 0.1]\ntorque_noise = 0.05",
+            ("demo.axis1: the predictor is not stable",),
+        ),
+        ('"virtual"', '"virtuel"', ("virtuel", 'did you mean "virtual"?')),
+    ],
+)
+def test_a_wrong_configuration(old: str, new: str, words: tuple[str, ...], config: Path) -> None:
+    edited(config, old, new)
+    refused(axiswatch("run", "--config", config), 2, *words)
 
 
 def test_two_axes_on_one_signal(tmp_path: Path) -> None:
     file = edited(demo_config(tmp_path, axes=2), '"Axis2State"', '"Axis1State"')
     refused(axiswatch("run", "--config", file), 2, "Axis1State.Torque is already used by")
-
-
-def test_a_gain_that_is_not_stable(config: Path) -> None:
-    edited(config, "torque_noise = 0.05", "gain = [0.0, 0.0, -9.0, 0.0, 0.0, 0.1]\ntorque_noise = 0.05")
-    refused(axiswatch("run", "--config", config), 2, "demo.axis1: the predictor is not stable")
-
-
-def test_an_interface_that_nobody_knows(config: Path) -> None:
-    edited(config, '"virtual"', '"virtuel"')
-    refused(axiswatch("run", "--config", config), 2, "virtuel", 'did you mean "virtual"?')
 
 
 @pytest.mark.parametrize("command", [["run"], ["listen"], ["simulate"], ["play"]])
@@ -105,34 +102,24 @@ def test_a_recording_that_cannot_be(name: str, word: str, config: Path, tmp_path
     assert (tmp_path / "there.log").read_text(encoding="utf-8") == "kept"
 
 
-def _nothing(path: Path) -> None:
-    pass
-
-
-def _writes(content: bytes) -> Callable[[Path], None]:
-    def write(path: Path) -> None:
-        path.write_bytes(content)
-
-    return write
-
-
 RECORDS = [
-    ("none.csv", _nothing, ("none.csv", "No such file")),
-    ("table.xlsx", _writes(b"x"), ("table.xlsx", ".csv .parquet .mat .log .asc .blf .trc")),
-    ("a.csv", _writes(b"t,torque1\n0,1\n"), ("a.csv", "angle1", "the angle of axis demo.axis1")),
-    ("a.parquet", _writes(b"PAR1 this is none"), ("a.parquet",)),
-    ("a.mat", _writes(b"\0" * 300), ("a.mat",)),
-    ("a.log", _writes(b"(0.0) can0 181#00\nthis is no frame at all ###\n"), ("a.log", "line 2")),
-    ("empty.log", _writes(b""), ("empty.log", "no CAN frames")),
-    ("a.blf", _writes(b"LOGG and then nothing"), ("a.blf",)),
+    ("none.csv", None, ("none.csv", "No such file")),
+    ("table.xlsx", b"x", ("table.xlsx", ".csv .parquet .mat .log .asc .blf .trc")),
+    ("a.csv", b"t,u\n0,1\n", ("a.csv", "phi", "the angle of axis demo.axis1")),
+    ("a.parquet", b"PAR1 this is none", ("a.parquet",)),
+    ("a.mat", b"\0" * 300, ("a.mat",)),
+    ("a.log", b"(0.0) can0 181#00\nthis is no frame at all ###\n", ("a.log", "line 2")),
+    ("empty.log", b"", ("empty.log", "no CAN frames")),
+    ("a.blf", b"LOGG and then nothing", ("a.blf",)),
 ]
 
 
-@pytest.mark.parametrize(("name", "make", "words"), RECORDS, ids=[name for name, _, _ in RECORDS])
+@pytest.mark.parametrize(("name", "content", "words"), RECORDS, ids=[name for name, _, _ in RECORDS])
 def test_a_record_that_cannot_be_replayed(
-    name: str, make: Callable[[Path], None], words: tuple[str, ...], config: Path, tmp_path: Path
+    name: str, content: bytes | None, words: tuple[str, ...], config: Path, tmp_path: Path
 ) -> None:
-    make(tmp_path / name)
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
     refused(axiswatch("replay", "--config", config, tmp_path / name), 2, *words)
 
 
@@ -174,14 +161,3 @@ def test_json_that_cannot_be_written(config: Path, tmp_path: Path) -> None:
     record.write_text(HEAD + "0.0,0.1,0.2\n0.005,0.1,0.2\n", encoding="utf-8")
     result = axiswatch("replay", "--config", config, record, "--json", tmp_path / "no" / "a.json")
     refused(result, 2, "cannot write", "a.json", "No such file or directory")
-
-
-@pytest.fixture(autouse=True)
-def signals_as_before() -> Iterator[None]:
-    """Commands set handlers; in a test they share the process with pytest."""
-    import signal
-
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)

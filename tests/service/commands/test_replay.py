@@ -10,29 +10,16 @@ import pytest
 from typer.testing import CliRunner
 
 from service.commands.main import app
-from service.config import load
-from service.simulation.robot import Fault, SimulatedRobot
-from tests.end_to_end.processes import demo_config
-
-START_S = 1_760_000_000
+from service.simulation.robot import Fault
+from tests.service.robot_tables import configured, write_table
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
     """A configuration, and a table of twelve seconds in which the friction grows by half after six."""
     folder = tmp_path_factory.mktemp("replay")
-    file = demo_config(folder, 'interface = "virtual"\nchannel = "replay"', axes=1)
-    text = file.read_text(encoding="utf-8")
-    text = text.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
-    text = text.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
-    file.write_text(text.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"'), encoding="utf-8")
-    rows = ["t,u,phi"]
-    for moment in SimulatedRobot(load(file, {}), seed, [Fault("demo.axis1", {"fm": 1.5}, 6.0)]).moments():
-        if moment.time_s > 12:
-            break
-        u, phi, *_ = moment.readings["demo.axis1"]
-        rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
-    (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    fault = Fault("demo.axis1", {"fm": 1.5}, 6.0)
+    write_table(folder / "a.csv", configured(folder, "replay"), seed, [fault], 12)
     return folder
 
 
@@ -73,9 +60,7 @@ def test_estimates_and_the_alarm_as_json(folder: Path) -> None:
 
 def test_tables_for_people(folder: Path) -> None:
     shown = replay(folder, str(folder / "a.csv"))
-    assert "demo.axis1" in shown
-    assert "Alarms" in shown
-    assert "fm" in shown
+    assert all(words in shown for words in ("demo.axis1", "Alarms", "fm"))
 
 
 def test_the_same_record_twice_is_the_same_to_the_bit(folder: Path) -> None:

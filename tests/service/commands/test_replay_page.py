@@ -11,12 +11,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from service.commands.main import app
-from service.config import load
-from service.simulation.robot import Fault, SimulatedRobot
-from tests.end_to_end.processes import demo_config
+from service.simulation.robot import Fault
 from tests.service.identification.test_reports import read
+from tests.service.robot_tables import START_S, configured, rows
 
-START_S = 1_760_000_000
 GATE = """
 [[robot.axis.signal]]
 name = "mode"
@@ -34,24 +32,16 @@ equals = [1]
 def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
     """Two axes of which one has a record: friction grows by half after eight seconds; a gap, a pause, a bad row."""
     folder = tmp_path_factory.mktemp("replay_page")
-    file = demo_config(folder, 'interface = "virtual"\nchannel = "page"', axes=2)
+    file = configured(folder, "page", axes=2)
     head, first, second = file.read_text(encoding="utf-8").split("[[robot.axis]]")
-    first = first.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
-    first = first.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
-    first = first.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"')
     file.write_text("[[robot.axis]]".join([head, f"{first}{GATE}", second]), encoding="utf-8")
-    rows = ["t,u,phi,mode"]
-    for moment in SimulatedRobot(load(file, {}), seed, [Fault("demo.axis1", {"fm": 1.5}, 8.0)]).moments():
-        s = moment.time_s
-        if s > 20:
-            break
-        u, phi, *_ = moment.readings["demo.axis1"]
+    lines = ["t,u,phi,mode"]
+    for t, u, phi in rows(file, seed, [Fault("demo.axis1", {"fm": 1.5}, 8.0)], 20):
+        s = t - START_S
         if not 1.0 < s < 1.3:
-            rows.append(
-                f"{START_S + s + (7200 if s > 18 else 0):.6f},{u!r},{phi!r},{0 if 7 < s < 7.5 else 1}"
-            )
-    rows[900] = rows[900].replace(",", ",nan,", 1).rsplit(",", 2)[0] + ",1"
-    (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+            lines.append(f"{t + (7200 if s > 18 else 0):.6f},{u!r},{phi!r},{0 if 7 < s < 7.5 else 1}")
+    lines[900] = lines[900].replace(",", ",nan,", 1).rsplit(",", 2)[0] + ",1"
+    (folder / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder
 
 
@@ -124,9 +114,9 @@ def test_the_report_changes_no_number(folder: Path, tmp_path: Path) -> None:
 
 def test_records_without_dates_and_one_after_the_other(folder: Path, tmp_path: Path) -> None:
     """The second one begins before the first: the clock went back."""
-    rows = [line.split(",") for line in (folder / "a.csv").read_text(encoding="utf-8").splitlines()]
-    early = [[f"{float(t) - START_S:.6f}", *rest] for t, *rest in rows[1:2000]]
-    text = "\n".join(",".join(row) for row in [rows[0], *early])
+    table = [line.split(",") for line in (folder / "a.csv").read_text(encoding="utf-8").splitlines()]
+    early = [[f"{float(t) - START_S:.6f}", *rest] for t, *rest in table[1:2000]]
+    text = "\n".join(",".join(row) for row in [table[0], *early])
     for name in ("a.csv", "b.csv"):
         (tmp_path / name).write_text(text, encoding="utf-8")
     where = tmp_path / "two.HTML"

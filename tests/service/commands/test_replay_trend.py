@@ -3,44 +3,33 @@
 from __future__ import annotations
 
 import json
+from html import escape
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from service.commands.main import app
-from service.config import load
-from service.reports.text_format import escaped
-from service.simulation.robot import Fault, SimulatedRobot
-from tests.end_to_end.processes import demo_config
+from service.simulation.robot import Fault
+from tests.service.robot_tables import configured, write_table
 
-START_S = 1_760_000_000
 LENGTH_S = 400.0
 PER_S = 0.0006
 """Part of its nominal value by which fm grows in a second: by half after 833 s."""
+OWN = (
+    '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nlead_time = "10 min"\n\n'
+)
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("drift")
-    file = demo_config(folder, 'interface = "virtual"\nchannel = "drift"', axes=1)
-    text = file.read_text(encoding="utf-8")
-    text = text.replace('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"')
-    text = text.replace('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"')
-    text = text.replace("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"')
-    own = '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nlead_time = "10 min"\n\n'
-    file.write_text(text.replace("[robot.axis.estimator]", f"{own}[robot.axis.estimator]"), encoding="utf-8")
-    rows = ["t,u,phi"]
+    file = configured(folder, "drift", ("[robot.axis.estimator]", f"{OWN}[robot.axis.estimator]"))
     # A fault is a factor of what is there by then.
     drift = [
         Fault("demo.axis1", {"fm": 1 + PER_S / (1 + PER_S * k)}, k + 0.5) for k in range(round(LENGTH_S))
     ]
-    for moment in SimulatedRobot(load(file, {}), seed, drift).moments():
-        if moment.time_s > LENGTH_S:
-            break
-        u, phi, *_ = moment.readings["demo.axis1"]
-        rows.append(f"{START_S + moment.time_s:.6f},{u!r},{phi!r}")
-    (folder / "a.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_table(folder / "a.csv", file, seed, drift, LENGTH_S)
     command = ["replay", "--config", str(file), str(folder / "a.csv"), "--report", str(folder)]
     result = CliRunner().invoke(app, [*command, "--json", str(folder / "a.json")])
     assert result.exit_code == 0, result.output
@@ -81,7 +70,7 @@ def test_the_page_draws_the_course_and_says_what_the_json_says(found: dict[str, 
     page = found["page"]
     assert "Long-term trend, and when limits are reached" in page
     for parameter in found["trends"]:
-        assert escaped("; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])) in page
+        assert escape("; ".join([parameter["words"], *(of["words"] for of in parameter["limits"])])) in page
     for words in ("entry of the history ± sd", "holds it with 90 %", "limit", "reached in this interval"):
         assert f">{words}</text>" in page, words
     assert page.count(">change [%]</text>") == 2 * 3

@@ -13,7 +13,8 @@ import pytest
 
 from service.commands.identification_task import Request, prepare
 from service.config import Config, load
-from service.reports.identification_report import IdentificationReport, Provenance
+from service.reports.formats import Provenance
+from service.reports.identification_report import IdentificationReport
 from service.simulation.axis import ControlledAxis
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"

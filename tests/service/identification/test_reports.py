@@ -19,13 +19,11 @@ from rich.console import Console
 
 from service.commands.identification_task import Request, prepare
 from service.config.nominal_file import read_nominal, structure_of
+from service.reports.formats import percent, plain
+from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
-from service.reports.identification_json import as_json
-from service.reports.identification_report import IdentificationReport, residual_words
-from service.reports.identification_text import print_text
-from service.reports.identification_toml import as_toml
+from service.reports.identification_report import IdentificationReport, print_text, residual_words
 from service.reports.plot_style import thinned
-from service.reports.text_format import percent, plain
 from tests.service.identification.conftest import PROVENANCE, with_estimate
 
 _WITHOUT_END = {"meta", "br", "img", "link"}
@@ -82,7 +80,7 @@ def test_the_file_explains_itself(found: IdentificationReport) -> None:
 def test_notes_cannot_break_the_file(found: IdentificationReport) -> None:
     nasty = "two\nlines\x7f\x00 # and = [more]"
     command = nasty.replace("\x00", "")
-    provenance = replace(PROVENANCE, command=command, drawing=('a"b\\.mo', "00"))
+    provenance = PROVENANCE._replace(command=command, drawing=('a"b\\.mo', "00"))
     doubtful = replace(with_estimate(found, words=(nasty,)), provenance=provenance)
     content = tomllib.loads(as_toml(doubtful))
     assert content["provenance"]["command"] == command

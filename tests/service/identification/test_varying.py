@@ -113,7 +113,8 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: 
     assert "at 32.5, " in said
     page = (here / "report.html").read_text(encoding="utf-8")
     assert "What follows measured signals" in page
-    assert "temperature = 32.5" in page
+    assert "fm follows temperature" in page
+    assert "at 32.5, " in page
 
 
 def test_it_explains_what_constant_values_do_not(here: Path) -> None:

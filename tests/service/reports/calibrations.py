@@ -19,7 +19,8 @@ from monitor_core.settings import Threshold
 from service.config import load
 from service.config.axis_settings import axis_model, axis_settings
 from service.ingest.calibration_records import Source
-from service.reports.calibration_report import Calibration, Provenance
+from service.reports.calibration_report import Calibration
+from service.reports.formats import Provenance
 from tests.conftest import ROOT
 
 ONSETS, WITHIN_S = 30, 4.0

@@ -10,8 +10,7 @@ import pytest
 
 from monitor_core.drive.structure import Quantity
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from service.reports.model_facts import facts_of
-from service.reports.model_json import as_json
+from service.reports.model_facts import as_json, facts_of
 from tests.service.reports.drives import merged, space
 
 
@@ -22,7 +21,7 @@ def document(**changes: Any) -> dict[str, Any]:
 
 def test_the_three_mass_drive() -> None:
     found = document()
-    assert found["states"][0] == {"name": "r phi_m - phi_g", "unit": "rad"}
+    assert found["states"][0] == {"name": "r*motor.phi - gearbox.phi", "unit": "rad"}
     assert [u["kind"] for u in found["inputs"]] == ["torque", "direction", "one"]
     assert found["outputs"] == [{"name": "encoder", "quantity": "speed", "unit": "rad/s"}]
     assert found["parameters"][0] == {

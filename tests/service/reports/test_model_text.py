@@ -6,6 +6,7 @@ import io
 import random
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -45,24 +46,10 @@ def test_nothing_is_cut_at_any_width(width: int) -> None:
         assert words_of(what) in words_of(text)
 
 
-def test_meanings_are_whole_where_they_are_not_folded() -> None:
-    text = shown(space(), 120)
-    for p in space().parameters:
-        assert re.search(rf"^  {p.name} +\S+ .*{re.escape(p.meaning)}$", text, re.M)
-
-
-def test_numbers_at_nominal() -> None:
-    text = shown(space())
-    for line in (
-        "resonance 9.161 0.074",
-        "anti-resonance 4.228 0.0373",
-        "-4.262 ± 57.4i 9.161 0.074 0.235 s",
-    ):
-        assert any(line.split() == found.split() for found in text.splitlines())
-    assert "kg 286737 N m/rad stiffness of the gearbox, arm side" in [
-        " ".join(x.split()) for x in text.splitlines()
-    ]
-    assert "-1.83 0.547 s" in [" ".join(x.split()) for x in text.splitlines()]
+def test_the_three_mass_drive() -> None:
+    """Up to what can be identified."""
+    text, golden = shown(space()), Path(__file__).parent / "golden" / "three_mass.txt"
+    assert text.split("\nIdentifiability")[0] == golden.read_text(encoding="utf-8")
 
 
 def test_without_damping_there_is_no_minus_zero() -> None:
@@ -123,10 +110,10 @@ def test_colour_on_a_terminal() -> None:
 
 
 def test_a_matrix() -> None:
-    entries = {(0, 0): Laurent.symbol("k"), (1, 1): -Laurent.symbol("Jm", -1)}
-    assert matrix("A", entries, 3, 2) == ["    ⎡ k     0   ⎤", "A = ⎢ 0   -1/Jm ⎥", "    ⎣ 0     0   ⎦"]
-    assert matrix("C", {(0, 1): Laurent.number(1)}, 1, 2) == ["C = [ 0   1 ]"]
-    assert matrix("B", {}, 2, 1, ascii_only=True) == ["B = [ 0 ]", "    [ 0 ]"]
+    entries = [["k", "0"], ["0", "-1/Jm"], ["0", "0"]]
+    assert matrix("A", entries) == ["    ⎡ k     0   ⎤", "A = ⎢ 0   -1/Jm ⎥", "    ⎣ 0     0   ⎦"]
+    assert matrix("C", [["0", "1"]]) == ["C = [ 0   1 ]"]
+    assert matrix("B", [["0"], ["0"]], ascii_only=True) == ["B = [ 0 ]", "    [ 0 ]"]
 
 
 def test_equations_where_the_matrices_do_not_fit() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from service.commands.background import Background
+from service.commands.progress import Background
 
 
 def test_what_came_of_it_and_how_far_it_was() -> None:

@@ -1,0 +1,154 @@
+"""A calibration for programs: thresholds.toml, see service/config/thresholds_file.py, and everything as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from monitor_core.calibration import DetectorResult, TrialResult
+from monitor_core.detection import Limit
+from monitor_core.settings import Threshold
+from service.config.found_file import FORMAT
+from service.config.thresholds_file import ThresholdsFile, made_with
+from service.reports.calibration_report import Calibration, promises
+from service.reports.formats import fields_of, json_text, toml_table
+
+Json = dict[str, Any]
+
+
+def as_toml(calibration: Calibration) -> str:
+    """thresholds.toml."""
+    return "\n".join(_tables(calibration))
+
+
+def _tables(calibration: Calibration) -> Iterator[str]:
+    result, provenance = calibration.result, calibration.provenance
+    about = f"Thresholds of axis {calibration.axis.id}, by `axiswatch calibrate` from its healthy records."
+    head = {
+        "format": FORMAT,
+        "kind": ThresholdsFile.KIND,
+        "axis": calibration.axis.id,
+        "date": provenance.date,
+    }
+    yield toml_table("", head, "\n# ".join([about, *promises(calibration)]))
+    thresholds = [
+        toml_table("[[threshold]]", {"parameter": name, **_threshold(own)})
+        for name, own in zip(result.model.monitored, result.settings.thresholds, strict=True)
+    ]
+    yield "# nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size,  h = alpha_2 * size\n" + "".join(thresholds)
+    rate = {"budget_s": result.budget_s, **_rate(result.tests), "within_s": result.within_s}
+    yield toml_table("[false_alarms]", rate, remarks=_REMARKS)
+    if result.bank is not None and result.by_bank is not None:
+        about = "g, the sum of log-likelihood ratios less the allowance, exceeds h."
+        hypotheses = [toml_table("[[hypothesis]]", _hypothesis(own)) for own in result.bank.limits.own]
+        yield f"# Of the multi-model detector: alarm when {about}\n" + "".join(hypotheses)
+        yield toml_table("[bank_false_alarms]", _rate(result.by_bank), remarks=_REMARKS)
+    monitor = made_with(result.model, result.settings)
+    yield toml_table("[made_with]", monitor, "With any other of these the thresholds are not used.")
+    yield toml_table("[nominal]", result.model.nominal)
+    made = {"axiswatch": provenance.version, "command": provenance.command}
+    records = [
+        toml_table("[[record]]", {"file": s.text, "sha256": s.sha256, "samples": s.samples})
+        for s in calibration.sources
+    ]
+    yield toml_table("[provenance]", made) + "".join(records)
+
+
+_REMARKS = {
+    "budget_s": "at most one in this time",
+    "one_in_s": "most likely",
+    "interval_s": "90 %",
+    "within_s": "faults are to be found within this time",
+}
+
+
+def _threshold(own: Threshold) -> Json:
+    return {"alpha_1": own.alpha1, "alpha_2": own.alpha2, "allowance": own.allowance}
+
+
+def _rate(result: DetectorResult) -> Json:
+    most, low, high = result.between_s
+    return {"one_in_s": most, "interval_s": [low, high]}
+
+
+def _hypothesis(own: Limit) -> Json:
+    """Without what it does not have."""
+    entries = {name: value for name, value in fields_of(own).items() if name != "alike" or value}
+    return {name: value for name, value in entries.items() if name != "size" or math.isfinite(value)}
+
+
+def as_json(calibration: Calibration) -> str:
+    """Everything that was found."""
+    result, made = calibration.result, calibration.provenance
+    return json_text(
+        {
+            "axis": calibration.axis.id,
+            "alarms": calibration.alarms,
+            "budget_s": result.budget_s,
+            "within_s": result.within_s,
+            "false_alarms": {**_rate(result.tests), "confidence": 0.9},
+            "memories": result.scatter.memories,
+            "parameters": [_parameter(calibration, i) for i in range(len(result.model.monitored))],
+            "multimodel": _bank(calibration),
+            "onsets": result.onsets,
+            "faults": [_fault(calibration, trial) for trial in result.caught],
+            "first_named": _confusion(result.tests),
+            "made_with": made_with(result.model, result.settings),
+            "nominal": result.model.nominal,
+            "records": calibration.sources,
+            "warnings": calibration.warnings,
+            "provenance": {"version": made.version, "date": made.date, "command": made.command},
+        }
+    )
+
+
+def _parameter(calibration: Calibration, i: int) -> Json:
+    result = calibration.result
+    p, own = result.model.parameters[i], result.settings.thresholds[i]
+    return {
+        "name": p.name,
+        "unit": p.unit,
+        "nominal": result.model.theta0[i],
+        "size": result.model.scale[i],
+        **_threshold(own),
+        "standard_deviation": result.scatter.sigma[i],
+        "mean": result.scatter.mean_d[i],
+        "one_false_alarm_in_s": result.settings.interval_s / result.rates.parameters[i],
+        "smallest_found": _smallest(result.tests, p.name),
+    }
+
+
+def _bank(calibration: Calibration) -> Json | None:
+    bank, result = calibration.result.bank, calibration.result.by_bank
+    if bank is None or result is None:
+        return None
+    return {
+        "false_alarms": {**_rate(result), "confidence": 0.9},
+        "hypotheses": bank.limits.own,
+        "faults": [_fault(calibration, trial) for trial in result.caught],
+        "smallest_found": {name: _smallest(result, name) for name in calibration.result.model.monitored},
+        "named": _confusion(result),
+    }
+
+
+def _smallest(result: DetectorResult, name: str) -> Json:
+    up, down = result.smallest(name)
+    return {"increase": up, "decrease": down}
+
+
+def _confusion(result: DetectorResult) -> Json:
+    return {name: {key or "none": n for key, n in row.items()} for name, row in result.confusion().items()}
+
+
+def _fault(calibration: Calibration, trial: TrialResult) -> Json:
+    return {
+        "parameter": trial.fault.parameter,
+        "size": trial.fault.size,
+        "exact": trial.exact,
+        "found_within": trial.found_within(calibration.result.within_s),
+        "delay_median_s": trial.delay(0.5),
+        "delay_90_s": trial.delay(0.9),
+        "first_named": {name or "none": trial.first.count(name) for name in sorted(set(trial.first))},
+        "torque_peak": trial.torque_peak,
+    }

@@ -1,0 +1,177 @@
+"""A planned experiment: the table for the terminal, the rows of the CSV file, and the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from monitor_core.excitation import Experiment, warnings
+from monitor_core.wording import percent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+UNITS = {"torque": "N m", "speed": "rad/s", "angle": "rad"}
+REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
+
+
+def as_csv(experiment: Experiment) -> Iterator[str]:
+    """Lines of the file: time, the predicted torque, speed and angle, and the reference where one is followed."""
+    motion, task = experiment.motion, experiment.task
+    columns = {
+        "t_s": np.arange(len(motion.torque)) * task.plant.interval_s,
+        "torque_Nm": motion.torque[:, 0],
+        "speed_rad_s": motion.speed[:, 0],
+        "angle_rad": motion.angle[:, 0],
+    }
+    if experiment.trial.reference is not None:
+        columns[REFERENCE[task.command]] = experiment.trial.reference[0 if task.command == "angle" else 1]
+    yield ",".join(columns) + "\n"
+    for row in zip(*columns.values(), strict=True):
+        yield ",".join(f"{value:.9g}" for value in row) + "\n"
+
+
+def print_text(experiment: Experiment, axis: str, console: Console) -> None:
+    """Course, limits, crest factors, predicted standard deviations, and warnings."""
+    task, signal = experiment.task, experiment.trial.signal
+    s, h = task.schedule, task.plant.interval_s
+    console.print(
+        f"{axis}: {s.samples} samples, {s.samples * h:.4g} s: {s.N * h:.4g} s to warm up, {s.periods}"
+        f" period{'s' if s.periods > 1 else ''} of {s.N * h:.4g} s, {s.fade * h:.4g} s to fade out"
+    )
+    console.print(
+        f"{len(signal.lines)} lines from {signal.frequency_hz[0]:.3g} to {signal.frequency_hz[-1]:.4g} Hz,"
+        f" torque {signal.rms:.3g} N m rms"
+    )
+    crests = experiment.crests
+    console.print(
+        f"crest factor {crests['optimised']:.2f} (random phases {crests['random']:.2f},"
+        f" Schroeder's {crests['Schroeder']:.2f})\n"
+    )
+    console.print(_limits(experiment))
+    console.print(_accuracy(experiment))
+    if experiment.held:
+        console.print(f"held at their nominal values: {', '.join(experiment.held)}")
+    for sentence in (*_gained(experiment), *warnings(experiment)):
+        console.print(f"- {sentence}", soft_wrap=True)
+
+
+def _limits(experiment: Experiment) -> Table:
+    table = Table("", "largest", "limit", "used", box=None, pad_edge=False)
+    limits, used = experiment.task.limits.by_name(), experiment.used
+    for name, unit in UNITS.items():
+        peak, limit, share = np.abs(getattr(experiment.motion, name)).max(), "none", ""
+        if np.isfinite(limits[name]):
+            limit = f"{limits[name]:.4g} {unit}"
+            binds = "  binds" if experiment.trial.fitted.binding == name else ""
+            share = f"{100 * used[name]:.1f} %{binds}"
+        table.add_row(name, f"{peak:.4g} {unit}", limit, share)
+    return table
+
+
+def _accuracy(experiment: Experiment) -> Table:
+    accuracy, flat = experiment.accuracy, experiment.flat
+    compared = [] if flat is accuracy else ["with a flat spectrum"]
+    table = Table("parameter", "predicted sd", *compared, box=None, pad_edge=False)
+    deviations = zip(accuracy.names, accuracy.standard_deviations, flat.standard_deviations, strict=True)
+    for name, sd, other in deviations:
+        table.add_row(name, percent(sd), *([percent(other)] if compared else []))
+    return table
+
+
+def _gained(experiment: Experiment) -> Iterator[str]:
+    if not experiment.task.find:
+        return
+    if experiment.flat is experiment.accuracy:
+        yield "A flat spectrum is the best that was found within these limits."
+        return
+    each = ", ".join(f"{name} {gain:.2g}" for name, gain in experiment.gains.items())
+    yield f"The spectrum is made for what is to be found: so many times as accurate as a flat one: {each}."
+
+
+# --- The picture: its motion within the limits, its spectrum, its predicted accuracy ----------------------------------
+
+
+_INK, _LIMIT, _FLAT, _BAND = "#1f4e79", "#b3261e", "#9aa5b1", "#e8eef4"
+
+
+def as_picture(experiment: Experiment, title: str, form: str) -> bytes:
+    """The picture as "png" or "svg"."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 8.2), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=13)
+    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(1.7, 1)))
+    _course(np.asarray(left.subplots(3, 1, sharex=True)), experiment)
+    spectrum, bars = np.asarray(right.subplots(2, 1, height_ratios=(1, 1.2)))
+    _spectrum(spectrum, experiment)
+    _bars(bars, experiment)
+    for axes in figure.axes:
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=9)
+    out = BytesIO()
+    figure.savefig(out, format=form, dpi=130, metadata={"Date": None} if form == "svg" else None)
+    return out.getvalue()
+
+
+def _course(rows: np.ndarray, experiment: Experiment) -> None:
+    motion, task = experiment.motion, experiment.task
+    t = np.arange(len(motion.torque)) * task.plant.interval_s
+    limits = task.limits.by_name()
+    for axes, (name, unit) in zip(rows, UNITS.items(), strict=True):
+        evaluated = t[task.schedule.evaluated]
+        axes.axvspan(evaluated[0], evaluated[-1], color=_BAND, linewidth=0)
+        axes.plot(t, getattr(motion, name)[:, 0], linewidth=0.8, color=_INK)
+        if np.isfinite(limits[name]):
+            for limit in (-limits[name], limits[name]):
+                axes.axhline(limit, color=_LIMIT, linewidth=1.2, linestyle="--")
+        axes.set_ylabel(f"{name} [{unit}]")
+        axes.margins(x=0)
+        axes.set_title(_used(experiment, name), loc="right", fontsize=9)
+    rows[0].set_title("shaded: whole periods", loc="left", fontsize=9)
+    rows[-1].set_xlabel("time [s]")
+
+
+def _used(experiment: Experiment, name: str) -> str:
+    share = experiment.used[name]
+    if not np.isfinite(experiment.task.limits.by_name()[name]):
+        return "no limit"
+    binds = ", binds" if experiment.trial.fitted.binding == name else ""
+    return f"{100 * share:.0f} % of the limit{binds}"
+
+
+def _spectrum(axes: Axes, experiment: Experiment) -> None:
+    signal = experiment.trial.signal
+    axes.vlines(signal.frequency_hz, 0, signal.amplitudes, color=_INK, linewidth=1)
+    axes.plot(signal.frequency_hz, signal.amplitudes, ".", color=_INK, markersize=3)
+    axes.set_xlim(0, float(signal.frequency_hz.max()) * 1.05)
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel("amplitude of torque [N m]")
+    axes.set_title(f"spectrum; crest factor {experiment.crests['optimised']:.2f}", loc="left", fontsize=10)
+
+
+def _bars(axes: Axes, experiment: Experiment) -> None:
+    names, sd = experiment.accuracy.names, 100 * experiment.accuracy.standard_deviations
+    known = [int(i) for i in np.argsort(-sd) if np.isfinite(sd[i])]
+    rows, widest = range(len(known)), sd[known].copy()
+    axes.barh(rows, sd[known], color=_INK, height=0.55, label="this spectrum")
+    compared = None
+    if experiment.flat is not experiment.accuracy:
+        compared = flat = 100 * experiment.flat.standard_deviations[known]
+        axes.plot(flat, rows, "d", color=_LIMIT, markersize=5, label="flat spectrum")
+        axes.legend(fontsize=8, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+        widest = np.maximum(widest, flat)
+    for row, i in enumerate(known):
+        other = "" if compared is None else f" (flat {compared[row]:.2g} %)"
+        axes.annotate(f"  {sd[i]:.2g} %{other}", (widest[row], row), va="center", fontsize=8)
+    axes.set_xscale("log")
+    axes.set_xlim(sd[known].min(initial=np.inf) / 3, widest.max(initial=0.0) * 40)
+    axes.set_yticks(rows, [names[i] + (" *" if names[i] in experiment.task.find else "") for i in known])
+    axes.set_xlabel("predicted standard deviation [%]" + (";  * to be found" if experiment.task.find else ""))
+    axes.set_title("what it will tell", loc="left", fontsize=10)

@@ -1,0 +1,163 @@
+"""Numbers, tables, JSON and TOML as all reports write them, and how a result was made."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import sys
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+_FULL = 1e7
+_MANY = 10.0
+_DIGITS, _FEW = 10, 5
+
+
+class Provenance(NamedTuple):
+    """How a result was made: ``date`` in ISO 8601, ``drawing`` name and sha256 of the drive's file, if it has one."""
+
+    version: str
+    date: str
+    command: str
+    drawing: tuple[str, str] | None = None
+
+    @classmethod
+    def now(cls, drawing: tuple[str, str] | None = None) -> Provenance:
+        """By this program and its command line, at this time."""
+        date = datetime.now(UTC).isoformat(timespec="seconds")
+        return cls(version("axiswatch"), date, shlex.join(["axiswatch", *sys.argv[1:]]), drawing)
+
+
+def plain(value: float, digits: int) -> str:
+    """So many digits, large numbers in full: 281330, not 2.8133e+05."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:.0f}" if 10 ** (digits - 1) <= abs(rounded) < _FULL else f"{value:.{digits}g}"
+
+
+def percent(value: float | None, signed: bool = False) -> str:
+    """``0.12 %``, two digits; beyond ten times nothing is told but that."""
+    if value is None:
+        return ""
+    if abs(value) > _MANY:
+        return f"> {100 * _MANY:g} %"
+    digits = float(f"{100 * value:.2g}")
+    return f"{digits:+g} %" if signed else f"{digits:g} %"
+
+
+# --- Tables -----------------------------------------------------------------------------------------------------------
+
+
+class Table(NamedTuple):
+    """Text for the terminal and the page, a cell of each row below each title."""
+
+    titles: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def for_terminal(
+    table: Table, title: str, right: Collection[str] = (), whole: int = 2, styles: Mapping[int, str] = {}
+) -> RichTable:
+    """The table as rich draws it.
+
+    Args:
+        table: titles and cells, which may contain markup: it is shown as it is.
+        title: above the table.
+        right: titles of the columns that are aligned at the right.
+        whole: so many columns are never broken.
+        styles: of rows, by their number.
+    """
+    drawn = RichTable(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for number, name in enumerate(table.titles):
+        drawn.add_column(name, justify="right" if name in right else "left", no_wrap=number < whole)
+    for number, row in enumerate(table.rows):
+        drawn.add_row(*map(escape, row), style=styles.get(number))
+    return drawn
+
+
+# --- JSON -------------------------------------------------------------------------------------------------------------
+
+
+def json_text(content: Any) -> str:
+    """A document: arrays become lists, records of named fields objects, numbers that are not finite null."""
+    return json.dumps(_simple(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def fields_of(record: Any) -> dict[str, Any]:
+    """The fields of a dataclass or a NamedTuple by name."""
+    named: tuple[str, ...] = getattr(record, "_fields", ()) or tuple(field.name for field in fields(record))
+    return {name: getattr(record, name) for name in named}
+
+
+def _simple(value: Any) -> Any:
+    if is_dataclass(value) or hasattr(value, "_fields"):
+        value = fields_of(value)
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _simple(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_simple(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# --- TOML -------------------------------------------------------------------------------------------------------------
+
+
+def toml_table(
+    header: str,
+    entries: Mapping[str, Any],
+    about: str = "",
+    remarks: Mapping[str, str] = {},
+    rough: Collection[str] = (),
+) -> str:
+    """A table with a comment above it and remarks on entries; ``rough``: those that are known to five digits only."""
+    lines = [f"# {about}"] * bool(about) + [header] * bool(header)
+    for key, value in entries.items():
+        text = toml_value(value, _FEW if key in rough else _DIGITS)
+        remark = f"  # {one_line(remarks[key])}" if key in remarks else ""
+        lines.append(f"{toml_key(key)} = {text}{remark}")
+    return "\n".join([*lines, ""])
+
+
+def toml_value(value: Any, digits: int = _DIGITS) -> str:
+    """Text, a number with so many digits, an array, a matrix row by row, or an inline table."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list | tuple):
+        texts = [toml_value(entry, digits) for entry in value]
+        is_matrix = bool(value) and isinstance(value[0], list)
+        return (
+            "\n".join(["[", *(f"  {row}," for row in texts), "]"]) if is_matrix else f"[{', '.join(texts)}]"
+        )
+    if isinstance(value, Mapping):
+        pairs = ", ".join(f"{toml_key(key)} = {toml_value(entry)}" for key, entry in value.items())
+        return f"{{ {pairs} }}" if pairs else "{}"
+    if isinstance(value, str):
+        # JSON's escapes are TOML's, too, but for the delete character, which TOML wants escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:.{digits}g}"
+    return text if any(letter in text for letter in ".en") else f"{text}.0"
+
+
+def toml_key(name: str) -> str:
+    """A key, in quotes where it must be."""
+    bare = name.replace("_", "")
+    return name if bare.isascii() and bare.isalnum() else toml_value(name)
+
+
+def one_line(text: str) -> str:
+    """As it can stand in a comment."""
+    return "".join(c if c.isprintable() else " " for c in text)

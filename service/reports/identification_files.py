@@ -1,0 +1,263 @@
+"""The result of an identification for programs: nominal.toml, see service/config/nominal_file.py, and all as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from monitor_core.drive import DELAY, split_name
+from monitor_core.identification import FrequencyResponse, Growth, ParameterRow, Slope, Trace
+from service.config.found_file import FORMAT
+from service.config.nominal_file import structure_of
+from service.ingest.identification_records import Source
+from service.reports.formats import fields_of, json_text, one_line, percent, toml_table
+from service.reports.identification_report import IdentificationReport, residual_words
+
+Json = dict[str, Any]
+
+
+def as_toml(report: IdentificationReport) -> str:
+    """nominal.toml."""
+    return "\n".join(_tables(report))
+
+
+def _tables(report: IdentificationReport) -> Iterator[str]:
+    e, p = report.result.estimate, report.provenance
+    yield "\n".join(f"# {line}" for line in _introduction(report)) + "\n"
+    yield toml_table("", {"format": FORMAT, "axis": report.axis_id, "date": p.date})
+    yield _drive_table(report)
+    yield _predictor_table(report)
+    units = {
+        "torque": "N m, white",
+        "output": "of the output, white",
+        "slow": "N m, of d",
+        "time_constant": "s, of d",
+    }
+    about = "Standard deviations of the noise that K follows from, per sample."
+    yield toml_table("[noise]", e.noise or {"output": e.lam0**0.5}, about, units)
+    rows = {split_name(row.name)[0]: row for row in report.result.rows() if row.name != DELAY}
+    yield toml_table("[values]", e.values, remarks={name: _about(name, rows, report) for name in e.values})
+    for slope in report.result.slopes():
+        yield _schedule_table(slope)
+    deviations = dict(zip(e.names, e.sd.tolist(), strict=True))
+    about = "Standard deviations of what was estimated, in the same units."
+    yield toml_table("[standard_deviations]", deviations, about, rough=deviations)
+    matrix = {"names": list(e.names), "matrix": e.correlation}
+    about = "Of the estimates: covariance = correlation times the two standard deviations."
+    yield toml_table("[correlation]", matrix, about, rough=matrix)
+    tests = {"whiteness_p": e.whiteness.p_value, "independence_p": e.independence.p_value}
+    about = "Do the prediction errors look like noise, and do they know nothing of the torque? Small p: no."
+    yield toml_table("[residuals]", tests, about, rough=tests)
+    made = {"axiswatch": p.version, "command": p.command, "evaluations": e.iterations}
+    yield toml_table("[provenance]", made)
+    for trace in report.traces():
+        record = _record(*trace)
+        record["dropped"] = {reason: count for reason, count in record["dropped"].items() if count}
+        yield toml_table("[[record]]", record, remarks=_OF_RECORDS, rough=("fit", "fit_simulation"))
+
+
+def _introduction(report: IdentificationReport) -> Iterator[str]:
+    p = report.provenance
+    yield f"Nominal values of the axis {report.axis_id}, found by axiswatch {p.version} on {p.date[:10]}."
+    yield "The configuration of the daemon points here:"
+    yield "  [robot.axis.model]"
+    yield '  nominal_file = "nominal.toml"'
+    yield "All values are in SI units. They belong together: nominal values are those of this predictor, with this"
+    yield "gain, at this interval. To change one, identify again."
+    yield from (f"Note: {one_line(word)}" for word in report.warnings)
+
+
+def _drive_table(report: IdentificationReport) -> str:
+    e = report.result.estimate
+    drive = e.problem.drive
+    entries = {
+        "name": drive.name,
+        **dict(zip(("file", "sha256"), report.provenance.drawing or (), strict=False)),
+        "structure": structure_of(drive),
+        "output": drive.output,
+        "torque_disturbance": len(e.drive.states) > len(drive.states),
+        "friction_speed_scale": e.problem.speed_scale,
+    }
+    remarks = {
+        "output": "measured quantity besides the torque",
+        "torque_disturbance": "whether a torque disturbance d' = -d / Td + w is a state, too",
+        "friction_speed_scale": "rad/s: Coulomb friction is fc tanh(speed / this)",
+    }
+    about = "What these are parameters of; the structure is a digest of A, B, C and the states."
+    return toml_table("[drive]", entries, about, remarks)
+
+
+def _predictor_table(report: IdentificationReport) -> str:
+    e = report.result.estimate
+    unit = "rad" if e.drive.output == "angle" else "rad/s"
+    entries = {
+        "kind": e.problem.predictor,
+        "interval_s": e.interval_s,
+        "torque_delay_s": report.result.delay_s,
+        "innovation_variance": e.lam0,
+        "colour": report.result.colour,
+        "states": [f"{s.name} [{s.unit}]" for s in e.drive.states],
+        "gain": e.K if e.problem.predictor == "innovations" else [],
+    }
+    remarks = {
+        "torque_delay_s": "delay of the torque after its sample",
+        "innovation_variance": f"lambda_0, ({unit})^2: of eps",
+        "colour": "neighbouring errors are correlated: the daemon multiplies lambda_0 by this",
+        "gain": f"filter gain K, state for state, per {unit}",
+    }
+    about = "x+ = x + K eps, eps = y - yhat; then the drive moves on with the torque held over the interval."
+    return toml_table("[predictor]", entries, about, remarks, rough=("colour",))
+
+
+def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationReport) -> str:
+    row, p = rows.get(name), report.result.estimate.drive.parameter(name)
+    if row is None or row.held:
+        sure = f"held: {row.held}" if row else "held"
+    else:
+        known = row.relative_sd is not None and not row.is_about_zero
+        sure = f"+- {percent(row.relative_sd)}" if known else f"+- {row.sd:.2g}, about 0"
+    return f"{p.unit}, {sure}; {p.meaning}"
+
+
+def _schedule_table(s: Slope) -> str:
+    f = s.scheduled
+    remarks = {
+        "signal": "of [[robot.axis.signal]] in the configuration",
+        "range": "of the signal in the records",
+    }
+    about = f"{one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
+    return toml_table("[[schedule]]", _slope(s), about, remarks, rough=("standard_deviation", "range"))
+
+
+_OF_RECORDS = {
+    "range_s": "after the first sample of the file",
+    "fit": "per cent, one step ahead: 100 (1 - |y - yhat| / |y - mean y|)",
+    "fit_simulation": "the same, without looking at the output again",
+}
+
+
+# --- What both say alike ----------------------------------------------------------------------------------------------
+
+
+def _slope(s: Slope) -> Json:
+    f = s.scheduled
+    return {
+        "parameter": f.parameter,
+        "signal": f.term,
+        "slope": s.slope,
+        "standard_deviation": s.sd,
+        "reference": f.reference,
+        "range": [f.low, f.high],
+    }
+
+
+def _record(purpose: str, s: Source, trace: Trace) -> Json:
+    return {
+        "purpose": purpose,
+        "file": str(s.path),
+        "sha256": s.sha256,
+        "samples": s.samples,
+        "used": s.used,
+        "range_s": [s.start_s, s.end_s],
+        "dropped": s.dropped,
+        "fit": trace.fit,
+        "fit_simulation": trace.fit_simulation,
+    }
+
+
+# --- JSON -------------------------------------------------------------------------------------------------------------
+
+
+def as_json(report: IdentificationReport) -> str:
+    """Everything that was found."""
+    result, e, p = report.result, report.result.estimate, report.provenance
+    return json_text(
+        {
+            "axis": report.axis_id,
+            "drive": result.start.drive.name,
+            "output": e.problem.drive.output,
+            "trustworthy": not report.rejection,
+            "why_not": report.rejection or None,
+            "parameters": [_parameter(row) for row in result.rows()],
+            "schedule": [_slope(slope) for slope in result.slopes()],
+            "masses": _growth(result.growth) if result.growth else None,
+            "names": e.names,
+            "covariance": e.covariance,
+            "correlation": e.correlation,
+            "predictor": _predictor(report),
+            "noise": e.noise,
+            "records": [_record(*trace) for trace in report.traces()],
+            "residuals": {
+                "whiteness": e.whiteness,
+                "independence": e.independence,
+                "words": [test.words for test in residual_words(report)],
+            },
+            "warnings": report.warnings,
+            "started_from": e.started_from or None,
+            "bode": {name: _response(response) for name, response in fields_of(result.bode).items()},
+            "provenance": {
+                "axiswatch": p.version, "date": p.date, "command": p.command, "drawing": p.drawing
+            },
+        }
+    )  # fmt: skip
+
+
+def _parameter(row: ParameterRow) -> Json:
+    return {
+        "name": row.name,
+        "unit": row.unit,
+        "meaning": row.meaning,
+        "value": row.value,
+        "standard_deviation": row.sd,
+        "nominal_before": row.before,
+        "change": row.change,
+        "held": row.held or None,
+    }
+
+
+def _growth(growth: Growth) -> Json:
+    models = [
+        {
+            "masses": model.masses,
+            "cost": model.estimate.cost,
+            "aic": model.aic,
+            "bic": model.bic,
+            "fit": model.estimate.fit,
+            "fit_simulation": model.estimate.fit_simulation,
+            "fit_validation": model.validation,
+            "values": model.estimate.problem.nominal,
+        }
+        for model in growth.models
+    ]
+    return {"recommended": growth.recommended, "words": growth.words, "models": models}
+
+
+def _predictor(report: IdentificationReport) -> Json:
+    e = report.result.estimate
+    return {
+        "kind": e.problem.predictor,
+        "interval_s": e.interval_s,
+        "torque_delay_s": e.delay_s,
+        "innovation_variance": e.lam0,
+        "colour": report.result.colour,
+        "states": e.drive.states,
+        "gain": e.K,
+        "friction_speed_scale": e.problem.speed_scale,
+        "converged": e.converged,
+        "evaluations": e.iterations,
+        "cost": e.cost,
+    }
+
+
+def _response(response: Any) -> Any:
+    """A frequency response; what is none, such as the words beside them, as it is."""
+    if not isinstance(response, FrequencyResponse):
+        return response
+    return {
+        "name": response.name,
+        "frequency_hz": response.frequency_hz,
+        "db": response.db,
+        "sd_db": response.sd_db,
+        "phase_rad": response.phase,
+        "sd_phase_rad": response.sd_phase,
+    }

@@ -1,0 +1,50 @@
+"""A configuration of the demo's first axes with columns for tables, and tables of its simulated robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from service.config import load
+from service.simulation.robot import Fault, SimulatedRobot
+from tests.end_to_end.processes import demo_config
+
+START_S = 1_760_000_000
+COLUMNS = (
+    ('signal = "Torque"', 'signal = "Torque"\ncolumn = "u"'),
+    ('signal = "Angle"', 'signal = "Angle"\ncolumn = "phi"'),
+    ("[robot.axis.time]", '[robot.axis.time]\ncolumn = "t"'),
+)
+HEAD = "t,u,phi\n"
+
+
+def configured(folder: Path, channel: str, *changes: tuple[str, str], axes: int = 1) -> Path:
+    """On a bus inside the process; the columns are those of the first axis, ``changes`` of the whole text."""
+    file = demo_config(folder, f'interface = "virtual"\nchannel = "{channel}"', axes=axes)
+    text = file.read_text(encoding="utf-8")
+    for old, new in COLUMNS:
+        assert old in text
+        text = text.replace(old, new, 1)
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def rows(config: Path, seed: int, faults: Sequence[Fault], end_s: float) -> list[tuple[float, float, float]]:
+    """Time since 1970 [s], torque and angle of the first axis."""
+    found = []
+    for moment in SimulatedRobot(load(config, {}), seed, list(faults)).moments():
+        if moment.time_s > end_s:
+            break
+        u, phi, *_ = moment.readings["demo.axis1"]
+        found.append((START_S + moment.time_s, u, phi))
+    return found
+
+
+def write_table(path: Path, config: Path, seed: int, faults: Sequence[Fault], end_s: float) -> Path:
+    """The rows in a file."""
+    lines = (f"{t:.6f},{u!r},{phi!r}\n" for t, u, phi in rows(config, seed, faults, end_s))
+    path.write_text(HEAD + "".join(lines), encoding="utf-8")
+    return path
