@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.block import Trace
+from monitor_core.monitoring import AxisBatch
 from tests.core.oracle.paper import Log, Paper
 
 TOLERANCE = 1e-9
@@ -21,14 +22,23 @@ def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[f
 
 
 def worst(trace: Trace, log: Log) -> dict[str, float]:
+    """Of a bank of one axis."""
+    one = Trace(*(field[..., 0] for field in trace))
     moved = ~np.isnan(np.array(log.psi)[:, 0])
-    diagonal = [np.diag(P) for P in log.P]
     return {
-        "eps": apart(trace.eps, log.eps),
-        "psi": apart(trace.psi[moved], list(np.array(log.psi)[moved])),
-        "theta": apart(trace.theta, log.theta),
-        "P": apart(trace.P, diagonal),
-        "g": apart(trace.g, log.g),
+        "eps": apart(one.eps, log.eps),
+        "psi": apart(one.psi[moved], list(np.array(log.psi)[moved])),
+        "theta": apart(one.theta, log.theta),
+        "P": apart(one.P, [np.diag(P) for P in log.P]),
+        "g": apart(one.g, log.g),
+    }
+
+
+def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
+    """As ``worst``, with all of P and the running lambda_0 at the end."""
+    return worst(trace, paper.log) | {
+        "all of P": float(np.abs(bank.state.P[:, :, 0] / paper.P - 1).max()),
+        "lambda_0": abs(float(bank.state.lam0_running[0]) / paper.running - 1),
     }
 
 
