@@ -10,11 +10,11 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
-from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
+from tests.core.figures import side_by_side
 
 SETTLED = 12
 """Memories until P and theta have forgotten their start."""
@@ -56,12 +56,10 @@ def honesty(
     y = simulate_linear(model.drive, REFERENCE_VALUES, acting, INTERVAL_S)[0]
     y += NOISE[output] * rng.standard_normal(u.shape)
     late = slice(first, None, max(1, n // 8))
-    t = np.repeat(np.arange(N, dtype=np.int64)[:, np.newaxis] * round(INTERVAL_S * 1e6), axes, axis=1)
+    rec = Experiment(np.arange(N, dtype=np.int64) * round(INTERVAL_S * 1e6), u, y)
     # psi at the true parameters: of the same predictor with theta pinned (test_against_the_paper checks that psi).
     pinned = replace(settings, P0=tuple(1e-30 * model.scale**2), lam=1 - 1e-9, settle_s=0.0)
-    trace, at_truth = (
-        AxisBatch([model] * axes, [s] * axes).run_traced(t, u, y)[1] for s in (settings, pinned)
-    )
+    trace, at_truth = (side_by_side(model, s, rec)[2] for s in (settings, pinned))
     deviation = trace.theta[late] - model.theta0[:, np.newaxis]
     reported = settings.lam0 * trace.P[late] / (1 + settings.lam)
     least = settings.lam0 * window_variance(at_truth.psi[1:], settings.lam, np.arange(N)[late] - 1)

@@ -11,12 +11,13 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import MONITORED, REFERENCE_VALUES, three_mass
-from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.figures import side_by_side
 
 H, SAMPLES, SEEDS = 0.005, 4000, 64
 AVERAGED = three_mass("speed").with_mean_speed()
@@ -35,9 +36,7 @@ def deviations(drive: Drive, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Mean of the estimates over nominal, minus 1, in percent (p,)."""
     model = AxisModel(drive, REFERENCE_VALUES, MONITORED)
     settings = Settings.paper(H, settle_s=2.7, P0=tuple((0.05 * model.scale) ** 2))
-    bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
-    t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
-    _, trace = bank.run_traced(t_us, u, y)
+    _, _, trace = side_by_side(model, settings, Experiment(np.arange(SAMPLES) * 5000, u, y))
     return np.asarray(100 * (trace.theta[1500:].mean(axis=(0, 2)) / model.theta0 - 1))
 
 

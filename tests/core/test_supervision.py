@@ -7,14 +7,14 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, faulty
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment, faulty
 from monitor_core.kernel.block import Trace
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from monitor_core.monitoring import AxisBatch, AxisMonitor, Observation, Status
+from monitor_core.monitoring import AxisMonitor, Observation, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from tests.core.figures import steady_p
+from tests.core.figures import side_by_side, steady_p
 from tests.core.laws import part
 from tests.core.supervised import FLOOR, MODEL, SUPERVISED, TORQUE_NOISE, H, lively_then_still, moved
 
@@ -41,7 +41,7 @@ def torque_of(kind: str | None, rng: np.random.Generator) -> Floats:
 
 def through_a_pause(
     kind: str | None, seed: int, seeds: int, settings: Settings, fault: dict[str, float]
-) -> tuple[AxisBatch, Trace, int]:
+) -> tuple[Trace, int]:
     """Reference drives, one for each seed; the fault comes at the returned sample."""
     rngs = [np.random.default_rng((seed, k)) for k in range(seeds)]
     first, last = ([multisine(r, n, H, BAND_HZ, TORQUE_RMS) for r in rngs] for n in (LIVELY, AGAIN))
@@ -54,10 +54,9 @@ def through_a_pause(
     before, x = simulate_linear(drive, REFERENCE_VALUES, acting[:at], H)
     after, _ = simulate_linear(drive, faulty(REFERENCE_VALUES, fault), acting[at:], H, x)
     noise = np.stack([r.standard_normal(len(u)) for r in rngs], axis=1)
-    t_us = np.repeat(np.arange(len(u), dtype=np.int64)[:, np.newaxis] * round(H * 1e6), seeds, axis=1)
-    bank = AxisBatch([MODEL] * seeds, [settings] * seeds)
-    _, trace = bank.run_traced(t_us, u, np.concatenate([before, after]) + noise)
-    return bank, trace, at
+    t_us = np.arange(len(u), dtype=np.int64) * round(H * 1e6)
+    rec = Experiment(t_us, u, np.concatenate([before, after]) + noise)
+    return side_by_side(MODEL, settings, rec)[2], at
 
 
 def delay(trace: Trace, at: int, settings: Settings) -> float:
@@ -69,7 +68,7 @@ def delay(trace: Trace, at: int, settings: Settings) -> float:
 @pytest.fixture(scope="module")
 def without_a_pause(settings: Settings, seed: int) -> float:
     run_on = replace(settings, run_on=True)
-    return delay(*through_a_pause(None, seed, 96, run_on, {"kT": 1.2})[1:], run_on)
+    return delay(*through_a_pause(None, seed, 96, run_on, {"kT": 1.2}), run_on)
 
 
 @pytest.mark.parametrize("kind", PAUSES)
@@ -77,7 +76,7 @@ def test_a_pause_raises_nothing_and_the_first_fault_after_it_is_found_as_fast(
     kind: str, settings: Settings, without_a_pause: float, seed: int
 ) -> None:
     run_on = replace(settings, run_on=True)
-    _, trace, at = through_a_pause(kind, seed, 96, run_on, {"kT": 1.2})
+    trace, at = through_a_pause(kind, seed, 96, run_on, {"kT": 1.2})
     assert bounded(trace, settings)
     assert alarms_before(trace, at, settings) <= 4  # of 96; of 2400 that were counted one, in a sine
     assert delay(trace, at, run_on) < 1.2 * without_a_pause
@@ -100,8 +99,8 @@ def test_pauses_with_a_memory_of_a_quarter_of_a_second(seed: int) -> None:
     """All kinds in turn, 96 axes.  A change of 20 % would be four standard deviations: the fault is larger."""
     quick, fault = replace(SUPERVISED, lam=0.98, run_on=True), {"kT": 1.5}
     quick = replace(quick, P0=steady_p(MODEL, quick, range(20)))
-    without = delay(*through_a_pause(None, seed, 96, quick, fault)[1:], quick)
-    _, trace, at = through_a_pause(IN_TURN, seed, 96, quick, fault)
+    without = delay(*through_a_pause(None, seed, 96, quick, fault), quick)
+    trace, at = through_a_pause(IN_TURN, seed, 96, quick, fault)
     assert bounded(trace, quick)
     assert alarms_before(trace, at, quick) <= 6  # of 96; of 1152 that were counted three
     assert delay(trace, at, quick) < 1.2 * without
@@ -110,7 +109,7 @@ def test_pauses_with_a_memory_of_a_quarter_of_a_second(seed: int) -> None:
 def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) -> None:
     """What the tests above hold of would not hold by itself."""
     bare = replace(settings, information_floor=0.0, min_excitation=0.0, run_on=True)
-    _, trace, at = through_a_pause("constant speed", seed, 8, bare, {"kT": 1.2})
+    trace, at = through_a_pause("constant speed", seed, 8, bare, {"kT": 1.2})
     assert (trace.P[:at].max(axis=(0, 2)) > 1000 * np.array(settings.P0)).any()
     assert (trace.g[:at].max(axis=(0, 1, 3)) > settings.alpha2 * MODEL.scale).any()
 
