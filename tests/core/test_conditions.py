@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from tests.core.cases import CASES, Case, record
 from tests.core.laws import SAMPLES, cases, fates, law, lively, seeds, shifts, state
@@ -80,12 +80,3 @@ def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, le
         SampleBlock(*rec, shift=held, gate=gate)
     )
     assert state(one) == state(other)
-
-
-def test_shapes_that_do_not_fit_are_refused() -> None:
-    bank = AxisBatch([PAPER.model], [lively(PAPER)])
-    t, u = np.arange(5, dtype=np.int64)[:, None] * 5000, np.zeros((5, 1))
-    with pytest.raises(ValueError, match=r"shift, gate of shapes \(5, 1\)"):
-        bank.run(t, u, u, shift=np.zeros((5, 1)))
-    with pytest.raises(ValueError, match=r"need \(5, 3, 1\) and \(5, 1\)"):
-        bank.run(t, u, u, gate=np.ones((4, 1), np.bool_))

@@ -16,6 +16,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.structure import Drive
 from monitor_core.excitation.design import Command, Experiment, Task, plan
 from monitor_core.excitation.experiment_sentences import warnings
 from monitor_core.excitation.motion_limits import Limits, fitted
@@ -61,29 +62,22 @@ def replayed(plant: Plant, torque: Floats) -> tuple[Floats, Floats]:
 
 
 LIMIT = st.floats(0.5, 50.0)
-OPEN = st.sampled_from(
-    [(two_mass("angle"), two_masses(fc=fc, tau0=tau0)) for fc in (0.0, 0.2) for tau0 in (0.0, 0.1)]
-)
+OPEN = [(two_mass("angle"), two_masses(fc=fc, tau0=tau0)) for fc in (0.0, 0.2) for tau0 in (0.0, 0.1)]
 WEIGHTS = [(chain(n, "angle"), values(n)) for n in (1, 2, 3)]
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(OPEN, LIMIT, LIMIT, LIMIT, st.integers(0, 2**32))
-def test_a_torque_keeps_within_all_limits(
-    drive: tuple[object, dict[str, float]], torque: float, speed: float, angle: float, seed: int
+@settings(max_examples=16, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.sampled_from(OPEN + WEIGHTS), st.floats(0.5, 50.0), LIMIT, LIMIT, st.integers(0, 2**32))
+def test_torques_and_motions_keep_within_all_limits(
+    drive: tuple[Drive, dict[str, float]], torque: float, speed: float, angle: float, seed: int
 ) -> None:
-    plant = Plant(two_mass("angle"), drive[1], H)
-    check_limits(planned_or_none(seed, task(Limits(torque, speed, angle), drive[1], plant=plant)), plant)
-
-
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.sampled_from(WEIGHTS), st.floats(3.0, 50.0), LIMIT, LIMIT, st.integers(0, 2**32))
-def test_a_motion_keeps_within_all_limits(
-    drive: tuple[object, dict[str, float]], torque: float, speed: float, angle: float, seed: int
-) -> None:
-    plant = Plant(drive[0], drive[1], H)  # type: ignore[arg-type]
-    estimation = Estimation(plant.drive, plant.values, H, 1e-6)
-    asked = task(Limits(torque, speed, angle), plant=plant, estimation=estimation, command="angle")
+    """A weight is moved by a controller."""
+    plant = Plant(*drive, H)
+    if drive in OPEN:
+        asked = task(Limits(torque, speed, angle), drive[1], plant=plant)
+    else:
+        estimation = Estimation(plant.drive, plant.values, H, 1e-6)
+        asked = task(Limits(torque + 2.5, speed, angle), plant=plant, estimation=estimation, command="angle")
     check_limits(planned_or_none(seed, asked), plant)
 
 
