@@ -134,11 +134,6 @@ def test_an_offset_is_borne_so_that_nothing_drifts(seed: int) -> None:
     assert x.motion.torque[0, 0] == pytest.approx(-0.3, abs=0.02)
 
 
-def test_with_friction_it_ends_nearly_at_rest(seed: int) -> None:
-    x = planned(seed, task(Limits(2, 20), two_masses(fc=0.2)))
-    assert abs(x.motion.speed[-1, 0]) < 0.05 * np.abs(x.motion.speed).max()
-
-
 @pytest.mark.parametrize("limits", [Limits(2, 20), Limits(angle=0.5)])
 def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: Limits, seed: int) -> None:
     """Against another simulation, with 20 % more and less of it; a controller, or a linear drive, needs no words."""

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
-from monitor_core.excitation.reference_experiment import NOISE, experiment
+from monitor_core.excitation.reference_experiment import NOISE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import MONITORED, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.monitoring import AxisMonitor
@@ -125,29 +125,19 @@ def test_without_torque_noise_the_speed_needs_no_gain() -> None:
     assert lam0 == pytest.approx(4.0)
 
 
-def test_only_the_ratio_of_the_noises_matters_to_the_gain() -> None:
-    model = reference_model("angle")
-    K, lam0 = filter_gain(model, H, 0.05, 1e-4)
-    K10, lam010 = filter_gain(model, H, 0.5, 1e-3)
-    assert pytest.approx(K, rel=1e-9) == K10
-    assert lam010 == pytest.approx(100 * lam0)
-
-
 @pytest.mark.parametrize(
     ("torque_noise", "output_noise"),
     [(-1.0, 1.0), (np.nan, 1.0), (np.inf, 1.0), (1.0, 0.0), (1.0, -1.0), (1.0, np.nan)],
 )
 def test_noises_that_make_no_sense(torque_noise: float, output_noise: float) -> None:
-    with pytest.raises(
-        ValueError, match=f"torque_noise = {torque_noise}, output_noise = {output_noise}: need"
-    ):
+    message = f"torque_noise = {torque_noise}, output_noise = {output_noise}: need"
+    with pytest.raises(ValueError, match=message):
         filter_gain(reference_model(), H, torque_noise, output_noise)
 
 
 def test_angle_without_torque_noise_has_no_filter() -> None:
-    with pytest.raises(
-        ValueError, match=r"no stable Kalman filter for torque_noise = 0\.0 and output_noise = 0\.1"
-    ):
+    message = r"no stable Kalman filter for torque_noise = 0\.0 and output_noise = 0\.1"
+    with pytest.raises(ValueError, match=message):
         filter_gain(reference_model("angle"), H, 0.0, 0.1)
 
 
@@ -158,20 +148,3 @@ def test_time_constants_of_the_predictor() -> None:
     K, _ = filter_gain(angle, H, 0.01, NOISE["angle"])
     assert slowest_time_constant(angle, K, H) == pytest.approx(0.22, abs=0.01)
     assert slowest_time_constant(angle, -K, H) == np.inf
-
-
-@pytest.mark.parametrize("torque_noise", [0.003, 0.01, 0.05])
-def test_the_time_constant_is_how_an_error_of_the_state_dies_out(torque_noise: float) -> None:
-    """Two predictors on one record from different first outputs: their difference swings and decays."""
-    model = reference_model("angle")
-    K, lam0 = filter_gain(model, H, torque_noise, NOISE["angle"])
-    pinned = Settings.paper(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2), settle_s=0.0)
-    rec = experiment(1, output="angle")
-    eps = []
-    for first in (0.0, 1e3):
-        y = rec.y.copy()
-        y[0] += first
-        eps.append(AxisMonitor(model, pinned).update_traced(SampleBlock(rec.t_us, rec.u, y))[1].eps)
-    tau = slowest_time_constant(model, K, H) / H
-    envelope = [np.nanmax(abs(eps[1] - eps[0])[round(k * tau) : round((k + 3) * tau)]) for k in (10, 20)]
-    assert np.log(envelope[0] / envelope[1]) == pytest.approx(10, rel=0.15)

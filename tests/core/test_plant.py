@@ -5,7 +5,7 @@ import pytest
 
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import FAULT_AT, experiment, experiments, faulty
+from monitor_core.excitation.reference_experiment import FAULT_AT, experiment, faulty
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 
@@ -87,14 +87,6 @@ def test_reference_experiment(seed: int) -> None:
     assert (angle.u == u).all()
     assert np.std(np.diff(angle.y) / INTERVAL_S - y[:-1]) < 2.5
     assert [len(field) for field in experiment(seed, samples=400)] == [400] * 3
-
-
-def test_columns_of_many_experiments_are_single_ones(seed: int) -> None:
-    many = experiments([seed, seed + 1], {"fm": 1.2})
-    for a in range(2):
-        one = experiment(seed + a, {"fm": 1.2})
-        assert (many.u[:, a] == one.u).all()
-        assert many.y[:, a] == pytest.approx(one.y, abs=1e-12)
 
 
 def test_the_fault_comes_in_the_middle(seed: int) -> None:

@@ -65,17 +65,6 @@ def test_the_longest_interval_is_not_a_gap() -> None:
     assert monitor.status().counters["gap"] == 1
 
 
-def test_first_state_is_the_drive_moving_rigidly() -> None:
-    """From such a state, with the torque that friction takes, the prediction stays where it is."""
-    values = SPEED.nominal
-    speed = 3.0
-    monitor = AxisMonitor(SPEED, Settings.paper(0.005))
-    torque = np.full(200, values["fm"] * speed / values["kT"])
-    _, trace = monitor.update_traced(SampleBlock(np.arange(200) * 5000, torque, np.full(200, speed)))
-    assert np.nanmax(abs(trace.eps), initial=0) < 1e-9
-    assert abs(monitor.batch.state.x[2, 0] - speed) < 1e-9
-
-
 def test_an_angle_far_from_zero_is_no_trouble(seed: int) -> None:
     """After a gap the angle may have any value: the estimates are those of the same motion around zero."""
     case = BY_NAME["angle-paper"]
