@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -39,13 +38,6 @@ AXES = (1, 6, 16, 64)
 FEW = (2, 3, 4, 5, 6, 7, 8, 12, 16)
 TARGET_US = {1: 1.5, 64: 0.25}
 MANY, SECOND, TARGET_MS, TARGET_MB = 1000, 200, 60, 100
-
-
-@pytest.mark.parametrize("axes", AXES)
-def test_block_of_1000_samples(axes: int, seed: int, benchmark: Any) -> None:
-    """For pytest-benchmark's own table: ms for one axis are us per sample."""
-    run = run_of("speed", axes, BLOCK, seed)
-    benchmark.pedantic(run, rounds=9, warmup_rounds=1)
 
 
 def test_one_axis_against_the_transcription(seed: int, say: Say) -> None:

@@ -213,10 +213,7 @@ def theirs(
 def test_joint_filters_of_others(name: str, seed: int, say: Say, tmp_path: Path) -> None:
     task = TASKS[name]
     of = records(task, seed)
-    ours = {
-        "axiswatch": Ours(task, of, joint=False),
-        "axiswatch, joint_state": Ours(task, of, joint=True),
-    }
+    ours = {"axiswatch": Ours(task, of, joint=False), "axiswatch, joint_state": Ours(task, of, joint=True)}
     P = ours["axiswatch"].run(len(of.u))[1]
     ours["axiswatch, joint_state, random_walk"] = Ours(task, of, joint=True, drift=True, P=P)
     times = in_turns({who: it.alone() for who, it in ours.items()}, 9)

@@ -26,7 +26,6 @@ from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant
 from monitor_core.excitation.prediction import Estimation, told_apart
 from monitor_core.excitation.record_phases import Schedule
-from monitor_core.excitation.sensitivity import sensitivities, sensitivity_responses
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass
 from tests.core.chains import chain, values
@@ -203,15 +202,6 @@ def test_limits_that_make_no_sense(limits: dict[str, float], message: str) -> No
 # --- what it tells ----------------------------------------------------------------------------------------
 
 NAMES = ("Jm", "Ja", "k", "d", "fm")
-
-
-def test_frequency_responses_are_those_of_the_simulated_sensitivities(seed: int) -> None:
-    lines = lines_in(400, H, (0.0, 30.0))
-    m = Multisine.random(np.random.default_rng(seed), 400, H, lines)
-    s = sensitivity_responses(two_mass("speed"), two_masses(), NAMES, m.frequency_hz, H)
-    S = sensitivities(two_mass("speed"), two_masses(), NAMES, np.tile(m.samples(), 20), H)[-400:]
-    for i in range(len(NAMES)):
-        assert m.through(s[:, i]).samples() == pytest.approx(S[:, i], abs=1e-6 * np.abs(S[:, i]).max())
 
 
 @pytest.mark.parametrize("torque_noise", [0.0, 0.2])

@@ -25,12 +25,11 @@ def settings() -> Settings:
 
 
 PAUSES = ("still", "constant speed", "a sine", "hardly moving")
-IN_TURN = "each in turn"
 LIVELY, PAUSE, AGAIN, FAULT = 2000, 12_000, 2600, 600
 """Samples: lively, the pause, lively again with a fault after some."""
 
 
-def torque_of(kind: str | None, rng: np.random.Generator) -> Floats:
+def torque_of(kind: str, rng: np.random.Generator) -> Floats:
     t = np.arange(PAUSE) * H
     if kind == "a sine":
         return np.asarray(1.5 * np.sin(2 * np.pi * rng.uniform(0.5, 3) * t + rng.uniform(0, 6)))
@@ -45,8 +44,7 @@ def through_a_pause(
     """Reference drives, one for each seed; the fault comes at the returned sample."""
     rngs = [np.random.default_rng((seed, k)) for k in range(seeds)]
     first, last = ([multisine(r, n, H, BAND_HZ, TORQUE_RMS) for r in rngs] for n in (LIVELY, AGAIN))
-    kinds = PAUSES if kind == IN_TURN else (kind,)
-    pause = [torque_of(kinds[k % len(kinds)], r) if kind else np.zeros(0) for k, r in enumerate(rngs)]
+    pause = [torque_of(kind, r) if kind else np.zeros(0) for r in rngs]
     u = np.stack([np.concatenate(parts) for parts in zip(first, pause, last, strict=True)], axis=1)
     at = len(u) - AGAIN + FAULT
     drive = three_mass("speed")
@@ -93,17 +91,6 @@ def bounded(trace: Trace, settings: Settings) -> bool:
 def alarms_before(trace: Trace, at: int, settings: Settings) -> int:
     """Axes with an alarm before sample ``at``."""
     return int((trace.g[:at] > (settings.alpha2 * MODEL.scale)[:, np.newaxis]).any(axis=(0, 1, 2)).sum())
-
-
-def test_pauses_with_a_memory_of_a_quarter_of_a_second(seed: int) -> None:
-    """All kinds in turn, 96 axes.  A change of 20 % would be four standard deviations: the fault is larger."""
-    quick, fault = replace(SUPERVISED, lam=0.98, run_on=True), {"kT": 1.5}
-    quick = replace(quick, P0=steady_p(MODEL, quick, range(20)))
-    without = delay(*through_a_pause(None, seed, 96, quick, fault), quick)
-    trace, at = through_a_pause(IN_TURN, seed, 96, quick, fault)
-    assert bounded(trace, quick)
-    assert alarms_before(trace, at, quick) <= 6  # of 96; of 1152 that were counted three
-    assert delay(trace, at, quick) < 1.2 * without
 
 
 def test_without_supervision_such_pauses_do_harm(settings: Settings, seed: int) -> None:

@@ -100,30 +100,29 @@ class Daemon:
         self.process, self._log, self._skip = process, log, skip
         self.page = str(self._event("running")["page"])
 
-    def get(self, path: str) -> Any:
-        """The body of an answer, whatever its status."""
+    def answer(self, path: str) -> tuple[int, str]:
+        """Status and body."""
         try:
             with urllib.request.urlopen(self.page + path, timeout=20) as answer:
-                return json.loads(answer.read())
+                return int(answer.status), str(answer.read(), "utf-8")
         except urllib.error.HTTPError as error:
-            return json.loads(error.read())
+            return error.code, str(error.read(), "utf-8")
+
+    def get(self, path: str) -> Any:
+        """The body of an answer, whatever its status."""
+        return json.loads(self.answer(path)[1])
+
+    def status(self, path: str) -> int:
+        return self.answer(path)[0]
 
     def axis(self, number: int = 1) -> dict[str, Any]:
         found: dict[str, Any] = self.get(f"api/v1/axes/demo.axis{number}")
         return found
 
     def text(self, path: str) -> str:
-        """The body of an answer as text."""
-        with urllib.request.urlopen(self.page + path, timeout=20) as answer:
-            return str(answer.read(), "utf-8")
-
-    def status(self, path: str) -> int:
-        """The status of an answer."""
-        try:
-            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
-                return int(answer.status)
-        except urllib.error.HTTPError as error:
-            return error.code
+        status, body = self.answer(path)
+        assert status == 200
+        return body
 
     def events(self) -> list[dict[str, Any]]:
         """The log of this run."""

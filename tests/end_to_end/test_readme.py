@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import shutil
 import subprocess
 import tomllib
 from collections.abc import Callable, Sequence
@@ -219,13 +218,8 @@ def test_the_drive_drawn_here_is_modelled_and_its_fault_is_named(tmp_path: Path)
 
 def answers_to_curl(d: Daemon) -> None:
     """Each address shown answers, on the port of this daemon."""
-    curl = shutil.which("curl")
     for command in shown("curl"):
-        address = command[1].replace("http://127.0.0.1:8080/", d.page)
-        if curl:
-            subprocess.run([curl, "--silent", "--show-error", "--fail", address], check=True, timeout=30)
-        else:
-            assert d.status(address.removeprefix(d.page)) == 200
+        assert d.status(command[1].removeprefix("http://127.0.0.1:8080/")) == 200
 
 
 def test_the_library_example_names_the_fault(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,13 +11,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisMonitor, standard_deviation
 from monitor_core.samples import SampleBlock
 from tests.core.alarm_versions import alarm_versions
-from tests.real.fit_irb import (
-    FITTED,
-    all_fitted,
-    correlation_factor,
-    goodness,
-    prediction_errors,
-)
+from tests.real.fit_irb import FITTED, all_fitted, correlation_factor, goodness, prediction_errors
 from tests.real.irb import (
     FAULTS,
     VISCOUS,
