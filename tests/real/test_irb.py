@@ -14,13 +14,10 @@ from tests.core.alarm_versions import alarm_versions
 from tests.real.fit_irb import FITTED, all_fitted, correlation_factor, goodness, prediction_errors
 from tests.real.irb import (
     FAULTS,
-    VISCOUS,
     Fault,
     Record,
     model_and_settings,
     with_coulomb_friction,
-    with_torque_constant,
-    with_viscous_friction,
 )
 
 pytestmark = pytest.mark.records
@@ -31,7 +28,7 @@ def start_of_fault(irb_record: Record) -> int:
 
 
 def run(irb_record: Record) -> tuple[list[Alarm], Floats, AxisMonitor]:
-    """Episodes, largest g / size by direction and parameter, and the monitor after the irb_record."""
+    """Episodes, largest g / size by direction and parameter, and the monitor after the record."""
     monitor = AxisMonitor(*model_and_settings())
     episodes, trace = alarm_versions(monitor, SampleBlock(*irb_record))
     return episodes, trace.g.max(axis=0) / monitor.model.scale, monitor
@@ -76,15 +73,9 @@ def test_a_fault_in_the_second_half_is_named(irb_record: Record, fault: Fault) -
     assert abs(first.onset_us - start_us) < 1_000_000
     others = [i for i, name in enumerate(monitor.model.monitored) if name != fault.alarm[0]]
     assert g[:, others].max() < 10
-
-
-def test_size_of_the_fault_is_estimated(irb_record: Record) -> None:
-    start = start_of_fault(irb_record)
-    by_torque = run(with_torque_constant(irb_record, 1.2, start))[2].status().parameters[0]
-    assert by_torque.estimate == pytest.approx(1.2, abs=3 * by_torque.standard_deviation)
-    by_friction = run(with_viscous_friction(irb_record, VISCOUS, start))[2].status().parameters[2]
-    change = by_friction.estimate - by_friction.nominal
-    assert change == pytest.approx(VISCOUS, abs=3 * by_friction.standard_deviation)
+    of = monitor.status().parameters[monitor.model.monitored.index(fault.alarm[0])]
+    size = fault.torque_constant if fault.viscous == 0 else of.nominal + fault.viscous
+    assert of.estimate == pytest.approx(size, abs=3 * of.standard_deviation)
 
 
 def raised(episodes: Sequence[Alarm]) -> set[tuple[str, str]]:
@@ -121,12 +112,3 @@ def test_a_change_of_coulomb_friction_is_seen_as_one_of_viscous_friction(irb_rec
     assert raised(episodes) == {("fm", "up")}
     fm = monitor.status().parameters[2]
     assert 0.1 < fm.estimate / fm.nominal - 1 < 0.3
-
-
-def test_viscous_and_coulomb_friction_can_hardly_be_told_apart(irb_record: Record) -> None:
-    """Which is why."""
-    model, settings = model_and_settings()
-    _, psi = prediction_errors(all_fitted(model), settings, irb_record)
-    covariance = np.linalg.inv(psi.T @ psi)
-    fm, fc = FITTED.index("fm"), FITTED.index("fc")
-    assert covariance[fm, fc] / np.sqrt(covariance[fm, fm] * covariance[fc, fc]) < -0.99
