@@ -72,13 +72,13 @@ def test_the_same_fit_by_all(seed: int, say: Say) -> None:
 
         return np.exp(least_squares(errors, np.log(start), method="lm").x)
 
-    fits = {
+    fits: dict[str, Callable[[], Floats]] = {
         OURS: lambda: ours("output-error"),
         "axiswatch, innovations": lambda: ours("innovations"),
         FILTER: lambda: differences(filtered),
     }
     seconds = in_turns(fits, 9)
-    loop = {"scipy, differences, numpy loop": lambda: differences(looped)}
+    loop: dict[str, Callable[[], Floats]] = {"scipy, differences, numpy loop": lambda: differences(looped)}
     seconds |= in_turns(loop, 1)
     thetas = {name: run() for name, run in (fits | loop).items()}
     off = {name: np.linalg.norm(looped(*held(theta), u) - y) for name, theta in thetas.items()}

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
+from monitor_core.detection.cusum.cusum_events import BatchEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
@@ -15,7 +16,6 @@ from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experi
 from monitor_core.kernel.block import Trace
 from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model
 from monitor_core.monitoring import AxisBatch
-from monitor_core.monitoring.axis_batch import BatchEvent
 from monitor_core.settings import Settings
 
 AT_ONCE = 100

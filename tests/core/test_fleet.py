@@ -29,7 +29,7 @@ def different(case: Case, rng: np.random.Generator) -> tuple[AxisModel, Settings
         "alpha1": rng.uniform(0.1, 0.5),
         "max_gap_s": rng.uniform(0.02, 0.05),
     }
-    s = replace(s, interval_s=rng.choice((0.004, 0.005, 0.008)), delay_s=rng.uniform(0, 0.004), **own)
+    s = replace(s, interval_s=rng.choice((0.004, 0.005, 0.008)), delay_s=rng.uniform(0, 0.004), **own)  # type: ignore[arg-type]
     return replace(case.model, nominal=values, bounds={}), replace(s, run_on=bool(rng.integers(2)))
 
 
@@ -48,7 +48,7 @@ def fleet_of(cases: list[Case], rng: np.random.Generator) -> Fleet:
 def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again: int, lanes: int) -> None:
     rng = np.random.default_rng(seed)
     cases = [case for case in chosen for _ in range(again)]
-    rng.shuffle(cases)  # type: ignore[arg-type]
+    rng.shuffle(cases)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
         patch.setattr(bank_module, "MOST_LANES", lanes)

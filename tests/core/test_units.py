@@ -96,7 +96,8 @@ def test_units_scale_results_and_nothing_else(
 
     But for the angle where there is weight: its cosine is that of radians.  Or theta in units of its nominal value.
     """
-    units = Units(*(2.0**e for e in exponents), relative=relative)
+    torque, angle, time = (2.0**e for e in exponents)
+    units = Units(torque, angle, time, relative)
     if "gravity" in case.name:
         units = units._replace(angle=1.0)
     rec, s, model = with_pause(seed, case), replace(gentle(case), **way), case.model  # type: ignore[arg-type]

@@ -72,7 +72,7 @@ class Detector(NamedTuple):
     """
 
     calibrated: Callable[[Plant, int], list[Found]]
-    count: Callable[..., tuple[Floats, int]]
+    counted: Callable[..., tuple[Floats, int]]
     hours: int
 
 
@@ -89,7 +89,7 @@ def test_the_interval_holds_the_true_rate(name: str, colour: float, seed: int) -
     of, detector = plant(colour), DETECTORS[name]
     found = [detector.calibrated(of, seed + k) for k in range(CALIBRATIONS)]
     own = [one.own for budgets in found for one in budgets]
-    alarms, samples = detector.count(of, own, seed - 1, detector.hours * HOUR)
+    alarms, samples = detector.counted(of, own, seed - 1, detector.hours * HOUR)
     true = alarms / samples
     good = [
         kept(f"{name}, colour {colour}", budget, [one[b] for one in found], true[b :: len(BUDGETS)])
