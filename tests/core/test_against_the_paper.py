@@ -9,12 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from monitor_core.detection import DIRECTIONS, Crossing
 from monitor_core.drive.kalman import gains_after
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import NOISE, Experiment
 from monitor_core.kernel import block
+from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.monitoring import axis_batch as bank_module
@@ -22,10 +24,11 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 from tests.core.cases import BY_NAME, CASES, Case, H, as_columns, record
 from tests.core.chains import Sensor, chain, values
-from tests.core.differences import TOLERANCE, between, by_rounding
-from tests.core.oracle.paper import Paper
+from tests.core.oracle.paper import Log, Paper
 from tests.core.oracle.prediction import prediction
 from tests.core.supervised import lively_then_still, moved
+
+TOLERANCE = 1e-9
 
 
 class Situation(NamedTuple):
@@ -169,6 +172,47 @@ def situation(request: pytest.FixtureRequest, seed: int) -> tuple[Situation, Pap
         )
     paper.run(*one.rec)
     return one, paper
+
+
+def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[float]) -> float:
+    """Largest difference, relative to the largest value of each column."""
+    reference = np.array(paper).reshape(kernel.shape)
+    assert (np.isnan(kernel) == np.isnan(reference)).all()
+    scale = np.nanmax(np.abs(reference), axis=0)
+    return float(np.nanmax(np.abs(kernel - reference) / np.where(scale > 0, scale, 1)))
+
+
+def worst(trace: Trace, log: Log) -> dict[str, float]:
+    """Of a bank of one axis."""
+    one = Trace(*(field[..., 0] for field in trace))
+    moved = ~np.isnan(np.array(log.psi)[:, 0])
+    return {
+        "eps": apart(one.eps, log.eps),
+        "psi": apart(one.psi[moved], list(np.array(log.psi)[moved])),
+        "theta": apart(one.theta, log.theta),
+        "P": apart(one.P, [np.diag(P) for P in log.P]),
+        "g": apart(one.g, log.g),
+    }
+
+
+def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
+    """As ``worst``, with all of P and the running lambda_0 at the end."""
+    return worst(trace, paper.log) | {
+        "all of P": float(np.abs(bank.state.P[:, :, 0] / paper.P - 1).max()),
+        "lambda_0": abs(float(bank.state.lam0_running[0]) / paper.running - 1),
+    }
+
+
+def by_rounding(paper: Callable[[], Paper], rec: Experiment, log: Log) -> float:
+    """How far the transcription itself moves when every input is changed in its last place, at most of three times."""
+    rng, most = np.random.default_rng(1), 0.0
+    for _ in range(3):
+        other = paper()
+        other.run(
+            rec.t_us, *(np.nextafter(field, rng.choice([-np.inf, np.inf], field.shape)) for field in rec[1:])
+        )
+        most = max(most, apart(np.array(other.log.theta), log.theta), apart(np.array(other.log.g), log.g))
+    return most
 
 
 @pytest.mark.parametrize("fewest_lanes", [1000, 1], ids=["scalar", "lanes"])
