@@ -9,7 +9,7 @@ import pytest
 
 from tests.bench.costs import cpu, memory_mb
 from tests.bench.measure import Say
-from tests.end_to_end.processes import Daemon, daemon, demo_config, running, wait_for
+from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
 
 pytestmark = pytest.mark.bench
 
@@ -23,12 +23,12 @@ def samples(d: Daemon) -> int:
 
 def test_six_axes_at_200_hz(tmp_path: Path, say: Say) -> None:
     config = demo_config(tmp_path, axes=AXES)
-    with daemon(config) as d, running("simulate", "--config", config, log=tmp_path / "robot.log") as robot:
+    with daemon(config) as d, robot(config) as simulated:
         wait_for(lambda: d.status("readyz") == 200)
         time.sleep(2)
-        count, before, robot_before = samples(d), cpu(d.process.pid), cpu(robot.pid)
+        count, before, robot_before = samples(d), cpu(d.process.pid), cpu(simulated.pid)
         time.sleep(WATCHED_S)
-        after, robot_after = cpu(d.process.pid), cpu(robot.pid)
+        after, robot_after = cpu(d.process.pid), cpu(simulated.pid)
         rate = (samples(d) - count) / (after.at_s - before.at_s)
         rows = [
             ("daemon, of one core", after.share_since(before), "10 %"),
@@ -47,7 +47,7 @@ def test_time_to_the_first_estimate(tmp_path: Path, say: Say, monkeypatch: pytes
     # Else the predictor's settling, which is time of the robot, is what is measured.
     config.write_text(text.replace(SETTLING, "settling_time_s = 0.0"), encoding="utf-8")
     rows = []
-    with running("simulate", "--config", config, log=tmp_path / "robot.log"):
+    with robot(config):
         time.sleep(3)
         for cache, target in (("empty", 10), ("filled", 3)):
             rows.append((cache, *first_estimate(config), target))
@@ -59,7 +59,7 @@ def first_estimate(config: Path) -> tuple[float, float, float, float]:
     start = time.monotonic()
     with daemon(config) as d:
         page_s = time.monotonic() - start
-        wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"])
+        wait_for(lambda: d.axis()["counters"]["used"])
         found = time.monotonic() - start, memory_mb(d.process.pid), memory_mb(d.process.pid, "VmHWM")
         assert d.stop() == 0
     return page_s, *found

@@ -9,7 +9,7 @@ import pytest
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.standard_drives import MONITORED
 from tests.bench.measure import Say
-from tests.core.figures import homecoming, outcome, settings_of
+from tests.core.figures import figure_6, homecoming
 
 pytestmark = pytest.mark.bench
 
@@ -31,11 +31,8 @@ def test_figure_5(seed: int, say: Say) -> None:
 
 def test_figure_6(seed: int, say: Say) -> None:
     start = perf_counter()
-    settings = settings_of("speed", seed, run_on=True)
-    seeds = range(seed + 10_000, seed + 10_000 + FIGURE_6)
     rows = []
-    for parameter in (*MONITORED, None):
-        row = outcome(seeds, parameter, settings)
+    for parameter, row in figure_6(seed, FIGURE_6).rows.items():
         shares = (f"{100 * row.right:.1f} %", f"{100 * row.wrong:.1f} %") if parameter else ("-", row.wrong)
         delay = "beyond 5" if row.delay_s > LEFT_S else f"{row.delay_s:.2f}"
         g = (f"{v:.1f}" for v in row.largest_g)

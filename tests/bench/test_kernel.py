@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from monitor_core.drive.structure import Output
-from monitor_core.excitation.reference_experiment import Experiment, experiment
+from monitor_core.excitation.reference_experiment import experiments
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import FEWEST_LANES
 from tests.bench.axes import (
@@ -41,34 +40,6 @@ TARGET_US = {1: 1.5, 64: 0.25}
 MANY, SECOND, TARGET_MS, TARGET_MB = 1000, 200, 60, 100
 
 
-@pytest.mark.parametrize("axes", AXES)
-def test_block_of_1000_samples(axes: int, seed: int, benchmark: Any) -> None:
-    """For pytest-benchmark's own table: ms for one axis are us per sample."""
-    run = run_of("speed", axes, BLOCK, seed)
-    benchmark.pedantic(run, rounds=9, warmup_rounds=1)
-
-
-def test_one_axis_against_the_transcription(seed: int, say: Say) -> None:
-    say(
-        "one axis, three masses, kT 1/Ja fm: us per sample",
-        ("", "kernel", "target", "numpy and scipy", "ratio"),
-        [against_the_transcription(output, seed) for output in OUTPUTS],
-    )
-
-
-def against_the_transcription(output: Output, seed: int) -> tuple[object, ...]:
-    samples = experiment(seed, output=output)
-    first = Experiment(samples.t_us[:TRANSCRIBED], samples.u[:TRANSCRIBED], samples.y[:TRANSCRIBED])
-
-    def transcription() -> object:
-        return Paper(reference_model(output), settings(output, seed)).run(*first)
-
-    medians = in_turns({"kernel": run_of(output, 1, BLOCK, seed), "paper": transcription}, 9)
-    ours, theirs = medians["kernel"] / BLOCK * 1e6, medians["paper"] / TRANSCRIBED * 1e6
-    target = TARGET_US[1] if output == "speed" else "-"
-    return f"{output} output", ours, target, theirs, f"{theirs / ours:.0f} times"
-
-
 def test_many_axes(seed: int, say: Say) -> None:
     medians = in_turns({(o, axes): run_of(o, axes, BLOCK, seed) for o in OUTPUTS for axes in AXES}, 9)
     cost = {key: t / BLOCK / key[1] * 1e6 for key, t in medians.items()}
@@ -79,34 +50,37 @@ def test_many_axes(seed: int, say: Say) -> None:
     )
 
 
-def test_five_masses_and_six_parameters(seed: int, say: Say) -> None:
+def test_beside_the_transcription(seed: int, say: Say) -> None:
+    """Three masses and three parameters, five and six."""
+    runs = {"three": run_of, "five": run_of_five_masses}
     variants = {
         (drive, o, axes): run(o, axes, BLOCK, seed)
-        for drive, run in (("three", run_of), ("five", run_of_five_masses))
+        for drive, run in runs.items()
         for o in OUTPUTS
         for axes in (1, 64)
     }
-    medians = in_turns(variants | {("paper", o, 1): five_masses_transcribed(o, seed) for o in OUTPUTS}, 9)
-    rows = []
+    papers = {(drive, o, 0): transcribed(drive, o, seed) for drive in runs for o in OUTPUTS}
+    medians, rows = in_turns(variants | papers, 9), []
     for drive, output, axes in variants:
-        if drive == "five":
-            three, five = (medians[d, output, axes] / BLOCK / axes * 1e6 for d in ("three", "five"))
-            theirs = medians["paper", output, 1] / TRANSCRIBED * 1e6
-            rows.append(
-                (f"{output} output", axes, three, five, five / three, theirs, f"{theirs / five:.0f} times")
-            )
-    say(
-        "five masses and six parameters: us per sample and axis",
-        ("", "axes", "three masses", "five masses", "ratio", "five in numpy and scipy", "ratio"),
-        rows,
-    )
+        ours = medians[drive, output, axes] / BLOCK / axes * 1e6
+        theirs = medians[drive, output, 0] / TRANSCRIBED * 1e6
+        target = TARGET_US[axes] if (drive, output) == ("three", "speed") else "-"
+        rows.append((f"{drive} masses, {output}", axes, ours, target, theirs, f"{theirs / ours:.0f} times"))
+    header = ("", "axes", "kernel", "target", "numpy and scipy", "ratio")
+    say("us per sample and axis", header, rows)
 
 
-def five_masses_transcribed(output: Output, seed: int) -> Callable[[], object]:
-    rec = five_masses_record(output, 1, TRANSCRIBED, seed)
-    return lambda: Paper(five_masses(output), five_masses_settings(output)).run(
-        rec.t_us, rec.u[:, 0], rec.y[:, 0]
-    )
+def transcribed(drive: str, output: Output, seed: int) -> Callable[[], object]:
+    if drive == "five":
+        rec, model, s = (
+            five_masses_record(output, 1, TRANSCRIBED, seed),
+            five_masses(output),
+            five_masses_settings(output),
+        )
+    else:
+        rec, model = experiments([seed], output=output, samples=TRANSCRIBED), reference_model(output)
+        s = settings(output, seed)
+    return lambda: Paper(model, s).run(rec.t_us, rec.u[:, 0], rec.y[:, 0])
 
 
 def test_a_thousand_axes_for_a_second(seed: int, say: Say) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import subprocess
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -32,8 +33,8 @@ from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from tests.bench import recursive_peers
-from tests.bench.environments import environment
 from tests.bench.measure import Say, in_turns
+from tests.end_to_end.processes import ROOT
 
 pytestmark = pytest.mark.bench
 
@@ -166,11 +167,28 @@ def outcome(theta: Floats, task: Task) -> Outcome:
     return Outcome(scatter, np.array(delays))
 
 
+def environment() -> Path | str:
+    """The interpreter of the peers, which are no part of the program's own, installed from PyPI if need be.
+
+    Or why there is none.
+    """
+    folder, wanted = ROOT / ".cache" / "recursive-peers", "\n".join(PACKAGES)
+    python, ready = folder / "bin" / "python", folder / ".ready"
+    if ready.exists() and ready.read_text(encoding="utf-8") == wanted:
+        return python
+    make = [sys.executable, "-m", "venv", str(folder)]
+    pip = [str(python), "-m", "pip", "install", "--quiet", *PACKAGES]
+    if any(subprocess.run(step, capture_output=True, check=False).returncode for step in (make, pip)):
+        return "could not be installed"
+    ready.write_text(wanted, encoding="utf-8")
+    return python
+
+
 def theirs(
     task: Task, of: Records, P: Floats, tool: str, walk: str, tmp_path: Path
 ) -> tuple[Outcome, float] | str:
     """A peer's filter with this random walk; or why there is none."""
-    python = environment("recursive-peers", PACKAGES)
+    python = environment()
     if isinstance(python, str):
         return python
     p, model = len(task.watched), AxisModel(three_mass("speed"), task.values, task.watched)
@@ -195,10 +213,7 @@ def theirs(
 def test_joint_filters_of_others(name: str, seed: int, say: Say, tmp_path: Path) -> None:
     task = TASKS[name]
     of = records(task, seed)
-    ours = {
-        "axiswatch": Ours(task, of, joint=False),
-        "axiswatch, joint_state": Ours(task, of, joint=True),
-    }
+    ours = {"axiswatch": Ours(task, of, joint=False), "axiswatch, joint_state": Ours(task, of, joint=True)}
     P = ours["axiswatch"].run(len(of.u))[1]
     ours["axiswatch, joint_state, random_walk"] = Ours(task, of, joint=True, drift=True, P=P)
     times = in_turns({who: it.alone() for who, it in ours.items()}, 9)

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
+from monitor_core.detection.cusum.cusum_events import BatchEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experiment, experiments
 from monitor_core.kernel.block import Trace
-from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
+from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 
@@ -43,13 +44,20 @@ def steady_p(model: AxisModel, settings: Settings, seeds: Sequence[int]) -> tupl
 
 def steady_p_of(model: AxisModel, settings: Settings, records: Experiment) -> tuple[float, ...]:
     """The same, of these records."""
-    settings = replace(settings, P0=())
-    t_us, u, y = records
-    W = u.shape[1]
-    bank = AxisBatch([model] * W, [settings] * W)
-    bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y)
+    bank, _, _ = side_by_side(model, replace(settings, P0=()), records)
     assert not bank.state.seed_left.any()
     return tuple(float(v) for v in bank.state.P_nom.mean(axis=1))
+
+
+def side_by_side(
+    model: AxisModel, settings: Settings, rec: Experiment, shift: Floats | None = None
+) -> tuple[AxisBatch, list[tuple[int, BatchEvent]], Trace]:
+    """A bank of equal axes on records (N, W) of the same times, all with the same ``shift`` (N, p)."""
+    W = rec.u.shape[1]
+    bank = AxisBatch([model] * W, [settings] * W)
+    moved = None if shift is None else np.repeat(shift[..., np.newaxis], W, axis=2)
+    times = np.repeat(rec.t_us[:, np.newaxis], W, axis=1)
+    return bank, *bank.run_traced(times, rec.u, rec.y, shift=moved)
 
 
 def run_bank(
@@ -60,11 +68,10 @@ def run_bank(
     start: float = 1.0,
 ) -> Trace:
     """The reference experiment of each seed, monitored from theta = ``start`` times nominal."""
-    t_us, u, y = experiments(seeds, fault, output=model.drive.output)
+    rec = experiments(seeds, fault, output=model.drive.output)
     bank = AxisBatch([model] * len(seeds), [settings] * len(seeds))
     bank.state.theta[:] *= start
-    _, trace = bank.run_traced(np.repeat(t_us[:, np.newaxis], len(seeds), axis=1), u, y)
-    return trace
+    return bank.run_traced(np.repeat(rec.t_us[:, np.newaxis], len(seeds), axis=1), rec.u, rec.y)[1]
 
 
 def homecoming(output: Output, seeds: Sequence[int], seed: int) -> Floats:
@@ -95,8 +102,8 @@ def outcome(seeds: Sequence[int], parameter: str | None, settings: Settings, fac
     fault = {parameter: factor} if parameter else None
     which = model.monitored.index(parameter) if parameter else -1
     parts = [seeds[k : k + AT_ONCE] for k in range(0, len(seeds), AT_ONCE)]
-    rows = [_per_seed(run_bank(model, settings, part, fault), model, settings, which) for part in parts]
-    all_seeds = _Seeds(*(np.concatenate(column, axis=-1) for column in zip(*rows, strict=True)))
+    rows = [per_seed(run_bank(model, settings, part, fault), model, settings, which) for part in parts]
+    all_seeds = Seeds(*(np.concatenate(column, axis=-1) for column in zip(*rows, strict=True)))
     first, delay = all_seeds.first, all_seeds.delay_s
     return Outcome(
         right=float(np.mean(first == which)) if parameter else 0.0,
@@ -107,7 +114,7 @@ def outcome(seeds: Sequence[int], parameter: str | None, settings: Settings, fac
     )
 
 
-class _Seeds(NamedTuple):
+class Seeds(NamedTuple):
     """What happened to each seed."""
 
     first: NDArray[np.int64]  # parameter that crosses first after the fault, -1: none
@@ -116,11 +123,28 @@ class _Seeds(NamedTuple):
     largest: Floats  # (p, seeds), largest g over theta_0
 
 
-def _per_seed(trace: Trace, model: AxisModel, settings: Settings, which: int) -> _Seeds:
+def per_seed(trace: Trace, model: AxisModel, settings: Settings, which: int) -> Seeds:
+    """Of records with a fault of parameter ``which``."""
     h = settings.alpha2 * model.scale
     crossed = np.any(trace.g > h[:, np.newaxis], axis=1)  # (N, p, seeds), in either direction
     early, late = crossed[:FAULT_AT].any(axis=(0, 1)), crossed[FAULT_AT:]
     when = np.where(late.any(axis=0), late.argmax(axis=0), len(late))
     first = np.where(late.any(axis=(0, 1)), when.argmin(axis=0), -1)
     largest = trace.g[:, 0].max(axis=0) / model.scale[:, np.newaxis]
-    return _Seeds(first, (when[which] + 1) * INTERVAL_S, early, largest)
+    return Seeds(first, (when[which] + 1) * INTERVAL_S, early, largest)
+
+
+class Table(NamedTuple):
+    """Figure 6, +20 %, over so many seeds: a row for each faulty parameter, and one without a fault."""
+
+    seeds: int
+    rows: Mapping[str | None, Outcome]
+
+
+def figure_6(seed: int, seeds: int) -> Table:
+    settings = settings_of("speed", seed, run_on=True)
+    of = range(seed + 10_000, seed + 10_000 + seeds)
+    rows = {parameter: outcome(of, parameter, settings) for parameter in (*MONITORED, None)}
+    for parameter, row in rows.items():
+        print(f"fault in {parameter}: {row}")
+    return Table(seeds, rows)

@@ -1,24 +1,21 @@
 """Healthy reference axes side by side: how the estimates scatter, what is reported, and what is possible at all."""
 
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
-from monitor_core.kernel.tables import TORQUE
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
-from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
+from tests.core.figures import side_by_side
 
-STEP = 1e-30
 SETTLED = 12
 """Memories until P and theta have forgotten their start."""
 
@@ -59,44 +56,17 @@ def honesty(
     y = simulate_linear(model.drive, REFERENCE_VALUES, acting, INTERVAL_S)[0]
     y += NOISE[output] * rng.standard_normal(u.shape)
     late = slice(first, None, max(1, n // 8))
-    bank = AxisBatch([model] * axes, [settings] * axes)
-    t = np.repeat(np.arange(N, dtype=np.int64)[:, np.newaxis] * round(INTERVAL_S * 1e6), axes, axis=1)
-    _, trace = bank.run_traced(t, u, y)
+    rec = Experiment(np.arange(N, dtype=np.int64) * round(INTERVAL_S * 1e6), u, y)
+    # psi at the true parameters: of the same predictor with theta pinned (test_against_the_paper checks that psi).
+    pinned = replace(settings, P0=tuple(1e-30 * model.scale**2), lam=1 - 1e-9, settle_s=0.0)
+    trace, at_truth = (side_by_side(model, s, rec)[2] for s in (settings, pinned))
     deviation = trace.theta[late] - model.theta0[:, np.newaxis]
     reported = settings.lam0 * trace.P[late] / (1 + settings.lam)
-    psi = sensitivities(model, settings, u, y)
-    least = settings.lam0 * window_variance(psi, settings.lam, np.arange(N)[late])
+    least = settings.lam0 * window_variance(at_truth.psi[1:], settings.lam, np.arange(N)[late] - 1)
     rms = (
         np.sqrt(np.mean(squares, axis=(0, 2))) / model.scale for squares in (deviation**2, reported, least)
     )
     return Honesty(*rms)
-
-
-def sensitivities(model: AxisModel, settings: Settings, u: Floats, y: Floats) -> Floats:
-    """d yhat / d theta (N, p, W) of the predictor at the true parameters, exactly: by the complex step."""
-    K = settings.gain(len(model.drive.states))[:, np.newaxis]
-    psi = np.empty((len(u), len(model.theta0), u.shape[1]))
-    for i, value in enumerate(model.theta0):
-        theta = model.theta0 + 1j * STEP * value * np.eye(len(model.theta0))[i]
-        values = model.values(theta)
-        A, B, C = (model.drive.matrix(which, values) for which in ("A", "B", "C"))
-        Ad, Bd = held(model, A, B)
-        x: NDArray[np.complex128] = np.zeros((len(A), u.shape[1]), dtype=complex)
-        for k in range(len(u)):
-            yhat = C @ x
-            psi[k, i] = yhat[0].imag / (STEP * value)
-            x = Ad @ (x + K * (y[k] - yhat)) + Bd * u[k]
-    return psi
-
-
-def held(model: AxisModel, A: NDArray[Any], B: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Ad (n, n) and Bd (n, 1) for the torque, of complex matrices; balanced, or digits are lost."""
-    n, d = len(A), model.balance()
-    torque = [kind == TORQUE for kind in model.drive.inputs]
-    F = np.zeros((n + 1, n + 1), dtype=complex)
-    F[:n, :n], F[:n, n] = A / d[:, np.newaxis] * d, B[:, torque][:, 0] / d
-    E = expm(F * INTERVAL_S)
-    return d[:, np.newaxis] * E[:n, :n] / d, (d * E[:n, n])[:, np.newaxis]
 
 
 def window_variance(psi: Floats, lam: float, times: NDArray[np.int64]) -> Floats:

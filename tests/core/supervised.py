@@ -1,8 +1,14 @@
-"""The reference drive, supervised as the daemon does by default."""
+"""The reference drive, supervised as the daemon does by default, and its records with pauses."""
 
+import numpy as np
+
+from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import filter_gain, gains_after
-from monitor_core.excitation.reference_experiment import NOISE
-from monitor_core.modeling.standard_drives import reference_model
+from monitor_core.drive.structure import Output
+from monitor_core.excitation import multisine
+from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment
+from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.settings import Settings
 
 H = 0.005
@@ -20,3 +26,16 @@ SUPERVISED = Settings.paper(
     information_floor=FLOOR,
     min_excitation=STARVED,
 )
+
+
+def lively_then_still(rng: np.random.Generator, lively: int, still: int, again: int) -> Floats:
+    """Torque (N,)."""
+    parts = [multisine(rng, n, H, BAND_HZ, TORQUE_RMS) for n in (lively, again)]
+    return np.concatenate([parts[0], np.zeros(still), parts[1]])
+
+
+def moved(output: Output, u: Floats, rng: np.random.Generator) -> Experiment:
+    """The reference drive's linear part under this torque; what it lacks of another drive is noise to that."""
+    y, _ = simulate_linear(three_mass(output), REFERENCE_VALUES, u[:, np.newaxis], H)
+    noisy = y[:, 0] + NOISE[output] * rng.standard_normal(len(u))
+    return Experiment(np.arange(len(u), dtype=np.int64) * round(H * 1e6), u, noisy)

@@ -1,7 +1,9 @@
 """Wrong models, settings, samples and saved states are refused, with words that name the thing."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, nan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,69 +22,59 @@ from monitor_core.settings import Settings, Threshold
 DRIVE = three_mass("speed")
 MODEL = reference_model()
 SETTINGS = Settings.paper(0.005)
+BOUNDS = r"bounds of kT = .*: need 0 < lower < nominal < upper = 1\.0"
 
 
 def nominal(**changes: float) -> dict[str, float]:
     return {**REFERENCE_VALUES, **changes}
 
 
-def test_a_missing_nominal_value() -> None:
-    values = nominal()
-    del values["Ja"]
-    with pytest.raises(KeyError, match=r"no nominal value for Ja \(inertia of the arm, kg m\^2\)"):
-        AxisModel(DRIVE, values, MONITORED)
+@pytest.mark.parametrize(
+    ("values", "monitored", "others", "message"),
+    [
+        (nominal(Jm=0.0), MONITORED, {}, "nominal Jm = 0.0: inertia of the motor must be finite and greater than zero"),
+        (nominal(kg=-1.0), MONITORED, {}, "nominal kg = -1.0: stiffness of the gearbox, arm side must be .* greater"),
+        (nominal(kT=nan), MONITORED, {}, "nominal kT = nan: torque constant.* must be finite and greater than zero"),
+        (nominal(fm=inf), MONITORED, {}, "nominal fm = inf: viscous friction of the motor must be finite$"),
+        (nominal(tau0=nan), MONITORED, {}, "nominal tau0 = nan: torque offset must be finite$"),
+        *((nominal(), m, {}, "is monitored twice") for m in (("Ja", "1/Ja"), ("kT", "fm", "kT"))),
+        (nominal(), ("kT", "fc"), {}, r"fc .*scale"),
+        *((nominal(), ("kT", "fc"), {"scales": {"fc": v}}, "scale of fc") for v in (0.0, -1.0, nan)),
+        (
+            nominal(), ("kT", "1/fc"), {"scales": {"1/fc": 1.0}},
+            "1/fc does not exist: its nominal value is 0",
+        ),
+        *(
+            (nominal(), MONITORED, {"bounds": {"kT": b}}, BOUNDS)
+            for b in ((1.1, 0.9), (1.1, 2.0), (0.1, 0.9), (nan, 2.0), (0.5, nan), (0.0, 2.0))
+        ),
+    ],
+)  # fmt: skip
+def test_a_model_that_makes_no_sense(
+    values: dict[str, float], monitored: Sequence[str], others: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        AxisModel(DRIVE, values, tuple(monitored), **others)
 
 
 @pytest.mark.parametrize(
     ("values", "monitored", "message"),
     [
+        (
+            {name: v for name, v in REFERENCE_VALUES.items() if name != "Ja"},
+            MONITORED,
+            r"no nominal value for Ja \(inertia of the arm, kg m\^2\)",
+        ),
         (nominal(Jx=1.0), MONITORED, "Jx"),
         (nominal(), ("kT", "Jx"), "Jx"),
         (nominal(), ("kT", "1/Jx"), "Jx"),
     ],
 )
-def test_an_unknown_parameter(values: dict[str, float], monitored: tuple[str, ...], message: str) -> None:
+def test_a_missing_value_or_an_unknown_parameter(
+    values: dict[str, float], monitored: tuple[str, ...], message: str
+) -> None:
     with pytest.raises(KeyError, match=message):
         AxisModel(DRIVE, values, monitored)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("Jm", 0.0, "nominal Jm = 0.0: inertia of the motor must be finite and greater than zero"),
-        ("kg", -1.0, "nominal kg = -1.0: stiffness of the gearbox, arm side must be .* greater than zero"),
-        ("kT", nan, "nominal kT = nan: torque constant.* must be finite and greater than zero"),
-        ("fm", inf, "nominal fm = inf: viscous friction of the motor must be finite$"),
-        ("tau0", nan, "nominal tau0 = nan: torque offset must be finite$"),
-    ],
-)
-def test_a_nominal_value_that_makes_no_sense(name: str, value: float, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        AxisModel(DRIVE, nominal(**{name: value}), MONITORED)
-
-
-@pytest.mark.parametrize("monitored", [("Ja", "1/Ja"), ("kT", "fm", "kT")])
-def test_a_parameter_monitored_twice(monitored: tuple[str, ...]) -> None:
-    with pytest.raises(ValueError, match="is monitored twice"):
-        AxisModel(DRIVE, nominal(), monitored)
-
-
-@pytest.mark.parametrize("scale", [None, 0.0, -1.0, nan])
-def test_a_zero_nominal_value_without_a_scale(scale: float | None) -> None:
-    scales = {} if scale is None else {"fc": scale}
-    with pytest.raises(ValueError, match=r"fc .*scale|scale of fc"):
-        AxisModel(DRIVE, nominal(), ("kT", "fc"), scales)
-
-
-def test_the_reciprocal_of_zero() -> None:
-    with pytest.raises(ValueError, match="1/fc does not exist: its nominal value is 0"):
-        AxisModel(DRIVE, nominal(), ("kT", "1/fc"), {"1/fc": 1.0})
-
-
-@pytest.mark.parametrize("bounds", [(1.1, 0.9), (1.1, 2.0), (0.1, 0.9), (nan, 2.0), (0.5, nan), (0.0, 2.0)])
-def test_bounds_that_do_not_hold_the_nominal_value(bounds: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match=r"bounds of kT = .*: need 0 < lower < nominal < upper = 1\.0"):
-        AxisModel(DRIVE, nominal(), MONITORED, bounds={"kT": bounds})
 
 
 @pytest.mark.parametrize(
@@ -112,47 +104,54 @@ def test_settings_at_the_ends_of_their_ranges() -> None:
     Settings.paper(0.005, lam=0.5, alpha1=0.0, delay_s=0.005, max_gap_s=0.005, settle_s=0.0)
 
 
-@pytest.mark.parametrize("number", [1, 4, 6])
-def test_a_gain_for_another_number_of_states(number: int) -> None:
-    with pytest.raises(ValueError, match=f"K has {number} entries, the drive 5 states"):
-        AxisBatch([MODEL], [replace(SETTINGS, K=(0.0,) * number)])
-
-
-def test_P0_for_another_number_of_parameters() -> None:
-    with pytest.raises(ValueError, match="P0 has 2 entries, 3 parameters are monitored"):
-        AxisBatch([MODEL], [replace(SETTINGS, P0=(1.0, 1.0))])
-
-
-def test_thresholds_for_another_number_of_parameters() -> None:
-    with pytest.raises(ValueError, match="there are 2 thresholds, 3 parameters are monitored"):
-        AxisBatch([MODEL], [replace(SETTINGS, thresholds=(Threshold(3.0, 20.0),) * 2)])
-
-
-def test_a_bank_of_nothing_or_of_unequal_axes() -> None:
-    with pytest.raises(ValueError, match="0 models and 0 settings"):
-        AxisBatch([], [])
-    with pytest.raises(ValueError, match="2 models and 1 settings"):
-        AxisBatch([MODEL, MODEL], [SETTINGS])
-    for other in (reference_model("angle"), reference_model(monitored=("kT", "fm", "1/Ja"))):
-        with pytest.raises(ValueError, match="must share the drive and the monitored parameters"):
-            AxisBatch([MODEL, other], [SETTINGS, SETTINGS])
+@pytest.mark.parametrize(
+    ("models", "settings", "message"),
+    [
+        *(
+            ([MODEL], [replace(SETTINGS, K=(0.0,) * n)], f"K has {n} entries, the drive 5 states")
+            for n in (1, 4, 6)
+        ),
+        ([MODEL], [replace(SETTINGS, P0=(1.0, 1.0))], "P0 has 2 entries, 3 parameters are monitored"),
+        (
+            [MODEL],
+            [replace(SETTINGS, thresholds=(Threshold(3.0, 20.0),) * 2)],
+            "there are 2 thresholds, 3 parameters are monitored",
+        ),
+        ([], [], "0 models and 0 settings"),
+        ([MODEL, MODEL], [SETTINGS], "2 models and 1 settings"),
+        *(
+            ([MODEL, other], [SETTINGS] * 2, "must share the drive and the monitored parameters")
+            for other in (reference_model("angle"), reference_model(monitored=("kT", "fm", "1/Ja")))
+        ),
+    ],
+)
+def test_a_bank_whose_parts_do_not_fit(
+    models: list[AxisModel], settings: list[Settings], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        AxisBatch(models, settings)
 
 
 @pytest.mark.parametrize(
-    ("t", "u", "y"),
-    [((5, 1), (5, 2), (5, 2)), ((5, 2), (4, 2), (5, 2)), ((5, 2), (5, 2), (5,)), ((5,), (5,), (5,))],
-)
-def test_blocks_of_wrong_shape(t: tuple[int, ...], u: tuple[int, ...], y: tuple[int, ...]) -> None:
-    bank = AxisBatch([MODEL] * 2, [SETTINGS] * 2)
-    with pytest.raises(ValueError, match=r"need \(N, 2\) each"):
-        bank.run(np.zeros(t, np.int64), np.zeros(u), np.zeros(y))
-
-
-@pytest.mark.parametrize("count", [[5], [5, 6], [-1, 5], [5, 5, 5]])
-def test_counts_that_do_not_fit(count: list[int]) -> None:
-    bank = AxisBatch([MODEL] * 2, [SETTINGS] * 2)
-    with pytest.raises(ValueError, match="need 2 numbers from 0 to 5"):
-        bank.run(np.zeros((5, 2), np.int64), np.zeros((5, 2)), np.zeros((5, 2)), np.array(count))
+    ("t", "u", "y", "others", "message"),
+    [
+        *(
+            (*shapes, {}, r"need \(N, 2\) each")
+            for shapes in (((5, 1), (5, 2), (5, 2)), ((5, 2), (4, 2), (5, 2)), ((5, 2), (5, 2), (5,)), ((5,),) * 3)
+        ),
+        *(
+            ((5, 2),) * 3 + ({"count": np.array(n)}, "need 2 numbers from 0 to 5")
+            for n in ([5], [5, 6], [-1, 5], [5, 5, 5])
+        ),
+        ((5, 2), (5, 2), (5, 2), {"shift": np.zeros((5, 1))}, r"shift, gate of shapes \(5, 1\)"),
+        ((5, 2), (5, 2), (5, 2), {"gate": np.ones((4, 2), np.bool_)}, r"need \(5, 3, 2\) and \(5, 2\)"),
+    ],
+)  # fmt: skip
+def test_blocks_of_wrong_shape(
+    t: tuple[int, ...], u: tuple[int, ...], y: tuple[int, ...], others: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        AxisBatch([MODEL] * 2, [SETTINGS] * 2).run(np.zeros(t, np.int64), np.zeros(u), np.zeros(y), **others)
 
 
 def test_a_saved_state_of_another_model_or_damaged(seed: int) -> None:

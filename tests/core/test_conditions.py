@@ -7,26 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
-from tests.core.cases import CASES, Case, as_columns, record
-from tests.core.laws import SAMPLES, cases, law, lively, part, seeds, state
+from tests.core.cases import CASES, Case, record
+from tests.core.laws import SAMPLES, cases, fates, law, lively, seeds, shifts, state
 from tests.core.oracle.system import held_over, inputs
 
 PAPER = CASES[0]
-
-
-def shifts(seed: int, case: Case, size: float = 0.02) -> np.ndarray:
-    """(SAMPLES, p), a smooth way of this size beside the parameters'."""
-    rng = np.random.default_rng(seed)
-    phase = rng.uniform(0, 2 * np.pi, len(case.model.theta0))
-    t = np.linspace(0, 3, SAMPLES)[:, None]
-    return np.asarray(size * case.model.scale * (np.sin(t + phase) - np.sin(phase)))
-
-
-def fates(monitor: AxisMonitor) -> dict[str, int]:
-    return {name: n for name, n in monitor.status().counters.items() if n}
 
 
 def test_another_nominal_value_from_the_start_is_another_model(seed: int) -> None:
@@ -93,29 +80,3 @@ def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, le
         SampleBlock(*rec, shift=held, gate=gate)
     )
     assert state(one) == state(other)
-
-
-@law
-@given(seed=seeds, case=cases, cut=st.integers(0, SAMPLES))
-def test_blocks_and_neighbours_change_nothing(seed: int, case: Case, cut: int) -> None:
-    rec, shift = record(seed, case, SAMPLES, jitter=0.3, gaps=1), shifts(seed, case)
-    gate = np.random.default_rng(seed).random(SAMPLES) < 0.9
-    alone, among = AxisBatch([case.model], [lively(case)]), AxisBatch([case.model] * 9, [lively(case)] * 9)
-    alone.run(*as_columns(rec), shift=shift[..., None], gate=gate[:, None])
-    for piece in (slice(0, cut), slice(cut, SAMPLES)):
-        one = as_columns(part(rec, piece.start, piece.stop))
-        t, u, y = np.repeat(one.t_us, 9, axis=1), np.repeat(one.u, 9, axis=1), np.repeat(one.y, 9, axis=1)
-        there, opened = np.repeat(shift[piece, :, None], 9, axis=2), np.repeat(gate[piece, None], 9, axis=1)
-        among.run(t, u, y, shift=there, gate=opened)
-    for a in range(9):
-        assert state(AxisMonitor.of_lane(among, a)) == state(AxisMonitor.of_lane(alone, 0))
-    assert among.state.counts[COUNTERS.index("gated")].min() > 0
-
-
-def test_shapes_that_do_not_fit_are_refused() -> None:
-    bank = AxisBatch([PAPER.model], [lively(PAPER)])
-    t, u = np.arange(5, dtype=np.int64)[:, None] * 5000, np.zeros((5, 1))
-    with pytest.raises(ValueError, match=r"shift, gate of shapes \(5, 1\)"):
-        bank.run(t, u, u, shift=np.zeros((5, 1)))
-    with pytest.raises(ValueError, match=r"need \(5, 3, 1\) and \(5, 1\)"):
-        bank.run(t, u, u, gate=np.ones((4, 1), np.bool_))

@@ -16,6 +16,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.structure import Drive
 from monitor_core.excitation.design import Command, Experiment, Task, plan
 from monitor_core.excitation.experiment_sentences import warnings
 from monitor_core.excitation.motion_limits import Limits, fitted
@@ -25,7 +26,6 @@ from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant
 from monitor_core.excitation.prediction import Estimation, told_apart
 from monitor_core.excitation.record_phases import Schedule
-from monitor_core.excitation.sensitivity import sensitivities, sensitivity_responses
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass
 from tests.core.chains import chain, values
@@ -61,29 +61,22 @@ def replayed(plant: Plant, torque: Floats) -> tuple[Floats, Floats]:
 
 
 LIMIT = st.floats(0.5, 50.0)
-OPEN = st.sampled_from(
-    [(two_mass("angle"), two_masses(fc=fc, tau0=tau0)) for fc in (0.0, 0.2) for tau0 in (0.0, 0.1)]
-)
+OPEN = [(two_mass("angle"), two_masses(fc=fc, tau0=tau0)) for fc in (0.0, 0.2) for tau0 in (0.0, 0.1)]
 WEIGHTS = [(chain(n, "angle"), values(n)) for n in (1, 2, 3)]
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(OPEN, LIMIT, LIMIT, LIMIT, st.integers(0, 2**32))
-def test_a_torque_keeps_within_all_limits(
-    drive: tuple[object, dict[str, float]], torque: float, speed: float, angle: float, seed: int
+@settings(max_examples=16, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.sampled_from(OPEN + WEIGHTS), st.floats(0.5, 50.0), LIMIT, LIMIT, st.integers(0, 2**32))
+def test_torques_and_motions_keep_within_all_limits(
+    drive: tuple[Drive, dict[str, float]], torque: float, speed: float, angle: float, seed: int
 ) -> None:
-    plant = Plant(two_mass("angle"), drive[1], H)
-    check_limits(planned_or_none(seed, task(Limits(torque, speed, angle), drive[1], plant=plant)), plant)
-
-
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(st.sampled_from(WEIGHTS), st.floats(3.0, 50.0), LIMIT, LIMIT, st.integers(0, 2**32))
-def test_a_motion_keeps_within_all_limits(
-    drive: tuple[object, dict[str, float]], torque: float, speed: float, angle: float, seed: int
-) -> None:
-    plant = Plant(drive[0], drive[1], H)  # type: ignore[arg-type]
-    estimation = Estimation(plant.drive, plant.values, H, 1e-6)
-    asked = task(Limits(torque, speed, angle), plant=plant, estimation=estimation, command="angle")
+    """A weight is moved by a controller."""
+    plant = Plant(*drive, H)
+    if drive in OPEN:
+        asked = task(Limits(torque, speed, angle), drive[1], plant=plant)
+    else:
+        estimation = Estimation(plant.drive, plant.values, H, 1e-6)
+        asked = task(Limits(torque + 2.5, speed, angle), plant=plant, estimation=estimation, command="angle")
     check_limits(planned_or_none(seed, asked), plant)
 
 
@@ -138,11 +131,6 @@ def test_an_offset_is_borne_so_that_nothing_drifts(seed: int) -> None:
     means = x.motion.angle[x.task.schedule.evaluated, 0].reshape(4, -1).mean(axis=1)
     assert means == pytest.approx(means[0], abs=0.01 * np.abs(x.motion.angle).max())
     assert x.motion.torque[0, 0] == pytest.approx(-0.3, abs=0.02)
-
-
-def test_with_friction_it_ends_nearly_at_rest(seed: int) -> None:
-    x = planned(seed, task(Limits(2, 20), two_masses(fc=0.2)))
-    assert abs(x.motion.speed[-1, 0]) < 0.05 * np.abs(x.motion.speed).max()
 
 
 @pytest.mark.parametrize("limits", [Limits(2, 20), Limits(angle=0.5)])
@@ -214,15 +202,6 @@ def test_limits_that_make_no_sense(limits: dict[str, float], message: str) -> No
 # --- what it tells ----------------------------------------------------------------------------------------
 
 NAMES = ("Jm", "Ja", "k", "d", "fm")
-
-
-def test_frequency_responses_are_those_of_the_simulated_sensitivities(seed: int) -> None:
-    lines = lines_in(400, H, (0.0, 30.0))
-    m = Multisine.random(np.random.default_rng(seed), 400, H, lines)
-    s = sensitivity_responses(two_mass("speed"), two_masses(), NAMES, m.frequency_hz, H)
-    S = sensitivities(two_mass("speed"), two_masses(), NAMES, np.tile(m.samples(), 20), H)[-400:]
-    for i in range(len(NAMES)):
-        assert m.through(s[:, i]).samples() == pytest.approx(S[:, i], abs=1e-6 * np.abs(S[:, i]).max())
 
 
 @pytest.mark.parametrize("torque_noise", [0.0, 0.2])

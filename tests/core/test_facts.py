@@ -12,34 +12,24 @@ from tests.core.alarm_versions import alarm_versions
 from tests.core.cases import BY_NAME, record
 
 
-def test_numbers_of_a_parameter(seed: int) -> None:
+@pytest.mark.parametrize(
+    "own", [(), (Threshold(0.7, 0.9), Threshold(0.5, 2.0, 0.1), Threshold(1.0, 3.0, 0.2))], ids=["one", "own"]
+)
+def test_numbers_of_a_parameter(own: tuple[Threshold, ...], seed: int) -> None:
     case = BY_NAME["speed-zero-nominals"]
-    settings = case.settings(alpha1=0.7, alpha2=0.9, lam=0.97)
+    settings = replace(case.settings(alpha1=0.7, alpha2=0.9, lam=0.97), thresholds=own)
     monitor = AxisMonitor(case.model, settings)
     monitor.update(SampleBlock(*record(seed, case, 400)))
     st = monitor.batch.state
     for i, p in enumerate(monitor.status().parameters):
-        P_ii = float(st.P[i, i, 0])
+        P_ii, size, of = float(st.P[i, i, 0]), case.model.scale[i], own[i] if own else Threshold(0.7, 0.9)
         assert (p.name, p.nominal, p.estimate) == (case.monitored[i], case.model.theta0[i], st.theta[i, 0])
         assert p.p_diagonal == P_ii
         assert p.standard_deviation == pytest.approx(sqrt(settings.lam0 * P_ii / 1.97))
-        assert p.nu == pytest.approx(0.7 * sqrt(settings.lam0 * P_ii))
-        assert p.h == pytest.approx(0.9 * case.model.scale[i])
+        assert p.nu == pytest.approx(of.alpha1 * sqrt(settings.lam0 * P_ii) + of.allowance * size)
+        assert p.h == pytest.approx(of.alpha2 * size)
         assert (p.g_up, p.g_down) == tuple(st.g[:, i, 0])
     assert monitor.status().time_us == 399 * 5000
-
-
-def test_nu_and_h_of_thresholds_of_its_own(seed: int) -> None:
-    case = BY_NAME["speed-zero-nominals"]
-    own = (Threshold(0.7, 0.9), Threshold(0.5, 2.0, 0.1), Threshold(1.0, 3.0, 0.2))
-    settings = replace(case.settings(), thresholds=own)
-    monitor = AxisMonitor(case.model, settings)
-    monitor.update(SampleBlock(*record(seed, case, 10)))
-    for i, p in enumerate(monitor.status().parameters):
-        size = case.model.scale[i]
-        expected = own[i].alpha1 * sqrt(settings.lam0 * p.p_diagonal) + own[i].allowance * size
-        assert p.nu == pytest.approx(expected)
-        assert p.h == pytest.approx(own[i].alpha2 * size)
 
 
 def test_an_alarm_tells_its_size_with_standard_deviation(seed: int) -> None:

@@ -1,96 +1,57 @@
-"""Laws of the engine, bit by bit: blocks, neighbours, checkpoints and unusable samples change no estimate."""
+"""Laws of the engine, bit by bit: blocks, checkpoints, unusable samples and the time of day change no estimate."""
 
-from dataclasses import replace
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from monitor_core.drive.axis_model import AxisModel
+from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.state import COUNTERS
-from monitor_core.monitoring import AxisBatch, AxisMonitor
-from monitor_core.monitoring import axis_batch as bank_module
+from monitor_core.monitoring import AlarmChange, AxisMonitor
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
-from tests.core.cases import CASES, Case, as_columns, record
-from tests.core.laws import SAMPLES, cases, cuts, law, lively, part, seeds, state
+from tests.core.cases import CASES, Case, record
+from tests.core.laws import (
+    SAMPLES,
+    WAYS,
+    Way,
+    cases,
+    conditioned,
+    fates,
+    law,
+    lively,
+    restored,
+    seeds,
+    state,
+    ways,
+    with_pause,
+)
 
 
 @law
-@given(seed=seeds, case=cases, cuts=cuts)
-def test_blocks_may_end_anywhere(seed: int, case: Case, cuts: list[int]) -> None:
-    rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    whole, parts = (AxisBatch([case.model], [lively(case)]) for _ in range(2))
-    expected = whole.run(*as_columns(rec))
-    edges = [0, *sorted(cuts), SAMPLES]
-    found = [
-        event for start, stop in pairwise(edges) for event in parts.run(*as_columns(part(rec, start, stop)))
-    ]
-    assert found == expected
-    assert state(AxisMonitor.of_lane(parts, 0)) == state(AxisMonitor.of_lane(whole, 0))
-
-
-@law
-@given(seed=seeds, case=cases, cut=st.integers(0, SAMPLES))
-def test_a_saved_monitor_goes_on_as_if_nothing_had_happened(seed: int, case: Case, cut: int) -> None:
-    rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    whole, before, after = (AxisMonitor(case.model, lively(case)) for _ in range(3))
-    whole.update(SampleBlock(*part(rec, 0, cut)))
-    expected = whole.update(SampleBlock(*part(rec, cut)))
-    before.update(SampleBlock(*part(rec, 0, cut)))
-    after.from_arrays({name: array.copy() for name, array in before.to_arrays().items()})
-    assert after.update(SampleBlock(*part(rec, cut))) == expected
-    assert after.open_alarms == whole.open_alarms
-    assert state(after) == state(whole)
-
-
-def different_axes(rng: np.random.Generator, case: Case, W: int) -> list[tuple[AxisModel, Settings]]:
-    axes = []
-    for _ in range(W):
-        values = {name: v * rng.uniform(0.9, 1.1) for name, v in case.model.nominal.items()}
-        model = replace(case.model, nominal=values)
-        s = replace(lively(case), lam=rng.uniform(0.95, 0.99), delay_s=rng.uniform(0, 0.005))
-        axes.append((model, replace(s, alpha1=rng.uniform(0.1, 0.5), max_gap_s=rng.uniform(0.02, 0.05))))
-    return axes
-
-
-def side_by_side(records: list[Experiment], counts: list[int]) -> tuple[Experiment, NDArray[np.int64]]:
-    """Samples of several axes as one block; behind the last sample of an axis stands nonsense."""
-    N = max(counts)
-    t_us, u, y = (np.full((N, len(counts)), filler) for filler in (-77, 1e300, -1e300))
-    for a, (rec, n) in enumerate(zip(records, counts, strict=True)):
-        t_us[:n, a], u[:n, a], y[:n, a] = part(rec, 0, n)
-    return Experiment(t_us.astype(np.int64), u, y), np.array(counts)
-
-
-@law
-@given(seed=seeds, case=cases, W=st.integers(1, 10), lanes=st.integers(0, 12), data=st.data())
-def test_an_axis_does_not_feel_its_neighbours(
-    seed: int, case: Case, W: int, lanes: int, data: st.DataObject
+@given(seed=seeds, case=cases, way=ways, cuts=st.lists(st.integers(0, SAMPLES), max_size=4))
+def test_blocks_may_end_anywhere_and_states_be_saved(
+    seed: int, case: Case, way: Way, cuts: list[int]
 ) -> None:
-    rng = np.random.default_rng(seed)
-    axes = different_axes(rng, case, W)
-    records = [record(seed + a, case, 60, jitter=0.3, gaps=1) for a in range(W)]
-    counts = data.draw(st.lists(st.integers(0, 60), min_size=W, max_size=W))
-    bank = AxisBatch([model for model, _ in axes], [s for _, s in axes])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bank_module, "FEWEST_LANES", 1 if lanes else 1000)
-        patch.setattr(bank_module, "MOST_LANES", lanes)
-        block, n = side_by_side(records, counts)
-        events = bank.run(*block, n)
-        block, n = side_by_side(
-            [part(rec, n) for rec, n in zip(records, counts, strict=True)], [60 - n for n in counts]
-        )
-        events += bank.run(*block, n)
-    for a, (model, s) in enumerate(axes):
-        alone = AxisBatch([model], [s])
-        expected = alone.run(*as_columns(records[a]))
-        assert state(AxisMonitor.of_lane(bank, a)) == state(AxisMonitor.of_lane(alone, 0))
-        assert [event for axis, event in events if axis == a] == [event for _, event in expected]
+    block, s = conditioned(seed, case, with_pause(seed, case)), lively(case, way)
+    whole, going, saved = (AxisMonitor(case.model, s) for _ in range(3))
+    changes = list[AlarmChange]()
+    for start, stop in pairwise([0, *sorted(cuts), SAMPLES]):
+        piece = block.select(slice(start, stop))
+        found = going.update(piece)
+        assert saved.update(piece) == found
+        assert saved.open_alarms == going.open_alarms
+        saved, changes = restored(saved), changes + found
+    assert _latest(changes) == _latest(whole.update(block))
+    assert state(saved) == state(going) == state(whole)
+
+
+def _latest(changes: Iterable[AlarmChange]) -> dict[AlarmKey, Alarm]:
+    """Each alarm in its latest form: of two blocks, an alarm may be raised in one and renamed in the other."""
+    return {change.alarm.key: change.alarm for change in changes}
 
 
 UNUSABLE = {
@@ -105,10 +66,9 @@ def with_unusable(rec: Experiment, at: int, reason: str, value: float, torque: b
     if reason == "not_increasing":
         t -= int(value)
     elif torque:
-        u = value
+        t, u = t + 1_000, value
     else:
-        y = value
-    t += 1_000 if reason == "not_finite" else 0
+        t, y = t + 1_000, value
     return Experiment(*(np.insert(f, at + 1, new) for f, new in zip(rec, (t, u, y), strict=True)))
 
 
@@ -134,11 +94,11 @@ def test_unusable_samples_are_counted_and_change_nothing(seed: int, case: Case, 
 @given(seed=seeds, case=cases, shift=st.integers(-(2**60), 2**60))
 def test_only_differences_of_time_count(seed: int, case: Case, shift: int) -> None:
     rec = record(seed, case, SAMPLES, jitter=0.3, gaps=1)
-    here, there = (AxisBatch([case.model], [lively(case)]) for _ in range(2))
-    expected = here.run(*as_columns(rec))
-    found = there.run(*as_columns(rec._replace(t_us=rec.t_us + shift)))
-    assert state(AxisMonitor.of_lane(there, 0))[0] == state(AxisMonitor.of_lane(here, 0))[0]
-    assert [event.time_us - shift for _, event in found] == [event.time_us for _, event in expected]
+    here, there = (AxisMonitor(case.model, lively(case)) for _ in range(2))
+    expected = here.update(SampleBlock(*rec))
+    found = there.update(SampleBlock(*rec._replace(t_us=rec.t_us + shift)))
+    assert state(there)[0] == state(here)[0]
+    assert [change.alarm.raised_us - shift for change in found] == [c.alarm.raised_us for c in expected]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -148,6 +108,22 @@ def test_the_laws_see_something_happen(case: Case, seed: int) -> None:
     for k in range(5):
         monitor = AxisMonitor(case.model, lively(case))
         episodes += len(monitor.update(SampleBlock(*record(seed + k, case, SAMPLES, jitter=0.3, gaps=1))))
-        assert monitor.status().counters["gap"] >= 1
-        assert monitor.status().counters["used"] > SAMPLES / 2
+        found = fates(monitor)
+        assert sum(found.values()) - found.get("projected", 0) == SAMPLES == monitor.status().samples
+        assert found["gap"] >= 1
+        assert found["used"] > SAMPLES / 2
     assert episodes > 3
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_the_ways_differ(way: Way, seed: int) -> None:
+    """Else the laws would hold of one way only."""
+    ends = []
+    for of in ({}, way):
+        total = 0.0
+        for k, case in enumerate(CASES):
+            monitor = AxisMonitor(case.model, lively(case, of))
+            monitor.update(SampleBlock(*with_pause(seed + k, case)))
+            total += float((monitor.batch.state.theta[:, 0] / case.model.scale).sum())
+        ends.append(total)
+    assert ends[0] != ends[1]

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import MONITORED, REFERENCE_VALUES, three_mass
-from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.figures import side_by_side
 
 H, SAMPLES, SEEDS = 0.005, 4000, 64
 AVERAGED = three_mass("speed").with_mean_speed()
@@ -36,9 +36,7 @@ def deviations(drive: Drive, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Mean of the estimates over nominal, minus 1, in percent (p,)."""
     model = AxisModel(drive, REFERENCE_VALUES, MONITORED)
     settings = Settings.paper(H, settle_s=2.7, P0=tuple((0.05 * model.scale) ** 2))
-    bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
-    t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
-    _, trace = bank.run_traced(t_us, u, y)
+    _, _, trace = side_by_side(model, settings, Experiment(np.arange(SAMPLES) * 5000, u, y))
     return np.asarray(100 * (trace.theta[1500:].mean(axis=(0, 2)) / model.theta0 - 1))
 
 
@@ -58,55 +56,6 @@ def test_estimates_are_without_bias(record: tuple[np.ndarray, np.ndarray]) -> No
 def test_read_as_the_speed_at_the_sample_they_are_off(record: tuple[np.ndarray, np.ndarray]) -> None:
     """Half an interval late: as much as the design says, -5, -2 and -9 %."""
     assert (abs(deviations(three_mass("speed"), *record) - [-5, -2, -9]) < [0.8, 0.5, 2.2]).all()
-
-
-def covariances(model: AxisModel, noise: float, rounds: int) -> tuple[np.ndarray, ...]:
-    """Ad, Q, C of a sample and P of the prediction, by going round the filter with s = 0 said in so many words."""
-    A, B, _ = model.matrices()
-    n, torque = len(A), [kind == 0 for kind in model.drive.inputs]
-    Ad, Bd = zero_order_hold(A, B, H)
-    G, C, begin = noise * Bd[:, torque], np.eye(n)[-1] / H, np.diag([1.0] * (n - 1) + [0.0])
-    P = G @ G.T
-    for _ in range(rounds):
-        P = P - np.outer(P @ C, P @ C) / (C @ P @ C + 1)
-        P = Ad @ begin @ P @ begin @ Ad.T + G @ G.T
-    return Ad @ begin, G @ G.T, C, P
-
-
-@pytest.mark.parametrize(
-    "drive", [AVERAGED, three_mass("speed").with_mean_speed().with_delay()], ids=["plain", "delay"]
-)
-def test_the_gain_is_that_of_the_filter(drive: Drive) -> None:
-    values = {**REFERENCE_VALUES, "fc": 0.4, "delay": 0.0}
-    model = AxisModel(drive, {p.name: values[p.name] for p in drive.parameters}, ("kT",))
-    Ad, Q, C, P = covariances(model, 0.1, 4000)
-    K, lam0 = filter_gain(model, H, 0.1, 1.0)
-    assert lam0 == pytest.approx(C @ P @ C + 1, rel=1e-9)
-    np.testing.assert_allclose(K[:-1], (P @ C / (C @ P @ C + 1))[:-1], rtol=1e-6)
-    later = gains_after(model, H, 0.1, 1.0)
-    assert {K[-1], *(gain[-1] for gain in later)} == {0}
-    P2 = Ad @ P @ Ad.T + Q  # a sample was missing: the mean is that over the second interval
-    np.testing.assert_allclose(later[1][:-1], (P2 @ C / (C @ P2 @ C + 1))[:-1], rtol=1e-6)
-    kept = (np.eye(len(Ad)) - np.outer(K, C)) @ Ad
-    slowest = -H / np.log(np.abs(np.linalg.eigvals(kept)).max())
-    assert slowest_time_constant(model, K, H) == pytest.approx(slowest, rel=1e-9)
-
-
-def test_innovations_are_white_and_as_large_as_said(seed: int) -> None:
-    """With torque noise as assumed: 64 records of 3500 innovations, so the limits are seven standard deviations."""
-    rngs = [np.random.default_rng((seed, 7, k)) for k in range(SEEDS)]
-    u = np.stack([multisine(r, SAMPLES, H, BAND_HZ, TORQUE_RMS) for r in rngs], axis=1)
-    white = [np.stack([r.standard_normal(SAMPLES) for r in rngs], axis=1) for _ in range(2)]
-    y, _ = simulate_linear(AVERAGED, REFERENCE_VALUES, u + 0.3 * white[0], H)
-    model = AxisModel(AVERAGED, REFERENCE_VALUES, ("kT",))
-    K, lam0 = filter_gain(model, H, 0.3, 0.2)
-    settings = Settings.paper(H, K=tuple(K), lam0=lam0, settle_s=2.5, P0=(1e-20,))
-    bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
-    t_us = np.repeat(np.arange(SAMPLES)[:, np.newaxis] * 5000, SEEDS, axis=1)
-    eps = bank.run_traced(t_us, u, y + 0.2 * white[1])[1].eps[501:]
-    n = eps.size
-    assert np.mean(eps**2) / lam0 == pytest.approx(1.0, abs=7 * np.sqrt(2 / n))
-    assert abs(np.mean(eps[1:] * eps[:-1])) / lam0 < 7 / np.sqrt(n)
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.002, 0.005])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model, three_mass
+from monitor_core.modeling.standard_drives import reference_model, three_mass
 
 NAMES = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0", "kT")
 V = dict(zip(NAMES, (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0), strict=True)) | {"r": 0.5}
@@ -76,9 +76,3 @@ def test_balance_brings_the_norm_of_the_reference_drive_down() -> None:
     assert (np.log2(d) == np.round(np.log2(d))).all()
     balanced = A / d[:, np.newaxis] * d
     assert abs(balanced).sum(axis=1).max() < 1e-2 * abs(A).sum(axis=1).max()
-
-
-def test_slowest_pole_of_the_reference_drive() -> None:
-    poles = np.linalg.eigvals(reference_model().matrices()[0])
-    assert -1 / poles.real.max() == pytest.approx(0.55, abs=0.01)
-    assert REFERENCE_VALUES["r"] == 1 / 118

@@ -28,6 +28,10 @@ FRICTION = Follow("fm", Term("", "temperature"), -0.0005, 40.0, 20.0, 60.0)
 NAN = math.nan
 
 
+def follow(name: str, function: str = "") -> Follow:
+    return Follow(name, Term(function, "t"), 1.0, 0.0)
+
+
 def taken(
     conditions: Conditions, *rows: tuple[float, ...], model: AxisModel = TURNING
 ) -> tuple[np.ndarray, np.ndarray, str]:
@@ -38,18 +42,17 @@ def taken(
 
 
 @pytest.mark.parametrize(
-    ("text", "function", "signal"),
+    ("text", "term"),
     [
-        ("temperature", "", "temperature"),
-        (" cos(angle2) ", "cos", "angle2"),
-        ("square ( a-b )", "square", "a-b"),
-        ("tan(x)", "tan", "x"),
+        ("temperature", ("", "temperature")),
+        (" cos(angle2) ", ("cos", "angle2")),
+        ("square ( a-b )", ("square", "a-b")),
+        ("tan(x)", ("tan", "x")),
     ],
 )
-def test_terms_are_read(text: str, function: str, signal: str) -> None:
-    term = Term.read(text)
-    assert term == (function, signal)
-    assert Term.read(str(term)) == term
+def test_terms_are_read(text: str, term: tuple[str, str]) -> None:
+    assert Term.read(text) == term
+    assert Term.read(str(Term.read(text))) == term
 
 
 @pytest.mark.parametrize("text", ["", "cos()", "2 * x", "cos(x", "a + b", "cos(sin(x))"])
@@ -70,16 +73,12 @@ def test_functions_are_what_they_are_called() -> None:
         assert np.isnan(found[2:]).all()
 
 
-def test_a_nominal_value_follows_its_signal_and_no_other() -> None:
+def test_a_nominal_value_follows_its_signals_and_no_other() -> None:
     shift, gate, reason = taken(Conditions(("mode", "temperature"), (FRICTION,)), (7, 40), (7, 50), (7, 25))
     assert gate.all()
     assert reason == ""
+    np.testing.assert_allclose(shift[:, 2], [0.0, -0.005, 0.0075], rtol=1e-12)
     assert (shift[:, :2] == 0).all()
-    assert shift[0, 2] == 0
-    np.testing.assert_allclose(shift[1:, 2], [-0.005, 0.0075], rtol=1e-12)
-
-
-def test_several_terms_add_up() -> None:
     more = Follow("fm", Term("square", "load"), 0.001, 1.0)
     shift, _, _ = taken(Conditions(("temperature", "load"), (FRICTION, more)), (50, 3))
     assert shift[0, 2] == pytest.approx(-0.005 + 0.008)
@@ -165,21 +164,26 @@ def test_all_gates_must_be_open() -> None:
     assert reason == "mode = 2"
 
 
-def test_slow_is_gated_by_the_measured_speed() -> None:
-    operating = Operating(TURNING, Conditions(min_speed=0.5))
-    shift, gate = operating.take(np.arange(4) * 5000, np.array([0.4, -0.5, 2.0, NAN]), None)
-    assert gate.tolist() == [False, True, True, False]
+# Angles: first; 2 rad/s; -2 rad/s; 0.4 rad/s; no later than the one before; no number; 3 rad/s over two intervals.
+@pytest.mark.parametrize(
+    ("model", "t_ms", "y", "expected"),
+    [
+        (TURNING, [0, 5, 10, 15], [0.4, -0.5, 2.0, NAN], [False, True, True, False]),
+        (
+            MODEL,
+            [0, 5, 10, 20, 20, 25, 30],
+            [1.0, 1.01, 1.0, 1.004, 3.0, NAN, 3.03],
+            [False, True, True, False, False, False, True],
+        ),
+    ],
+    ids=["speed", "angle"],
+)
+def test_slow_is_gated(model: AxisModel, t_ms: list[int], y: list[float], expected: list[bool]) -> None:
+    operating = Operating(model, Conditions(min_speed=0.5))
+    shift, gate = operating.take(1000 * np.array(t_ms), np.array(y), None)
+    assert gate.tolist() == expected
     assert not shift.any()
-    assert operating.reason == "slower than 0.5 rad/s"
-
-
-def test_slow_is_gated_by_the_way_from_angle_to_angle() -> None:
-    operating = Operating(MODEL, Conditions(min_speed=0.5))
-    t_us = np.array([0, 5000, 10_000, 20_000, 20_000, 25_000, 30_000])
-    angle = np.array([1.0, 1.01, 1.0, 1.004, 3.0, NAN, 3.03])
-    _, gate = operating.take(t_us, angle, None)
-    # first; 2 rad/s; -2 rad/s; 0.4 rad/s; no later than the one before; no number; 3 rad/s over two intervals
-    assert gate.tolist() == [False, True, True, False, False, False, True]
+    assert operating.reason == ("" if expected[-1] else "slower than 0.5 rad/s")
 
 
 @given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1))
@@ -206,21 +210,9 @@ def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
 @pytest.mark.parametrize(
     ("conditions", "error", "words"),
     [
-        (
-            Conditions(("t",), (Follow("fc", Term("", "t"), 1.0, 0.0),)),
-            ValueError,
-            "fc is to follow t, but is not",
-        ),
-        (
-            Conditions(("t",), (Follow("fm", Term("tan", "t"), 1.0, 0.0),)),
-            ValueError,
-            "no function tan of signals",
-        ),
-        (
-            Conditions(("t",), tuple(Follow(n, Term("", "t"), 1.0, 0.0) for n in ("Ja", "1/Ja"))),
-            ValueError,
-            "slopes of both Ja and 1/Ja",
-        ),
+        (Conditions(("t",), (follow("fc"),)), ValueError, "fc is to follow t, but is not"),
+        (Conditions(("t",), (follow("fm", "tan"),)), ValueError, "no function tan of signals"),
+        (Conditions(("t",), (follow("Ja"), follow("1/Ja"))), ValueError, "slopes of both Ja and 1/Ja"),
         (Conditions(("t",), (FRICTION,)), KeyError, "no signal temperature"),
         (Conditions((), (), (Gate("mode"),)), KeyError, "no signal mode"),
     ],

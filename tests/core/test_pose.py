@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -21,9 +20,8 @@ from monitor_core.excitation.reference_experiment import (
     faulty,
 )
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
-from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
-from tests.core.figures import settings_of
+from tests.core.figures import Seeds, per_seed, settings_of, side_by_side
 
 SEEDS = 100
 CHANGE = 0.3
@@ -65,27 +63,9 @@ def shift_of(record: Experiment) -> Floats:
     return shift
 
 
-class Outcome(NamedTuple):
-    """Of each seed: the parameter that crosses first after the fault, -1: none; its delay; a crossing before."""
-
-    first: np.ndarray
-    delay_s: Floats
-    early: np.ndarray
-
-
-def watched(record: Experiment, settings: Settings, parameter: str, shift: Floats | None) -> Outcome:
-    W = record.u.shape[1]
-    bank = AxisBatch([MODEL] * W, [settings] * W)
-    moved = None if shift is None else np.repeat(shift[..., np.newaxis], W, axis=2)
-    times = np.repeat(record.t_us[:, np.newaxis], W, axis=1)
-    _, trace = bank.run_traced(times, record.u, record.y, shift=moved)
-    h = settings.alpha2 * MODEL.scale
-    crossed = np.any(trace.g > h[:, np.newaxis], axis=1)  # (N, p, W)
-    late = crossed[FAULT_AT:]
-    when = np.where(late.any(axis=0), late.argmax(axis=0), len(late))
-    first = np.where(late.any(axis=(0, 1)), when.argmin(axis=0), -1)
-    delay_s = (when[MODEL.monitored.index(parameter)] + 1) * INTERVAL_S
-    return Outcome(first, delay_s, crossed[:FAULT_AT].any(axis=(0, 1)))
+def watched(record: Experiment, settings: Settings, parameter: str, shift: Floats | None) -> Seeds:
+    _, _, trace = side_by_side(MODEL, settings, record, shift)
+    return per_seed(trace, MODEL, settings, MODEL.monitored.index(parameter))
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ from monitor_core.detection import Crossing
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
+from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
-from tests.core.figures import steady_p
+from tests.core.figures import side_by_side, steady_p
 
 H, FINE = 0.005, 10
 SAMPLES, LATE_FROM = 4000, 2000
@@ -48,9 +48,8 @@ def watched(
         H, K=tuple(K), lam0=lam0, settle_s=2.0, information_floor=0.05, min_excitation=0.05
     )
     settings = replace(settings, P0=steady_p(model, settings, range(20)))
-    bank = AxisBatch([model] * SEEDS, [settings] * SEEDS)
-    t = np.repeat(np.arange(SAMPLES, dtype=np.int64)[:, None] * 5000, SEEDS, axis=1)
-    return bank, [(a, e) for a, e in bank.run(t, u, y) if isinstance(e, Crossing)]
+    bank, events, _ = side_by_side(model, settings, Experiment(np.arange(SAMPLES) * 5000, u, y))
+    return bank, [(a, e) for a, e in events if isinstance(e, Crossing)]
 
 
 @pytest.mark.parametrize("steps", [1, -1, 5], ids=["0.5 ms late", "0.5 ms early", "2.5 ms late"])

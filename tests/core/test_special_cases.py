@@ -17,6 +17,7 @@ from monitor_core.monitoring import AxisMonitor, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME, CASES, Case, record
+from tests.core.laws import fates, restored
 
 SPEED = reference_model()
 
@@ -31,10 +32,6 @@ def run(
 ) -> None:
     piece = slice(start, stop)
     monitor.update(SampleBlock(rec.t_us[piece] + later_us, rec.u[piece], rec.y[piece]))
-
-
-def counts(monitor: AxisMonitor) -> dict[str, int]:
-    return {name: n for name, n in monitor.status().counters.items() if n}
 
 
 @pytest.mark.parametrize("jump_us", [51_000, 10**12, -1_000_000_000], ids=["just", "days", "back"])
@@ -68,17 +65,6 @@ def test_the_longest_interval_is_not_a_gap() -> None:
     assert monitor.status().counters["gap"] == 1
 
 
-def test_first_state_is_the_drive_moving_rigidly() -> None:
-    """From such a state, with the torque that friction takes, the prediction stays where it is."""
-    values = SPEED.nominal
-    speed = 3.0
-    monitor = AxisMonitor(SPEED, Settings.paper(0.005))
-    torque = np.full(200, values["fm"] * speed / values["kT"])
-    _, trace = monitor.update_traced(SampleBlock(np.arange(200) * 5000, torque, np.full(200, speed)))
-    assert np.nanmax(abs(trace.eps), initial=0) < 1e-9
-    assert abs(monitor.batch.state.x[2, 0] - speed) < 1e-9
-
-
 def test_an_angle_far_from_zero_is_no_trouble(seed: int) -> None:
     """After a gap the angle may have any value: the estimates are those of the same motion around zero."""
     case = BY_NAME["angle-paper"]
@@ -101,14 +87,7 @@ def test_status_of_an_axis_through_its_life() -> None:
             seen.append(status)
     assert seen == [Status.WAITING, Status.SETTLING, Status.SEEDING, Status.TRACKING]
     # 100 samples settle, of which the first only starts the predictor; ten memory lengths of 20 find P(0).
-    assert counts(monitor) == {"started": 1, "settling": 99, "seeding": 200, "used": 100}
-
-
-def test_every_sample_is_counted_once(seed: int) -> None:
-    case = BY_NAME["paper"]
-    monitor = alone(case)
-    run(monitor, record(seed, case, 500, jitter=0.3, gaps=2), 0)
-    assert monitor.status().samples == 500
+    assert fates(monitor) == {"started": 1, "settling": 99, "seeding": 200, "used": 100}
 
 
 def test_theta_is_held_by_its_bounds_and_it_is_counted(seed: int) -> None:
@@ -129,8 +108,12 @@ def unstable(settle_s: float) -> AxisMonitor:
 
 
 def test_a_predictor_that_runs_away_is_started_anew(seed: int) -> None:
+    """Its state can be saved right then, and its facts be told at any time."""
     monitor, rec = unstable(settle_s=4.0), experiment(seed)
-    run(monitor, rec, 0, 1000)
+    for k in range(1000):
+        run(monitor, rec, k, k + 1)
+        if monitor.status().counters["diverged"] and monitor.batch.state.t[0] == NEVER:
+            assert restored(monitor).status() == monitor.status()
     assert monitor.status().counters["diverged"] >= 1
     assert (monitor.batch.state.theta[:, 0] == SPEED.theta0 * [1, 1, -100]).all()
     monitor.batch.state.theta[:, monitor.lane] = SPEED.theta0
@@ -139,25 +122,10 @@ def test_a_predictor_that_runs_away_is_started_anew(seed: int) -> None:
     assert abs(monitor.batch.state.x[2, 0]) < 50
     assert 0.5 < monitor.status().innovation_variance < 2
     assert monitor.status().parameters[0].status is Status.TRACKING
-
-
-def test_a_state_can_be_saved_right_after_the_predictor_ran_away(seed: int) -> None:
-    monitor, rec = unstable(settle_s=4.0), experiment(seed)
-    for k in range(1000):
-        run(monitor, rec, k, k + 1)
-        if monitor.status().counters["diverged"]:
-            break
-    assert monitor.batch.state.t[0] == NEVER
-    other = AxisMonitor(SPEED, monitor.settings)
-    other.from_arrays(monitor.to_arrays())
-    assert other.status() == monitor.status()
-
-
-def test_facts_of_a_predictor_that_is_running_away(seed: int) -> None:
-    monitor, rec = unstable(settle_s=0.1), experiment(seed)
+    early = unstable(settle_s=0.1)
     for k in range(2000):
-        run(monitor, rec, k, k + 1)
-        assert all(p.standard_deviation >= 0 for p in monitor.status().parameters)
+        run(early, rec, k, k + 1)
+        assert all(p.standard_deviation >= 0 for p in early.status().parameters)
 
 
 @pytest.mark.parametrize("huge", [1e30, 1e160, 1e300])
@@ -170,7 +138,7 @@ def test_one_absurd_value_leaves_everything_finite(huge: float, seed: int) -> No
     assert np.isfinite(status.innovation_variance)
     assert all(np.isfinite([p.standard_deviation, p.g_up, p.g_down]).all() for p in status.parameters)
     assert np.isfinite(monitor.batch.state.theta).all()
-    AxisMonitor(SPEED, monitor.settings).from_arrays(monitor.to_arrays())
+    restored(monitor)
 
 
 def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Alarm]]:
@@ -194,10 +162,7 @@ def test_lost_samples_raise_no_alarm(lost: int, seed: int) -> None:
     assert episodes == []
     assert (abs(monitor.batch.state.theta[:, 0] / monitor.model.theta0 - 1) < [0.02, 0.02, 0.2]).all()
     assert monitor.status().counters["used"] > 1000
-
-
-def test_without_waiting_lost_samples_would_be_a_fault(seed: int) -> None:
-    assert lossy(seed, 9, 0.0)[1] != []
+    assert lost < 9 or lossy(seed, lost, 0.0)[1], "without waiting it would be a fault"
 
 
 def test_what_its_bounds_hold_is_invalid(seed: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import secrets
 import signal
 import subprocess
@@ -12,7 +13,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -72,6 +73,26 @@ def running(*arguments: str | Path, log: Path) -> Iterator[subprocess.Popen[byte
         process.wait()
 
 
+def robot(config: Path, *words: str) -> AbstractContextManager[subprocess.Popen[bytes]]:
+    """The simulated robot of that configuration."""
+    return running("simulate", "--config", config, *words, log=config.parent / "robot.log")
+
+
+@contextmanager
+def demo(log: Path, *words: str | Path) -> Iterator[str]:
+    """The address of a running demo's page; interrupted at the end, it ends in order."""
+    with running(*words, "--port", "0", log=log) as process:
+        yield wait_for(lambda: re.search(r"dashboard: (http://\S+)", log.read_text(encoding="utf-8")))[1]
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+
+
+def alarms_shown(page: str) -> list[dict[str, Any]]:
+    with urllib.request.urlopen(page + "api/v1/alarms", timeout=20) as answer:
+        found: list[dict[str, Any]] = json.loads(answer.read())["alarms"]
+        return found
+
+
 class Daemon:
     """``axiswatch run`` on a free port."""
 
@@ -79,26 +100,29 @@ class Daemon:
         self.process, self._log, self._skip = process, log, skip
         self.page = str(self._event("running")["page"])
 
+    def answer(self, path: str) -> tuple[int, str]:
+        """Status and body."""
+        try:
+            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
+                return int(answer.status), str(answer.read(), "utf-8")
+        except urllib.error.HTTPError as error:
+            return error.code, str(error.read(), "utf-8")
+
     def get(self, path: str) -> Any:
         """The body of an answer, whatever its status."""
-        try:
-            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
-                return json.loads(answer.read())
-        except urllib.error.HTTPError as error:
-            return json.loads(error.read())
-
-    def text(self, path: str) -> str:
-        """The body of an answer as text."""
-        with urllib.request.urlopen(self.page + path, timeout=20) as answer:
-            return str(answer.read(), "utf-8")
+        return json.loads(self.answer(path)[1])
 
     def status(self, path: str) -> int:
-        """The status of an answer."""
-        try:
-            with urllib.request.urlopen(self.page + path, timeout=20) as answer:
-                return int(answer.status)
-        except urllib.error.HTTPError as error:
-            return error.code
+        return self.answer(path)[0]
+
+    def axis(self, number: int = 1) -> dict[str, Any]:
+        found: dict[str, Any] = self.get(f"api/v1/axes/demo.axis{number}")
+        return found
+
+    def text(self, path: str) -> str:
+        status, body = self.answer(path)
+        assert status == 200
+        return body
 
     def events(self) -> list[dict[str, Any]]:
         """The log of this run."""

@@ -12,7 +12,7 @@ from typing import Any
 from service.can.bus import open_bus, send
 from service.can.frames import FrameKey
 from service.config import load
-from tests.end_to_end.processes import Daemon, daemon, demo_config, running, wait_for
+from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
 
 FLOATS = """VERSION ""
 
@@ -62,7 +62,7 @@ def test_values_that_are_none_and_frames_that_are_short_are_counted_and_change_n
 
 def _with(d: Daemon, samples: int) -> dict[str, Any] | None:
     """The axis, once it has some good samples and all of the bad values."""
-    axis: dict[str, Any] = d.get("api/v1/axes/demo.axis1")
+    axis = d.axis()
     return axis if axis["samples"] >= samples and axis["dropped"]["not_finite"] >= 20 else None
 
 
@@ -77,7 +77,7 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
     state = tmp_path / "state"
     fault = ("--fault", "fm=1.6", "--fault-after", "2.5")
     with daemon(config) as d:
-        with running("simulate", "--config", config, *fault, log=tmp_path / "robot.log"):
+        with robot(config, *fault):
             wait_for(lambda: d.get("api/v1/alarms")["total"])
         raised = d.get("api/v1/alarms")["alarms"][0]["raised"]
         assert d.stop() == 0
@@ -87,7 +87,7 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
         (message,) = said(d)
         assert "alarms.sqlite is damaged" in message
         assert [a["raised"] for a in d.get("api/v1/alarms")["alarms"]] == [raised]
-        assert d.get("api/v1/axes/demo.axis1")["parameters"][2]["status"] == "alarm"
+        assert d.axis()["parameters"][2]["status"] == "alarm"
         assert d.stop() == 0
     assert len(list(state.glob("alarms.sqlite.damaged-*"))) >= 1
 
@@ -95,7 +95,7 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
     with daemon(config) as d:  # the journal still knows the alarm
         (message,) = said(d)
         assert "checkpoints.sqlite is damaged" in message
-        axis = d.get("api/v1/axes/demo.axis1")
+        axis = d.axis()
         assert (axis["samples"], axis["parameters"][2]["status"]) == (0, "alarm")
         assert d.stop() == 0
 
@@ -103,8 +103,8 @@ def test_damaged_files_are_said_and_kept_and_an_alarm_is_not_lost_with_the_journ
 def test_a_checkpoint_of_other_nominal_values_is_quarantined_and_said(tmp_path: Path) -> None:
     config = demo_config(tmp_path, axes=1)
     with daemon(config) as d:
-        with running("simulate", "--config", config, log=tmp_path / "robot.log"):
-            wait_for(lambda: d.get("api/v1/axes/demo.axis1")["samples"])
+        with robot(config):
+            wait_for(lambda: d.axis()["samples"])
         assert d.stop() == 0
     text = config.read_text(encoding="utf-8").replace("fm = 0.06 ", "fm = 0.07 ")
     config.write_text(text, encoding="utf-8")
@@ -116,7 +116,7 @@ def test_a_checkpoint_of_other_nominal_values_is_quarantined_and_said(tmp_path: 
         )
         assert "the estimates, the evidence of the multi-model detector and the long-term history" in message
         assert message in [event.get("message") for event in d.events()]
-        axis = d.get("api/v1/axes/demo.axis1")
+        axis = d.axis()
         assert (axis["samples"], axis["parameters"][2]["estimate"]) == (0, 0.07)
         assert d.stop() == 0
 

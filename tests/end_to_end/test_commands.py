@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pty
 import re
@@ -12,28 +11,28 @@ import subprocess
 import urllib.request
 from pathlib import Path
 
-from tests.end_to_end.processes import PROGRAM, ROOT, daemon, demo_config, run_program, running, wait_for
+from tests.end_to_end.processes import (
+    PROGRAM,
+    ROOT,
+    alarms_shown,
+    daemon,
+    demo,
+    demo_config,
+    run_program,
+    running,
+    wait_for,
+)
 
 
 def test_demo_shows_a_page_and_names_its_fault(tmp_path: Path) -> None:
-    log = tmp_path / "demo.log"
-    options = ("--port", "0", "--axes", "2", "--fault-after", "3", "--state-dir", tmp_path / "state")
-    with running("demo", *options, log=log) as process:
-        page = wait_for(lambda: re.search(r"dashboard: (http://\S+)", log.read_text(encoding="utf-8")))[1]
+    log, state = tmp_path / "demo.log", tmp_path / "state"
+    with demo(log, "demo", "--axes", "2", "--fault-after", "3", "--state-dir", state) as page:
         with urllib.request.urlopen(page, timeout=20) as answer:
             assert b"<html" in answer.read()
-
-        def alarms() -> list[dict[str, object]]:
-            with urllib.request.urlopen(page + "api/v1/alarms", timeout=20) as answer:
-                found: list[dict[str, object]] = json.loads(answer.read())["alarms"]
-                return found
-
-        (alarm,) = wait_for(alarms)
+        (alarm,) = wait_for(lambda: alarms_shown(page))
         assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
-        process.send_signal(signal.SIGINT)
-        assert process.wait(30) == 0
     assert "fm x 1.3 after 3 s" in log.read_text(encoding="utf-8")
-    assert (tmp_path / "state" / "checkpoints.sqlite").is_file()
+    assert (state / "checkpoints.sqlite").is_file()
 
 
 def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
@@ -42,7 +41,7 @@ def test_what_is_recorded_can_be_played_and_listened_to(tmp_path: Path) -> None:
     with daemon(config, "--record", record) as d:
         done = run_program("simulate", "--config", config, "--seconds", "1.5", "--seed", "7")
         assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "300 frames sent")
-        wait_for(lambda: d.get("api/v1/axes/demo.axis1")["samples"] == 300)
+        wait_for(lambda: d.axis()["samples"] == 300)
         assert d.stop() == 0
     lines = tmp_path / "lines.txt"
     with running("listen", "--config", config, log=lines) as listener:

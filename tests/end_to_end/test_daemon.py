@@ -13,19 +13,10 @@ from monitor_core.monitoring import AxisMonitor
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.store.checkpoints import Checkpoint, Checkpoints
-from tests.end_to_end.processes import Daemon, daemon, demo_config, run_program, running, wait_for
+from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, run_program, running, wait_for
 
-INTERVAL_S = 1.0
+INTERVAL_S, RATE_HZ = 1.0, 200
 FAST_CHECKPOINTS = f"checkpoint_interval_s = {INTERVAL_S}\nhistory_interval_s = 0.5"
-
-
-def axis(daemon: Daemon, number: int = 1) -> dict[str, Any]:
-    found: dict[str, Any] = daemon.get(f"api/v1/axes/demo.axis{number}")
-    return found
-
-
-def parameters(answer: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    return {p["name"]: p for p in answer["parameters"]}
 
 
 def alarms(daemon: Daemon) -> dict[int, dict[str, Any]]:
@@ -50,18 +41,18 @@ def test_estimates_alarm_and_metrics_come_out_and_a_replay_of_the_record_gives_t
 ) -> None:
     config = demo_config(tmp_path)
     record = tmp_path / "frames.log"
-    fault = ("--fault", "fm=1.5", "--fault-axis", "axis2", "--fault-after", "4")
+    words = ("--fault", "fm=1.5", "--fault-axis", "axis2", "--fault-after", "4")
     with daemon(config, "--record", record) as d:
         assert d.status("readyz") == 503
-        with running("simulate", "--config", config, *fault, log=tmp_path / "robot.log") as robot:
+        with robot(config, *words) as process:
             wait_for(lambda: d.status("readyz") == 200)
             alarm = wait_for(lambda: next(iter(alarms(d).values()), None))
             assert (alarm["axis"], alarm["parameter"], alarm["direction"]) == ("demo.axis2", "fm", "up")
-            wait_for(lambda: axis(d)["counters"]["used"] > 1500)
-            robot.send_signal(signal.SIGINT)
-            assert robot.wait(20) == 0
+            wait_for(lambda: d.axis()["counters"]["used"] > 1500)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
         last = wait_until_silent(d)
-        assert parameters(last[1])["fm"]["status"] == "alarm"
+        assert {p["name"]: p["status"] for p in last[1]["parameters"]}["fm"] == "alarm"
         with_metrics = d.text("metrics")
         assert d.get("api/v1/axes/demo.axis1/history")["time"]
         assert d.stop() == 0
@@ -99,27 +90,37 @@ def wait_until_silent(d: Daemon) -> list[dict[str, Any]]:
 def test_kill_9_at_any_moment_loses_no_shown_alarm_and_at_most_an_interval_of_estimation(
     tmp_path: Path, seed: int
 ) -> None:
-    config = demo_config(tmp_path, service=FAST_CHECKPOINTS)
-    chance = random.Random(seed)
-    fault = ("--fault", "fm=1.6", "--fault-after", "5")
-    shown: dict[int, dict[str, Any]] = {}
-    samples_shown = 0
-    with running("simulate", "--config", config, *fault, log=tmp_path / "robot.log"):
-        for _ in range(3):
+    assert killed(tmp_path, seed, kills=3, fault_after_s=5, while_starting=False)
+
+
+def killed(
+    folder: Path, seed: int, *, kills: int, fault_after_s: int, while_starting: bool
+) -> dict[int, dict[str, Any]]:
+    """The alarms shown last.  All shown before are still there each time, and of the estimation an interval is lost.
+
+    Each daemon waits for an alarm and a checkpoint; or it is killed at any moment, and another one while it starts.
+    """
+    config, chance = demo_config(folder, service=FAST_CHECKPOINTS), random.Random(seed)
+    shown, samples = dict[int, dict[str, Any]](), 0
+    with robot(config, "--fault", "fm=1.6", "--fault-after", str(fault_after_s)):
+        for _ in range(kills):
+            if while_starting:
+                with running("run", "--config", config, "--port", "0", log=folder / "start.log"):
+                    time.sleep(chance.uniform(0, 1.5))
             with daemon(config) as d:
-                first = axis(d)
-                assert first["samples"] >= samples_shown - 3 * INTERVAL_S * 200
-                now = alarms(d)
+                now, first = alarms(d), d.axis()
                 assert {k: still(shown[k]) for k in shown} == {k: still(now[k]) for k in shown}
-                if any(a["active"] and a["parameter"] == "fm" for a in now.values()):
-                    assert parameters(first)["fm"]["status"] == "alarm"
-                wait_for(lambda: alarms(d) and d.get("api/v1/service")["checkpoint"])
+                assert first["samples"] >= samples - 3 * INTERVAL_S * RATE_HZ
+                if any(alarm["active"] and alarm["axis"] == first["id"] for alarm in now.values()):
+                    assert "alarm" in {p["status"] for p in first["parameters"]}
+                if not while_starting:
+                    wait_for(lambda d=d: alarms(d) and d.get("api/v1/service")["checkpoint"])  # type: ignore[misc]
                 time.sleep(chance.uniform(0, 2.5))
-                samples_shown = axis(d)["samples"]
-                shown = alarms(d)
+                samples, shown = d.axis()["samples"], alarms(d)
                 d.process.kill()
                 assert d.process.wait() == -signal.SIGKILL
-    assert len(shown) >= 1
+    assert samples > kills * RATE_HZ / 2
+    return shown
 
 
 def still(alarm: dict[str, Any]) -> tuple[Any, ...]:

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.end_to_end.processes import ROOT, Daemon, daemon, demo_config, running, wait_for
+from tests.end_to_end.processes import ROOT, Daemon, daemon, demo_config, robot, wait_for
 
 UNRECORDED = "cannot be recorded yet, is tried again"
 UNSAVED = "the state of the monitors cannot be saved"
@@ -30,12 +30,12 @@ def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(tmp_
     with daemon(config) as d:
         limit_files(d, 1)
         fault = ("--fault", "fm=1.6", "--fault-after", "2")
-        with running("simulate", "--config", config, *fault, log=tmp_path / "robot.log"):
+        with robot(config, *fault):
             wait_for(lambda: any(UNRECORDED in message and " fm up" in message for message in messages(d)))
             wait_for(lambda: any(UNSAVED in message for message in messages(d)))
-            before = d.get("api/v1/axes/demo.axis1")["last_sample"]
+            before = d.axis()["last_sample"]
             assert d.get("api/v1/alarms")["total"] == 0
-            parameters = d.get("api/v1/axes/demo.axis1")["parameters"]
+            parameters = d.axis()["parameters"]
             assert "alarm" not in [p["status"] for p in parameters], "shown, but not on the disk"
             assert d.status("healthz") == 200
             limit_files(d, resource.RLIM_INFINITY)

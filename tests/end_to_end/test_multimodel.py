@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.end_to_end.processes import Daemon, daemon, demo_config, run_program, running, wait_for
+from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, run_program, wait_for
 
 
 def bank_config(folder: Path) -> Path:
@@ -29,7 +29,7 @@ def named(d: Daemon) -> dict[str, Any] | None:
 def test_friction_is_named_and_stays_one_alarm_over_a_restart(tmp_path: Path) -> None:
     config, record = bank_config(tmp_path), tmp_path / "frames.log"
     fault = ("--fault", "fm=1.6", "--fault-after", "4")
-    with running("simulate", "--config", config, *fault, log=tmp_path / "robot.log"):
+    with robot(config, *fault):
         with daemon(config, "--record", record) as d:
             alarm = wait_for(lambda: named(d))
             assert (alarm["parameter"], alarm["direction"]) == ("fm", "up")
@@ -49,8 +49,8 @@ def test_friction_is_named_and_stays_one_alarm_over_a_restart(tmp_path: Path) ->
         ):
             assert line in metrics
         with daemon(config) as d:
-            before = d.get("api/v1/axes/demo.axis1")["samples"]
-            wait_for(lambda: d.get("api/v1/axes/demo.axis1")["samples"] > before + 600)
+            before = d.axis()["samples"]
+            wait_for(lambda: d.axis()["samples"] > before + 600)
             assert d.get("api/v1/service")["messages"] == []
             again = d.get("api/v1/alarms")
             assert d.stop() == 0

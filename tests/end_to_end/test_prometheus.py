@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from tests.end_to_end.processes import ROOT, daemon, demo_config, running, wait_for
+from tests.end_to_end.processes import ROOT, daemon, demo_config, robot, wait_for
 
 SHIPPED = ROOT / "config" / "prometheus"
 
@@ -71,12 +71,12 @@ def test_prometheus_has_the_estimates_of_the_api(tmp_path: Path, need: Callable[
     program = need("prometheus")
     config = demo_config(tmp_path, axes=1)
     with daemon(config) as d:
-        with running("simulate", "--config", config, log=tmp_path / "robot.log"):
-            wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"] > 100)
+        with robot(config):
+            wait_for(lambda: d.axis()["counters"]["used"] > 100)
         target = d.page.removeprefix("http://").rstrip("/")
         with prometheus(program, target, tmp_path) as address:
             scraped = wait_for(lambda: asked(address, "axiswatch_parameter_estimate"))
             alive = asked(address, "up")
-        shown = {p["name"]: p["estimate"] for p in d.get("api/v1/axes/demo.axis1")["parameters"]}
+        shown = {p["name"]: p["estimate"] for p in d.axis()["parameters"]}
     assert scraped == {("demo.axis1", name): estimate for name, estimate in shown.items()}
     assert list(alive.values()) == [1.0]

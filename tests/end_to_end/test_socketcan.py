@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.processes import daemon, demo_config, mistakes, run_program, running, wait_for
+from tests.end_to_end.processes import daemon, demo_config, mistakes, robot, run_program, wait_for
 
 pytestmark = pytest.mark.vcan
 
@@ -25,9 +25,9 @@ def test_a_robot_on_vcan0_is_monitored_while_the_interface_goes_down_and_up(
         reasons = wait_for(lambda: d.get("readyz")["reasons"])
         assert reasons[0].startswith("bus can0: down")
         subprocess.run([ip, "link", "set", "vcan0", "up"], check=True)
-        with running("simulate", "--config", config, log=tmp_path / "robot.log"):
+        with robot(config):
             wait_for(lambda: d.status("readyz") == 200)
-            wait_for(lambda: d.get("api/v1/axes/demo.axis1")["counters"]["used"] > 0)
+            wait_for(lambda: d.axis()["counters"]["used"] > 0)
         subprocess.run([ip, "link", "set", "vcan0", "down"], check=True)
         try:
             reasons = wait_for(
@@ -37,10 +37,10 @@ def test_a_robot_on_vcan0_is_monitored_while_the_interface_goes_down_and_up(
             assert d.status("healthz") == 200
         finally:
             subprocess.run([ip, "link", "set", "vcan0", "up"], check=True)
-        before = d.get("api/v1/axes/demo.axis1")["samples"]
-        with running("simulate", "--config", config, log=tmp_path / "robot.log"):
+        before = d.axis()["samples"]
+        with robot(config):
             wait_for(lambda: d.status("readyz") == 200)
-            wait_for(lambda: d.get("api/v1/axes/demo.axis1")["samples"] > before)
+            wait_for(lambda: d.axis()["samples"] > before)
         assert d.stop() == 0
 
 

@@ -24,34 +24,8 @@ from service.reports.formats import Provenance
 from service.reports.formats import Provenance as Identified
 from service.reports.identification_files import as_toml
 from tests.core.alarm_versions import alarm_versions
+from tests.real.drives import ONE_MASS
 
-CART = """model Cart "A motor on a ball screw with a cart: a shaft whose angle in rad is the position in m"
-  import Modelica.Mechanics.Rotational.*;
-  parameter Real kT(unit = "1", min = 1e-3) = 1;
-  parameter Modelica.Units.SI.Inertia J(min = 0) = 100;
-  parameter Modelica.Units.SI.RotationalDampingConstant fv(min = 0) = 200;
-  parameter Modelica.Units.SI.Torque fc(min = 0) = 20;
-  parameter Modelica.Units.SI.Torque tau0 = 0;
-  Modelica.Blocks.Interfaces.RealInput tau(unit = "N.m");
-  Modelica.Blocks.Math.Gain forceConstant(k = kT);
-  Sources.Torque force;
-  Components.Inertia cart(J = J);
-  Components.Damper bearing(d = fv);
-  Components.Fixed housing;
-  AxisWatch.CoulombFriction seal(fc = fc);
-  AxisWatch.TorqueOffset offset(tau0 = tau0);
-  Sensors.AngleSensor encoder;
-equation
-  connect(tau, forceConstant.u);
-  connect(forceConstant.y, force.tau);
-  connect(force.flange, cart.flange_a);
-  connect(bearing.flange_a, cart.flange_a);
-  connect(bearing.flange_b, housing.flange);
-  connect(seal.flange, cart.flange_a);
-  connect(offset.flange, cart.flange_a);
-  connect(encoder.flange, cart.flange_a);
-end Cart;
-"""
 GUESS = "nominal = { kT = 1.0, J = 100.0, fv = 200.0, fc = 20.0, tau0 = 0.0 }\nfriction_speed_scale = 0.001\n"
 AXIS = f"""[[robot]]
 name = "emps"
@@ -88,7 +62,7 @@ def halves(path: Path) -> tuple[Half, Half]:
 
 def identified(folder: Path, half: Half) -> Path:
     """A folder with nominal.toml found in that half, as ``axiswatch identify`` does."""
-    (folder / "cart.mo").write_text(CART, encoding="utf-8")
+    (folder / "cart.mo").write_text(ONE_MASS, encoding="utf-8")
     config = configured(folder, AXIS)
     task = prepare(config, config.axes[0], [half.text], [], Request(start="values"))
     found = task.run(Identified("", "", ""))

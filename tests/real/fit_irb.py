@@ -17,10 +17,11 @@ from scipy.optimize import least_squares
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain
+from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from tests.core.initial_covariance import steady_state_p
+from tests.core.figures import steady_p_of
 from tests.real.irb import Record, model_and_settings, noises, read
 
 FITTED = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0")
@@ -124,7 +125,8 @@ def report(fitted: AxisModel, settings: Settings, record: Record) -> Mapping[str
     covariance = errors.eps.var() * np.linalg.inv(ten.psi.T @ ten.psi) * factor.max()
     sd = np.sqrt(np.diag(covariance))
     fm, fc = FITTED.index("fm"), FITTED.index("fc")
-    names = dict(zip(watched.monitored, steady_state_p(watched, settings, *record), strict=True))
+    columns = Experiment(record.t_us, record.u[:, np.newaxis], record.y[:, np.newaxis])
+    names = dict(zip(watched.monitored, steady_p_of(watched, settings, columns), strict=True))
     return {
         **{n: f"{v:.6g}   # +- {d:.2g}" for n, v, d in zip(FITTED, fitted.theta0, sd, strict=True)},
         "correlation of fm and fc": f"{covariance[fm, fc] / sd[fm] / sd[fc]:.3f}",

@@ -81,3 +81,29 @@ def _with_load(record: Record, load: Floats, start: int) -> Record:
     u = record.u.copy()
     u[start:] += mean[start:]
     return record._replace(u=u)
+
+
+class Fault(NamedTuple):
+    """Of the torque constant, a factor, and of the viscous friction, a change; and what is to be said of it."""
+
+    torque_constant: float
+    viscous: float
+    alarm: tuple[str, str]
+
+    def put_into(self, record: Record, start: int) -> Record:
+        return with_viscous_friction(
+            with_torque_constant(record, self.torque_constant, start), self.viscous, start
+        )
+
+    def __str__(self) -> str:
+        return " ".join(self.alarm)
+
+
+VISCOUS = 0.0074
+"""N m s/rad: about a quarter of the healthy friction."""
+FAULTS = (
+    Fault(1.2, 0.0, ("kT", "up")),
+    Fault(0.8, 0.0, ("kT", "down")),  # needs 31 N m; what the drive can give is not known
+    Fault(1.0, VISCOUS, ("fm", "up")),
+    Fault(1.0, -VISCOUS, ("fm", "down")),
+)

@@ -1,24 +1,27 @@
-"""Thresholds from the whole record of a real robot axis: it is quiet, and faults put into its second half are named."""
+"""Thresholds from the whole record of a real robot axis: it is quiet, and faults put into its second half are named.
+
+By the CUSUM tests and by the multi-model detector.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.record_doubts import CalibrationError
-from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
+from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, bank_of
+from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
-from tests.real.irb import Record, configuration, read, with_torque_constant, with_viscous_friction
+from tests.real.irb import FAULTS, Fault, Record, configuration, with_torque_constant
 
 pytestmark = pytest.mark.records
-VISCOUS = 0.0074
-"""N m s/rad: about a quarter of the healthy friction."""
 WITHIN_S = 2.5
 BUDGET_S = 600.0
 """Ten seconds cannot promise much more."""
@@ -31,79 +34,61 @@ def calibrated(path: Path, budget_s: float) -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def path(records_dir: Path) -> Path:
-    return records_dir / "irb" / "robot_arm.mat"
+def found(irb_path: Path) -> Calibration:
+    return calibrated(irb_path, BUDGET_S)
 
 
-@pytest.fixture(scope="module")
-def found(path: Path) -> Calibration:
-    return calibrated(path, BUDGET_S)
-
-
-def test_the_healthy_record_is_quiet(found: Calibration, path: Path) -> None:
-    monitor = AxisMonitor(found.result.model, found.result.settings)
-    episodes, trace = monitor.update_traced(SampleBlock(*read(path)))
-    assert episodes == []
-    assert (trace.g.max(axis=(0, 1)) < 0.5 * monitor.batch.thresholds[:, 0]).all()
-
-
-@pytest.mark.parametrize(
-    ("torque_constant", "viscous", "alarm"),
-    [
-        (1.2, 0.0, ("kT", "up")),
-        (0.8, 0.0, ("kT", "down")),
-        (1, VISCOUS, ("fm", "up")),
-        (1, -VISCOUS, ("fm", "down")),
-    ],
-)
-def test_a_fault_in_the_second_half_is_named_in_time(
-    found: Calibration, path: Path, torque_constant: float, viscous: float, alarm: tuple[str, str]
-) -> None:
-    record: Record = read(path)
-    start = len(record.u) // 2
-    faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
-    monitor = AxisMonitor(found.result.model, found.result.settings)
-    episodes = [change.alarm for change in monitor.update(SampleBlock(*faulty))]
-    assert {(e.parameter, e.direction) for e in episodes} == {alarm}
-    delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
-    print(f"irb {alarm}: {delay_s:.2f} s")
-    assert 0 < delay_s < WITHIN_S
-
-
-@pytest.mark.parametrize(
-    ("torque_constant", "viscous", "name"),
-    [(1.2, 0.0, "kT"), (0.8, 0.0, "kT"), (1, VISCOUS, "fm"), (1, -VISCOUS, "fm")],
-)
-def test_the_bank_with_its_own_thresholds_is_quiet_and_finds_the_same_faults(
-    found: Calibration, path: Path, torque_constant: float, viscous: float, name: str
-) -> None:
-    """At first sight the name may be another one; after three memories it is right."""
+def limits(found: Calibration) -> Limits:
     assert found.result.bank is not None
-    record: Record = read(path)
-    limits = Limits(1.0, found.result.bank.limits.own)
+    return Limits(1.0, found.result.bank.limits.own)
+
+
+def monitor(found: Calibration, source: str) -> AxisMonitor:
+    """Its alarms are those of the CUSUM tests or of the multi-model detector."""
     model, settings = found.result.model, found.result.settings
-    watched = AxisMonitor(
-        model,
-        settings,
-        MultiModelDetector(model, settings, limits),
-        "multimodel",
-    )
-    assert watched.update(SampleBlock(*record)) == []
-    start = len(record.u) // 2
-    faulty = with_viscous_friction(with_torque_constant(record, torque_constant, start), viscous, start)
-    watched = AxisMonitor(
-        model,
-        settings,
-        MultiModelDetector(model, settings, limits),
-        "multimodel",
-    )
-    episodes = [change.alarm for change in watched.update(SampleBlock(*faulty))]
-    delay_s = (episodes[0].raised_us - int(record.t_us[start])) * 1e-6
-    print(f"irb, bank, {name}: {delay_s:.2f} s")
+    if source == "cusum":
+        return AxisMonitor(model, settings)
+    return AxisMonitor(model, settings, MultiModelDetector(model, settings, limits(found)), "multimodel")
+
+
+def test_the_healthy_record_is_quiet(found: Calibration, irb_record: Record) -> None:
+    watched = monitor(found, "cusum")
+    episodes, trace = watched.update_traced(SampleBlock(*irb_record))
+    assert episodes == []
+    assert (trace.g.max(axis=(0, 1)) < 0.5 * watched.batch.thresholds[:, 0]).all()
+    assert monitor(found, "multimodel").update(SampleBlock(*irb_record)) == []
+
+
+@pytest.mark.parametrize("source", ["cusum", "multimodel"])
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_a_fault_in_the_second_half_is_named_in_time(
+    fault: Fault, source: str, found: Calibration, irb_record: Record
+) -> None:
+    """At first sight the bank's name may be another one; after three memories it is right."""
+    watched, start = monitor(found, source), len(irb_record.u) // 2
+    episodes = [change.alarm for change in watched.update(SampleBlock(*fault.put_into(irb_record, start)))]
+    delay_s = (episodes[0].raised_us - int(irb_record.t_us[start])) * 1e-6
+    print(f"irb, {source}, {fault}: {delay_s:.2f} s")
     assert 0 < delay_s < WITHIN_S
-    assert [(e.parameter, e.stage) for e in watched.open_alarms] == [(name, "named")]
+    if source == "cusum":
+        assert {(e.parameter, e.direction) for e in episodes} == {fault.alarm}
+    else:
+        assert [(e.parameter, e.stage) for e in watched.open_alarms] == [(fault.alarm[0], "named")]
 
 
-def test_a_year_cannot_be_promised_from_ten_seconds(path: Path) -> None:
+def test_a_torque_constant_is_told_from_a_scaled_output_when_there_is_evidence(
+    found: Calibration, irb_record: Record
+) -> None:
+    start = len(irb_record.u) // 2
+    bank = bank_of(found.result.model, found.result.settings, limits(found))
+    events = bank.run(*with_torque_constant(irb_record, 1.2, start))
+    named = [e for e in events if isinstance(e, CauseIdentified)]
+    assert isinstance(events[0], ChangeDetected)
+    assert {share.cause for share in named[0].shares[:2]} == {"kT", "output scale"}
+    assert named[-1].shares[0].cause == "kT"
+    assert named[-1].shares[0].size == pytest.approx(np.log(1.2), abs=0.05)
+
+
+def test_a_year_cannot_be_promised_from_ten_seconds(irb_path: Path) -> None:
     with pytest.raises(CalibrationError, match="too short to promise one false alarm in a year"):
-        calibrated(path, 31557600.0)
+        calibrated(irb_path, 31557600.0)

@@ -7,7 +7,6 @@ Published for this record: a model with 13 parameters, friction among them with 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -41,8 +40,8 @@ FRICTION = ("fm", "fc")
 
 
 @pytest.fixture(scope="module")
-def record(records_dir: Path) -> Record:
-    t_us, u, y = irb.read(records_dir / "irb" / "robot_arm.mat")
+def record(irb_record: irb.Record) -> Record:
+    t_us, u, y = irb_record
     return Record((t_us - t_us[0]) * 1e-6, u, y, "speed", "robot_arm.mat")
 
 
@@ -72,6 +71,10 @@ def test_simulation(simulation: Estimate) -> None:
     assert simulation.converged
     assert simulation.interval_s == 0.0005
     assert simulation.fit_simulation[0] >= SIMULATES
+    assert any(word.startswith("fm and fc cannot both be told") for word in simulation.words)
+    i = simulation.names.index("fm")
+    said = simulation.accuracy.standard_deviations[i]
+    assert said == pytest.approx(simulation.sd[i] / simulation.theta[i], rel=0.2)
 
 
 def test_one_step_ahead(record: Record, simulation: Estimate) -> None:
@@ -87,31 +90,15 @@ def test_one_step_ahead(record: Record, simulation: Estimate) -> None:
 
 
 def test_friction_of_half_a_record(half: Estimate) -> None:
-    """Viscous and Coulomb friction go together."""
+    """Viscous and Coulomb friction go together, and it is said."""
     value, sd, r = half.theta, half.sd, correlation(half)
     i, j = (half.names.index(name) for name in FRICTION)
     print(f"irb: fm = {value[i]:.4f} +- {sd[i]:.2g}, fc = {value[j]:.3f} +- {sd[j]:.2g}, correlation {r:.3f}")
     assert r == pytest.approx(-0.98, abs=0.01)
     assert sd[j] > 0.3 * abs(value[j])
-
-
-def test_it_is_said_of_the_whole_record(simulation: Estimate) -> None:
-    assert any(word.startswith("fm and fc cannot both be told") for word in simulation.words)
-
-
-def test_it_is_said_of_half_a_record(half: Estimate) -> None:
-    words = " ".join(half.words)
-    print(words)
-    told = re.search(r"fm and fc correlate by (-0\.\d\d)\.", words)
-    assert told, words
-    assert float(told[1]) == pytest.approx(correlation(half), abs=0.01)
-
-
-def test_deviations_in_words_are_those_of_the_estimates(simulation: Estimate) -> None:
-    i = simulation.names.index("fm")
-    assert simulation.accuracy.standard_deviations[i] == pytest.approx(
-        simulation.sd[i] / simulation.theta[i], rel=0.2
-    )
+    told = re.search(r"fm and fc correlate by (-0\.\d\d)\.", " ".join(half.words))
+    assert told, half.words
+    assert float(told[1]) == pytest.approx(r, abs=0.01)
 
 
 def correlation(found: Estimate) -> float:

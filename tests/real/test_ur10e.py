@@ -66,11 +66,9 @@ def test_friction_of_the_halves_agrees(
         print(f"UR10e {request.node.name}: {name} {a} and {b}, apart by {z:+.2f} deviations")
     assert all(of.converged for of in halves)
     assert max(abs(apart[name]) for name in FRICTION) < 2
-
-
-def test_friction_is_told(halves: tuple[Estimate, Estimate]) -> None:
-    """So that the agreement says something: viscous friction to 15 %, Coulomb friction to 10 %."""
-    for of in halves:
+    for of in (
+        halves
+    ):  # viscous friction is told to 15 %, Coulomb friction to 10 %: so the agreement says something
         relative = dict(zip(of.names, of.sd / abs(of.theta), strict=True))
         assert relative["fv"] < 0.15
         assert relative["fc"] < 0.1

@@ -22,6 +22,7 @@ from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.base_table import Reading
 from tests.core.alarm_versions import alarm_versions
+from tests.real.drives import ONE_MASS
 from tests.real.test_ur10e import INTERVAL_S, SPEED_SCALE, estimate, read
 
 pytestmark = pytest.mark.records
@@ -29,28 +30,6 @@ pytestmark = pytest.mark.records
 WATCHED = ("fv", "fc")
 MEMORY_S = 3.0
 """The joint swings with periods of up to ten seconds: in one of them alone fv and fc look alike."""
-JOINT = """model Joint
-  import Modelica.Mechanics.Rotational.*;
-  parameter Modelica.Units.SI.Inertia J = 1;
-  parameter Modelica.Units.SI.RotationalDampingConstant fv = 1;
-  parameter Modelica.Units.SI.Torque fc = 1;
-  parameter Modelica.Units.SI.Torque tau0 = 0;
-  Sources.Torque torque;
-  Components.Inertia mass(J = J);
-  Components.Damper bearing(d = fv);
-  Components.Fixed housing;
-  AxisWatch.CoulombFriction seal(fc = fc);
-  AxisWatch.TorqueOffset offset(tau0 = tau0);
-  Sensors.AngleSensor encoder;
-equation
-  connect(torque.flange, mass.flange_a);
-  connect(bearing.flange_a, mass.flange_a);
-  connect(bearing.flange_b, housing.flange);
-  connect(seal.flange, mass.flange_a);
-  connect(offset.flange, mass.flange_a);
-  connect(encoder.flange, mass.flange_a);
-end Joint;
-"""
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +48,8 @@ def watched(
 ) -> tuple[AxisModel, Settings]:
     """What the daemon makes of a configuration with these values and noises, and else its defaults."""
     folder = tmp_path_factory.mktemp("joint")
-    (folder / "joint.mo").write_text(JOINT, encoding="utf-8")
-    nominal = {name: float(found.values[name]) for name in ("J", *WATCHED, "tau0")}
+    (folder / "joint.mo").write_text(ONE_MASS, encoding="utf-8")
+    nominal = {name: float(found.values[name]) for name in ("kT", "J", *WATCHED, "tau0")}
     values: dict[str, Any] = {
         "name": "joint1",
         "sample_interval_s": INTERVAL_S,
@@ -102,13 +81,6 @@ def run(
         monitor, SampleBlock(np.round(record.t * 1e6).astype(np.int64), u, record.y)
     )
     return episodes, trace, monitor
-
-
-def test_the_daemon_supervises_by_default(watched: tuple[AxisModel, Settings]) -> None:
-    _, settings = watched
-    assert settings.information_floor > 0
-    assert settings.min_excitation > 0
-    assert any(settings.K)
 
 
 @pytest.mark.parametrize("memory_s", [1.0, MEMORY_S])

@@ -29,23 +29,16 @@ def test_what_was_identified_is_followed(tmp_path: Path, seed: int) -> None:
             recorder.write("can0", frames_of(config, seed + number, faults, 60.0))
     text = (tmp_path / "robot.toml").read_text(encoding="utf-8").replace(VARYING, "")
     (tmp_path / "plain.toml").write_text(text, encoding="utf-8")
-    words = [
-        "identify",
-        str(tmp_path / "healthy.log"),
+    where = (
         "--config",
         str(tmp_path / "plain.toml"),
         "--axis",
         "axis1",
-    ]
-    words += [
-        "--schedule",
-        "fm: temperature",
-        "--schedule",
-        "Ja: cos(angle2)",
         "-o",
         str(tmp_path / "nominal.toml"),
-    ]
-    result = CliRunner().invoke(app, words)
+    )
+    schedule = ("--schedule", "fm: temperature", "--schedule", "Ja: cos(angle2)")
+    result = CliRunner().invoke(app, ["identify", str(tmp_path / "healthy.log"), *where, *schedule])
     assert result.exit_code == 0, result.output
     found = read_nominal(tmp_path / "nominal.toml")
     slopes = {v.parameter: v.slope for v in found.schedule}

@@ -13,7 +13,7 @@ from monitor_core.monitoring import FEWEST_LANES
 from service.pipeline.kernel_cache import VARIABLE
 from service.pipeline.warming import HYPOTHESES, CacheFiller
 from tests.bench.costs import memory_mb
-from tests.end_to_end.processes import daemon, demo_config, running, wait_for
+from tests.end_to_end.processes import daemon, demo_config, robot, wait_for
 
 pytestmark = pytest.mark.soak
 
@@ -24,7 +24,7 @@ MOST_GROWTH_MB = 15
 
 def test_memory_does_not_grow(tmp_path: Path) -> None:
     config = demo_config(tmp_path, axes=6)
-    with daemon(config) as d, running("simulate", "--config", config, log=tmp_path / "robot.log"):
+    with daemon(config) as d, robot(config):
         wait_for(lambda: d.status("readyz") == 200)
         used_mb = []
         for _ in range(MINUTES):

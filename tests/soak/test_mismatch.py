@@ -9,10 +9,8 @@ after at most 32, 33 and 31 s, fc 70, 71 and 65 s, of which the axis moved for l
 many of the plants ``identify`` refused some step, or said that it cannot tell all masses; then the steps go on with
 what the one before found.
 
-In other 200 h (seed 1), where the motor's inertia was the last thing to be fitted instead of what is watched, there was
-one, of fc on plant 14 after 9.4 h.  It was no drift: fc is off by 6.6 +/- 5.5 % there in 40 h, cold and warm the same.
-Its record said 5.0 +/- 5.4 %, 2.2 of the standard deviations by which chance moves such a mean; and then chance again:
-along the motion of that half minute fc is 9 +/- 3 % off with sixteen other disturbances, and was 22 %.
+In other 200 h (seed 1) there was one, of fc on plant 14 after 9.4 h: no drift, but a record whose mean was off by 2.2
+standard deviations, and chance again.
 """
 
 from __future__ import annotations

@@ -29,9 +29,7 @@ def law(test: Callable[..., None], **drawn: st.SearchStrategy[object]) -> Callab
 
 LAWS = {
     "exact": law(
-        laws.test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal,
-        drive=DRIVES,
-        points=laws.POINTS,
+        laws.test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal, drive=DRIVES, points=laws.POINTS
     ),
     "frequency response": law(
         laws.test_frequency_response_in_floating_point, drive=drives(most=6), frequency=st.floats(0.1, 30)

@@ -11,12 +11,7 @@ from tests.core.oracle.system import LOST, Array, held_over, inputs
 
 
 def prediction(
-    model: AxisModel,
-    s: Settings,
-    theta: NDArray[np.generic],
-    t_us: NDArray[np.int64],
-    u: Array,
-    y: Array,
+    model: AxisModel, s: Settings, theta: NDArray[np.generic], t_us: NDArray[np.int64], u: Array, y: Array
 ) -> NDArray[np.generic]:
     """yhat (N,) of the predictor with fixed theta (p,), which may be complex; a record without gaps."""
     values = model.values(theta)  # type: ignore[arg-type]

@@ -1,0 +1,19 @@
+"""The record of the real robot axis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.real.irb import Record, read
+
+
+@pytest.fixture(scope="session")
+def irb_path(records_dir: Path) -> Path:
+    return records_dir / "irb" / "robot_arm.mat"
+
+
+@pytest.fixture(scope="session")
+def irb_record(irb_path: Path) -> Record:
+    return read(irb_path)
