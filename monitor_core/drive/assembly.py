@@ -1,7 +1,7 @@
 """From models to the arrays of the kernel: Tables for a structure, one column of Constants for each axis."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,7 +9,15 @@ from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY, Drive, Term, split_name
 from monitor_core.kernel.llvm_vectors import FOUR
-from monitor_core.kernel.tables import COULOMB, Constants, Tables
+from monitor_core.kernel.tables import (
+    COULOMB,
+    Constants,
+    InputTerms,
+    LaurentTerms,
+    OutputTerms,
+    Product,
+    Tables,
+)
 
 _ROWS_OF = {"A": 0, "B": 1, "C": 2}
 
@@ -77,24 +85,21 @@ class Assembly:
             mean=self.drive.mean_state,
             late=self.monitored.index(DELAY) if DELAY in self.monitored else -1,
             slots=len(slots),
+            kind=_ints(self.drive.inputs),
             A_row=_ints(s.row for s in A),
             A_col=_ints(s.col for s in A),
-            **self._derivatives_of_A(n, p),
-            in_row=_ints(q[0] for q in inputs),
-            in_slot=_ints(q[1] for q in inputs),
-            in_col=_ints(q[2] for q in inputs),
-            in_par=_ints(q[3] for q in inputs),
-            out_slot=_ints(q[0] for q in outputs),
-            out_src=_ints(q[1] for q in outputs),
-            out_par=_ints(q[2] for q in outputs),
-            kind=_ints(self.drive.inputs),
-            term_slot=_ints(self._index[piece.slot] for piece in self._varying),
-            factor_start=_ints(np.cumsum([0] + [len(piece.factors) for piece in self._varying])),
-            factor_par=_ints(i for i, _ in factors),
-            factor_exp=_ints(e for _, e in factors),
+            product=self._product(n, p),
+            inputs=InputTerms(*(_ints(q[k] for q in inputs) for k in range(4))),
+            outputs=OutputTerms(*(_ints(q[k] for q in outputs) for k in range(3))),
+            terms=LaurentTerms(
+                slot=_ints(self._index[piece.slot] for piece in self._varying),
+                start=_ints(np.cumsum([0] + [len(piece.factors) for piece in self._varying])),
+                par=_ints(i for i, _ in factors),
+                exp=_ints(e for _, e in factors),
+            ),
         )
 
-    def _derivatives_of_A(self, n: int, p: int) -> dict[str, Any]:
+    def _product(self, n: int, p: int) -> Product:
         """Places of the entries of A and of the A_i: by places (all A_i), and by rows of a single A_i."""
         blocks = -(-(p + 1) // FOUR) * FOUR
         A = [s for s in self._index if s.group == 0]
@@ -104,18 +109,20 @@ class Assembly:
         dense = [slopes.get(_Slot(3, i, r, c), zero) for r, c in places for i in range(blocks)]
         parts = sorted({(s.row, s.par) for s in slopes})
         entries = [[(s.col, k) for s, k in slopes.items() if (s.row, s.par) == part] for part in parts]
-        return {
-            "A_at": _indices(s.col * blocks for s in A),
-            "A_start": _starts(n, [s.row for s in A]),
-            "blocks": blocks,
-            "more_start": _starts(n, [r for r, _ in places]),
-            "more_col": _indices(c * blocks for _, c in places),
-            "more_slot": _indices(dense),
-            "part_start": _indices(np.cumsum([0] + [len(e) for e in entries])),
-            "part_place": _indices(r * blocks + i for r, i in parts),
-            "part_col": _indices(c * blocks for e in entries for c, _ in e),
-            "part_slot": _indices(k for e in entries for _, k in e),
-        }
+        return Product(
+            n=n,
+            p=p,
+            blocks=blocks,
+            A_start=_starts(n, [s.row for s in A]),
+            A_at=_indices(s.col * blocks for s in A),
+            more_start=_starts(n, [r for r, _ in places]),
+            more_at=_indices(c * blocks for _, c in places),
+            more_slot=_indices(dense),
+            part_start=_indices(np.cumsum([0] + [len(e) for e in entries])),
+            part_place=_indices(r * blocks + i for r, i in parts),
+            part_at=_indices(c * blocks for e in entries for c, _ in e),
+            part_slot=_indices(k for e in entries for _, k in e),
+        )
 
     def _input_products(self, n: int, p: int, filtered: bool) -> list[tuple[int, int, int, int]]:
         """(element, slot, input, parameter or -1): B u for x, B_i u for z_i, and B u_i where u depends on theta."""

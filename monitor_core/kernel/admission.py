@@ -1,7 +1,7 @@
 """First and last step of a sample: it is classified, and its inputs are held until the next one."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,26 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.llvm_vectors import power_of_two
 from monitor_core.kernel.state import DIVERGED, GAP, NEVER, NOT_FINITE, NOT_INCREASING, STARTED
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, Tables
+
+
+class Timing(NamedTuple):
+    """Times that decide what becomes of a sample; of the Constants."""
+
+    gap_us: Floats  # (W,) a longer interval restarts the predictor
+    settle_us: Floats  # (W,) no update of theta for so long after that
+    interval: Floats  # (W,) s, nominal
+    lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
+
+
+class Roles(NamedTuple):
+    """What each lane does with this sample (W,)."""
+
+    mode: Ints  # one of those below
+    moves: Ints  # 1: its state is corrected
+    learns: Ints  # 1: P is updated
+    tracks: Ints  # 1: theta is updated
+
 
 SKIP, RESTART, SETTLE, GATED, DOUBTED, IDLE, SEED, TRACK = 0, 1, 2, 3, 4, 5, 6, 7
 """What a lane does: nothing; start its predictor anew; predict only, as it has just started, as its gate is closed, as
@@ -23,10 +42,7 @@ def classify_sample(
     t: Ints,
     u: Floats,
     y: Floats,
-    gap_us: Floats,
-    settle_us: Floats,
-    interval: Floats,
-    lost_us: Floats,
+    timing: Timing,
     last: Ints,
     settled: Ints,
     seed_left: Ints,
@@ -40,6 +56,7 @@ def classify_sample(
     set.  Where more than one sample was lost the torque in between is unknown; the state is then wrong for a while, and
     nothing is learned from it.
     """
+    gap_us, settle_us, interval, lost_us = timing.gap_us, timing.settle_us, timing.interval, timing.lost_us
     any_moves = False
     for a in range(len(lanes)):
         h[a] = 0.0
@@ -92,14 +109,12 @@ def form_innovation(
     S: Floats,
     last: Ints,
     counts: Ints,
-    mode: Ints,
-    moves: Ints,
-    learns: Ints,
-    tracks: Ints,
+    roles: Roles,
     eps: Floats,
     X: Floats,
 ) -> None:
     """eps = y - yhat (eq. 11).  A predictor whose values are no longer finite restarts with its next sample."""
+    mode, moves, learns, tracks = roles.mode, roles.moves, roles.learns, roles.tracks
     for a in range(len(lanes)):
         if mode[a] >= SETTLE and not math.isfinite(y[a] - yhat[a] + S[a]):
             counts[DIVERGED, a] += 1
@@ -116,9 +131,7 @@ def form_innovation(
 @kernel
 def hold_inputs(
     lanes: Any,
-    kind: Ints,
-    speed_state: int,
-    filtered_speed: int,
+    T: Tables,
     u_scale: Floats,
     t: Ints,
     torque: Floats,
@@ -134,6 +147,7 @@ def hold_inputs(
 
     Where the angle is measured, friction uses the predicted speed, so it depends on theta: du_i = tanh' z_i.
     """
+    kind, speed_state, filtered_speed = T.kind, T.speed_state, T.filtered_speed
     p = du.shape[0]
     n = X.shape[0] // (p + 1)
     for a in range(len(lanes)):

@@ -1,8 +1,10 @@
 """How the functions of the kernel are compiled.
 
-They take plain arrays.  That makes long argument lists, but a tuple of arrays as an argument is slower than the
-arithmetic: numba counts references to each array of it, with atomic operations, at each call.  No fast-math: one axis
-and many axes give the same bits.  Division as in numpy: a test for zero would prevent SIMD.
+Only ``entry`` and ``allocating`` functions count references to arrays.  All others use the arrays that they are given:
+without counting, a named tuple of arrays costs no more as an argument than each array by itself, so what travels
+together is one argument, and there is a fifth less to compile.  They must not return an array of their own.
+
+No fast-math: one axis and many axes give the same bits.  Division as in numpy: a test for zero would prevent SIMD.
 """
 
 from collections.abc import Callable
@@ -14,7 +16,7 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 
-def _compiled(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
+def _compiled(function: Callable[_P, _R], **options: bool | str) -> Callable[_P, _R]:
     # Unused wrappers would cost a third of the compile time; numba's type hints lack these options.
     compile_: Any = njit
     decorator = compile_(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)
@@ -24,15 +26,20 @@ def _compiled(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
 def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile a piece of the kernel that is called only by other pieces, never from Python.
 
-    It is inlined into its callers: each array that is passed to a call costs seven words on the stack and two atomic
-    operations, and a sample passes hundreds of arrays.
+    It is inlined into its callers: each array that is passed to a call costs seven words on the stack, and a sample
+    passes hundreds of arrays.
     """
-    return _compiled(function, no_cpython_wrapper=True, forceinline=True)
+    return _compiled(function, no_cpython_wrapper=True, forceinline=True, _nrt=False)
 
 
 def outlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """As ``kernel``, for functions that are called seldom or are long: compiled once, not into every caller."""
-    return _compiled(function, no_cpython_wrapper=True)
+    return _compiled(function, no_cpython_wrapper=True, _nrt=False)
+
+
+def allocating(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """As ``kernel``, for functions that return arrays of their own: called once in a block, not in each sample."""
+    return _compiled(function, no_cpython_wrapper=True, forceinline=True)
 
 
 def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:

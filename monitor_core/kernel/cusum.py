@@ -23,23 +23,40 @@ class Events(NamedTuple):
     value: NDArray[np.float64]  # (2, capacity): theta - theta0 and P_ii at that sample
 
 
+class TestConstants(NamedTuple):
+    """Of the Constants of an axis."""
+
+    theta0: Floats
+    alpha1: Floats
+    allowance: Floats
+    lam0: Floats
+    h: Floats
+    widen: Floats
+    recovery_samples: Floats
+
+
+class TestState(NamedTuple):
+    """Of the State of an axis."""
+
+    theta: Floats
+    P: Floats
+    P_nom: Floats
+    shift: Floats
+    g: Floats
+    onset: Ints
+    below_nu: Ints
+    left: Ints
+    noting: Ints
+
+
 @kernel
-def compute_deviations(
-    lanes: Any,
-    theta0: Floats,
-    shift: Floats,
-    alpha1: Floats,
-    allowance: Floats,
-    lam0: Floats,
-    theta: Floats,
-    P: Floats,
-    d: Floats,
-    nu: Floats,
-) -> None:
+def compute_deviations(lanes: Any, con: TestConstants, st: TestState, d: Floats, nu: Floats) -> None:
     """d = theta_i - theta0_i and nu = alpha1 sqrt(lam0 P_ii) + allowance   (p, W)   (eq. 22; the allowance is ours).
 
     theta0 follows its conditions.
     """
+    theta0, alpha1, allowance, lam0 = con.theta0, con.alpha1, con.allowance, con.lam0
+    theta, P, shift = st.theta, st.P, st.shift
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):
             d[i, a] = theta[i, a] - theta0[i, a] - shift[i, a]
@@ -79,36 +96,29 @@ def update_cusum(
 @outlined
 def note_crossings(
     lanes: Any,
-    h: Floats,
+    con: TestConstants,
+    st: TestState,
     t: Ints,
-    g: Floats,
-    onset: Ints,
     d: Floats,
-    widen: Floats,
-    P_nom: Floats,
-    P: Floats,
     on: Ints,
     a0: int,
     reset: bool,
-    needed: Floats,
-    left: Ints,
-    noting: Ints,
-    filled: Ints,
-    what: Ints,
-    value: Floats,
+    events: Events,
 ) -> None:
     """Note every g > h (eq. 23).  Then g restarts from 0 if ``reset``, the paper's rule; in its Figure 6 g runs on.
 
     P_ii is raised to at least ``widen`` (W,) times P(0)_ii: theta_i has changed, and so converges faster.  A larger
-    diagonal leaves P positive definite.  After ``needed`` (W,) more samples there is evidence for the name of the
+    diagonal leaves P positive definite.  After ``recovery_samples`` more samples there is evidence for the name of the
     cause.
     """
+    h, widen, needed = con.h, con.widen, con.recovery_samples
+    g, onset, P, P_nom, left, noting = st.g, st.onset, st.P, st.P_nom, st.left, st.noting
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
             for way in range(2):
                 if not (on[i, a] and g[way, i, a] > h[i, a]):
                     continue
-                _note(filled, what, value, way, a0 + a, i, t[a], onset[way, i, a], d[i, a], P[i, i, a])
+                _note(events, way, a0 + a, i, t[a], onset[way, i, a], d[i, a], P[i, i, a])
                 P[i, i, a] = max(P[i, i, a], widen[a] * P_nom[i, a])
                 if noting[a] != NAMING:
                     left[a], noting[a] = int(needed[a]), NAMING
@@ -119,38 +129,19 @@ def note_crossings(
 
 @kernel
 def note_recoveries(
-    lanes: Any,
-    needed: Floats,
-    t: Ints,
-    below_nu: Ints,
-    d: Floats,
-    P: Floats,
-    on: Ints,
-    a0: int,
-    filled: Ints,
-    what: Ints,
-    value: Floats,
+    lanes: Any, con: TestConstants, st: TestState, t: Ints, d: Floats, on: Ints, a0: int, events: Events
 ) -> None:
-    """Note every parameter whose deviation has now been below nu for ``needed`` (W,) samples."""
+    """Note every parameter whose deviation has now been below nu for ``recovery_samples``."""
+    needed, below_nu, P = con.recovery_samples, st.below_nu, st.P
     for i in range(d.shape[0]):
         for a in range(len(lanes)):
             if on[i, a] and below_nu[i, a] == needed[a]:
-                _note(filled, what, value, CALM, a0 + a, i, t[a], t[a], d[i, a], P[i, i, a])
+                _note(events, CALM, a0 + a, i, t[a], t[a], d[i, a], P[i, i, a])
 
 
 @outlined
-def _note(
-    filled: Ints,
-    what: Ints,
-    value: Floats,
-    kind: int,
-    axis: int,
-    i: int,
-    t: int,
-    onset: int,
-    d: float,
-    P_ii: float,
-) -> None:
+def _note(events: Events, kind: int, axis: int, i: int, t: int, onset: int, d: float, P_ii: float) -> None:
+    filled, what, value = events.filled, events.what, events.value
     k = filled[0]
     filled[0] = k + 1
     what[0, k] = kind

@@ -48,42 +48,47 @@ def noted_numbers(p: int) -> int:
 _numbers = outlined(kept_numbers)
 
 
-@outlined
-def samples_until_kept(lanes: Any, span: Floats, learned: Ints) -> Ints:
+class EvidenceState(NamedTuple):
+    """Of the State and the Constants of an axis: what evidence is made of, and what is counted for it."""
+
+    theta: Floats
+    P: Floats
+    lam0_running: Floats
+    observed: Ints
+    below_nu: Ints
+    left: Ints
+    noting: Ints
+    learned: Ints
+    span: Floats
+    recovery_samples: Floats
+
+
+@kernel
+def count_until_kept(lanes: Any, span: Floats, learned: Ints, until: Ints) -> None:
     """Number of samples (W,) to learn until values are kept: whenever ``span`` divides ``learned``.
 
     It is counted down from here, as a remainder in each sample would take a tenth of the time of the recursion.
     """
-    until = np.zeros_like(learned)
     for a in range(len(lanes)):
         until[a] = int(span[a]) - learned[a] % int(span[a])
-    return until
 
 
 @kernel
 def gather_evidence(
     lanes: Any,
-    needed: Floats,
-    span: Floats,
+    st: EvidenceState,
     t: Ints,
-    left: Ints,
     until: Ints,
-    noting: Ints,
-    learned: Ints,
-    below_nu: Ints,
-    lam0_running: Floats,
-    theta: Floats,
     d: Floats,
-    P: Floats,
-    observed: Ints,
     on: Ints,
     a0: int,
     kept_t: Ints,
     kept_d: Floats,
     events: Ints,
-    noted: Any,
+    noted: EvidenceColumns,
 ) -> None:
     """Count the learned samples, ``on`` (W,); keep theta - theta_0 at regular intervals, and note what is due."""
+    left, learned = st.left, st.learned
     keeps = notes = False
     for a in range(len(lanes)):
         left[a] -= on[a]
@@ -92,29 +97,9 @@ def gather_evidence(
         keeps |= until[a] == 0
         notes |= (on[a] != 0) & (left[a] <= 0)
     if keeps:
-        _keep(lanes, span, t, until, learned, d, P, a0, kept_t, kept_d)
+        _keep(lanes, st.span, t, until, learned, d, st.P, a0, kept_t, kept_d)
     if notes:
-        _note(
-            lanes,
-            needed,
-            span,
-            t,
-            left,
-            noting,
-            learned,
-            below_nu,
-            lam0_running,
-            theta,
-            d,
-            P,
-            observed,
-            on,
-            a0,
-            kept_t,
-            kept_d,
-            events,
-            noted,
-        )
+        _note(lanes, st, t, d, on, a0, kept_t, kept_d, events, noted)
 
 
 @outlined
@@ -150,29 +135,22 @@ def _keep(
 @outlined
 def _note(
     lanes: Any,
-    needed: Floats,
-    span: Floats,
+    st: EvidenceState,
     t: Ints,
-    left: Ints,
-    noting: Ints,
-    learned: Ints,
-    below_nu: Ints,
-    lam0_running: Floats,
-    theta: Floats,
     d: Floats,
-    P: Floats,
-    observed: Ints,
     on: Ints,
     a0: int,
     kept_t: Ints,
     kept_d: Floats,
     events: Ints,
-    noted: Any,
+    noted: EvidenceColumns,
 ) -> None:
     """Note a column for each lane that is due.
 
     A parameter whose recovery was noted before it was named is counted again, so that its alarm ends.
     """
+    needed, span, theta, P, observed = st.recovery_samples, st.span, st.theta, st.P, st.observed
+    left, noting, learned, below_nu = st.left, st.noting, st.learned, st.below_nu
     p = d.shape[0]
     for a in range(len(lanes)):
         if not on[a] or left[a] > 0:
@@ -185,7 +163,7 @@ def _note(
             t[a],
             events[0],
         )
-        noted.value[0, c] = lam0_running[a]
+        noted.value[0, c] = st.lam0_running[a]
         for i in range(p):
             noted.value[1 + i, c] = theta[i, a]
             noted.value[1 + p + i, c] = d[i, a]

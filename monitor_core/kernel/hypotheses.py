@@ -22,6 +22,8 @@ from monitor_core.kernel.admission import (
     SETTLE,
     SKIP,
     TRACK,
+    Roles,
+    Timing,
     classify_sample,
     close_gate,
     hold_inputs,
@@ -149,14 +151,17 @@ def run_hypotheses(
     e0, believed, S = floats(1), floats(1), floats(1)
     numbers, integers = M.numbers, M.integers
     counts = integers[COUNTS:]
+    timing, roles = (
+        Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST]),
+        Roles(mode, moves, learns, tracks),
+    )
     interval = axis[INTERVAL, 0]
     nominal_K = P.K[n : 2 * n]
     gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     # fmt: off
     for k in range(start, block.t.size):
         t[0], ut[0], y[0], mode[0] = block.t[k], block.u[k], block.y[k], TRACK
-        classify_sample(lane, t, ut, y, axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST], integers[LAST],
-                        integers[SETTLED], seed_left, counts, mode, h)
+        classify_sample(lane, t, ut, y, timing, integers[LAST], integers[SETTLED], seed_left, counts, mode, h)
         if block.gate.shape[0]:
             close_gate(lane, k, 0, block.gate, mode)
         tested = False
@@ -171,7 +176,7 @@ def run_hypotheses(
                 propagate_interval(lanes, T, P, h[0], numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0], u, x,
                                    over, K)
                 K_now = K
-            predict(lanes, T.out_slot, T.out_src, T.out_par, P.V0, x, yhat, psi)
+            predict(lanes, T.outputs, P.V0, x, yhat, psi)
             if T.mean >= 0:
                 divide_by_interval(lanes, over, yhat, psi)
                 for a in range(H):
@@ -188,8 +193,8 @@ def run_hypotheses(
                 moves[0], learns[0], tracks[0] = 1, mode[0] == TRACK, mode[0] == TRACK
                 lam[0] = S[0] = axis[LAM, 0]
                 e0[0] = eps[0]
-                reject_outliers(lane, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], mode,
-                                moves, learns, tracks, believed)
+                reject_outliers(lane, axis[OUTLIER], lam, axis[LAM0], e0, S, numbers[CREDIT], integers[IN_A_ROW], roles,
+                                believed)
                 check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
                             mode)
                 if moves[0] and gains:
@@ -212,8 +217,7 @@ def run_hypotheses(
                 for a in range(H):
                     motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
                     doing[a] = TRACK
-                hold_inputs(lanes, T.kind, T.speed_state, T.filtered_speed, P.u_scale, last, motion, motion, doing, x,
-                            last, u, du, no_torque)
+                hold_inputs(lanes, T, P.u_scale, last, motion, motion, doing, x, last, u, du, no_torque)
             integers[LAST, 0] = t[0]
             numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
             numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = ut[0], y[0]

@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.admission import DOUBTED, RESTART, SEED, SETTLE
+from monitor_core.kernel.admission import DOUBTED, RESTART, SEED, SETTLE, Roles
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import SETTLING
 
@@ -36,16 +36,14 @@ def reject_outliers(
     S: Floats,
     credit: Floats,
     in_a_row: Ints,
-    mode: Ints,
-    moves: Ints,
-    learns: Ints,
-    tracks: Ints,
+    roles: Roles,
     believed: Floats,
 ) -> None:
     """Reject an outlier: eps beyond ``outlier`` standard deviations of its prediction; 0: there is no limit.
 
     ``believed`` (W,) is the innovation that theta learns from.
     """
+    mode, moves, learns, tracks = roles.mode, roles.moves, roles.learns, roles.tracks
     for a in range(len(lanes)):
         believed[a] = eps[a]
         if not moves[a] or outlier[a] == 0.0:

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import kernel, outlined
+from monitor_core.kernel.compile import allocating, kernel, outlined
 from monitor_core.kernel.llvm_vectors import EIGHT, load8, spread8, store
 from monitor_core.kernel.propagate import choose_substeps, evaluate_inputs, propagate
 from monitor_core.kernel.sample_interval import interval_gain, restart_integral, split_at_mean
 from monitor_core.kernel.tables import TORQUE, Tables
 from monitor_core.kernel.taylor_series import SECTIONS
-from monitor_core.kernel.work_arrays import floats, ints, strided, table
+from monitor_core.kernel.work_arrays import floats, ints, strided_product, table
 
 DELAY, TORQUE_SCALE, TORQUE_OFFSET, SCALE, OFFSET, FROZEN, STILL, PRECISION, LEVEL, LIMIT = range(10)
 """Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +
@@ -82,7 +82,7 @@ def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now:
         held[a] = h - before[a] - now[a]
 
 
-@outlined
+@allocating
 def _over(
     lanes: Any, T: Tables, P: Predictors, torque: float, h: Floats, u: Floats, X: Floats, work: Floats, more: Floats
 ) -> None:  # fmt: skip
@@ -95,16 +95,18 @@ def _over(
     GX, du = table(n, H), np.zeros((0, T.m, H))
     steps, terms, norm = ints(H), ints(H), floats(H)
     _torque(lanes, T.kind, P.own, torque, u)
-    evaluate_inputs(lanes, T.in_row, T.in_slot, T.in_col, T.in_par, P.V0, u, du, GX)
+    evaluate_inputs(lanes, T.inputs, P.V0, u, du, GX)
     choose_substeps(lanes, T.A_row, P.weight, P.V0, h, steps, terms, norm)
-    propagate(
-        lanes, n, 0, T.blocks, T.A_start, strided(T.A_at, EIGHT), T.more_start, strided(T.more_col, EIGHT),
-        T.more_slot, T.part_start, strided(T.part_place, EIGHT), strided(T.part_col, EIGHT), strided(T.part_slot, H),
-        P.V0.reshape(P.V0.size), GX.reshape(GX.size), h, steps, terms, X.reshape(X.size), work, more,
-    )  # fmt: skip
+    F, V, G, X_flat = (
+        strided_product(T.product, 0, EIGHT, H),
+        P.V0.reshape(P.V0.size),
+        GX.reshape(GX.size),
+        X.reshape(X.size),
+    )
+    propagate(lanes, F, V, G, h, steps, terms, X_flat, work, more)
 
 
-@outlined
+@allocating
 def propagate_interval(
     lanes: Any, T: Tables, P: Predictors, h: float, torque_before: float, torque_held: float, torque_now: float,
     u: Floats, x: Floats, over: Floats, K: Floats,
@@ -116,7 +118,7 @@ def propagate_interval(
     n, H, wide = T.n, len(lanes), EIGHT
     before, held, now, cut = floats(H), floats(H), floats(H), floats(H)
     intervals, lams, lam, lost = floats(H), floats(H), floats(H), ints(H)
-    work, more = floats(SECTIONS * n * T.blocks * wide), floats(4 * wide)
+    work, more = floats(SECTIONS * n * T.product.blocks * wide), floats(4 * wide)
     for a in range(H):
         intervals[a], lams[a], over[a] = P.axis[INTERVAL, 0], P.axis[LAM, 0], h
     interval_gain(lanes, intervals, lams, P.K, over, over, lam, K)

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from monitor_core.arrays import Floats, Indices, Ints
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.llvm_vectors import EIGHT, larger, load8, magnitude, spread8, store
+from monitor_core.kernel.tables import InputTerms, LaurentTerms, Product
 from monitor_core.kernel.taylor_series import advance_one
 from monitor_core.kernel.taylor_series_lanes import advance_eight
 
@@ -79,18 +80,9 @@ def choose_substeps(
 
 
 @kernel
-def evaluate_inputs(
-    lanes: Any,
-    row: Ints,
-    slot: Ints,
-    col: Ints,
-    par: Ints,
-    V: Floats,
-    u: Floats,
-    du: Floats,
-    G: Floats,
-) -> None:
+def evaluate_inputs(lanes: Any, inputs: InputTerms, V: Floats, u: Floats, du: Floats, G: Floats) -> None:
     """G ((p + 1) n, W): B u for x, B_i u + B u_i for z_i."""
+    row, slot, col, par = inputs.row, inputs.slot, inputs.col, inputs.par
     m, W = u.shape
     for r in range(G.shape[0]):
         for a in range(W):
@@ -108,18 +100,7 @@ def evaluate_inputs(
 @kernel
 def propagate(
     lanes: Any,
-    n: int,
-    p: int,
-    blocks: int,
-    A_start: Indices,
-    at_A: Indices,
-    more_start: Indices,
-    at_more: Indices,
-    more_slot: Indices,
-    part_start: Indices,
-    place: Indices,
-    at_part: Indices,
-    part_slot: Indices,
+    F: Product,
     V: Floats,
     G: Floats,
     h: Floats,
@@ -130,15 +111,11 @@ def propagate(
     more: Floats,
 ) -> None:
     """Propagate X = (z_1 .. z_p, x) over h (W,).  A lane with h = 0 stays as it is.  V, G, X are flat here."""
-    # fmt: off
     if len(lanes) == 1:
-        advance_one(n, p, blocks, A_start, at_A, more_start, at_more, more_slot,
-                    V, G, h[0], steps[0], terms[0], X, work, more)
+        advance_one(F, V, G, h[0], steps[0], terms[0], X, work, more)
     else:
         for a in range(0, len(lanes), EIGHT):
-            advance_eight(a, len(lanes), n, p, blocks, A_start, at_A, part_start, place, at_part, part_slot,
-                          V, G, h, steps, terms, X, work, more)
-    # fmt: on
+            advance_eight(a, len(lanes), F, V, G, h, steps, terms, X, work, more)
 
 
 # --- A, B, C and their derivatives at the current theta: sums of Laurent terms ----------------------------------------
@@ -146,20 +123,13 @@ def propagate(
 
 @kernel
 def evaluate_coefficients(
-    lanes: Any,
-    slot: Ints,
-    factor_start: Ints,
-    factor_par: Ints,
-    factor_exp: Ints,
-    V0: Floats,
-    coef: Floats,
-    theta: Floats,
-    V: Floats,
+    lanes: Any, terms: LaurentTerms, V0: Floats, coef: Floats, theta: Floats, V: Floats
 ) -> None:
     """V = V0 + sum of coef * prod theta_i^e_i, for every slot that has a monitored parameter.
 
-    ``slot`` is sorted.  ``V`` (slots + 1, W) must contain V0 in all other slots.
+    ``V`` (slots + 1, W) must contain V0 in all other slots.
     """
+    slot, factor_start, factor_par, factor_exp = terms.slot, terms.start, terms.par, terms.exp
     W = len(lanes)
     for j in range(slot.size):
         s = slot[j]
@@ -175,11 +145,11 @@ def evaluate_coefficients(
             V[s, 0] = (V0[s, 0] if begins else V[s, 0]) + term
         else:
             for a in range(0, W, EIGHT):
-                terms = load8(coef, j * W + a)
+                total = load8(coef, j * W + a)
                 for f in range(factor_start[j], factor_start[j + 1]):
                     base = load8(theta, factor_par[f] * W + a)
                     for _ in range(factor_exp[f]):
-                        terms = terms * base
+                        total = total * base
                     for _ in range(-factor_exp[f]):
-                        terms = terms / base
-                store(V, s * W + a, (load8(V0, s * W + a) if begins else load8(V, s * W + a)) + terms)
+                        total = total / base
+                store(V, s * W + a, (load8(V0, s * W + a) if begins else load8(V, s * W + a)) + total)

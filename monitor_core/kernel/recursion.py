@@ -11,13 +11,13 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import SEED
 from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import UNSEEN
+from monitor_core.kernel.tables import OutputTerms
 
 
 @kernel
-def predict(
-    lanes: Any, slot: Ints, src: Ints, par: Ints, V: Floats, X: Floats, yhat: Floats, psi: Floats
-) -> None:
+def predict(lanes: Any, outputs: OutputTerms, V: Floats, X: Floats, yhat: Floats, psi: Floats) -> None:
     """Prediction yhat = C x (W,) and its gradient psi_i = C z_i + C_i x (p, W)   (eq. 16-17)."""
+    slot, src, par = outputs.slot, outputs.src, outputs.par
     for a in range(len(lanes)):
         yhat[a] = 0.0
     for i in range(psi.shape[0]):

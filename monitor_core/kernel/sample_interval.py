@@ -7,7 +7,7 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import SETTLE
 from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.outliers import SURELY
-from monitor_core.kernel.tables import GAINS, TORQUE
+from monitor_core.kernel.tables import GAINS, TORQUE, InputTerms
 
 _EQUAL_S = 1e-9
 """Intervals that differ by less than a microsecond, in which they are counted, are equal."""
@@ -90,9 +90,7 @@ def split_at_delay(
 @outlined
 def switch_torque(
     lanes: Any,
-    row: Ints,
-    slot: Ints,
-    col: Ints,
+    inputs: InputTerms,
     kind: Ints,
     late: int,
     p: int,
@@ -109,6 +107,7 @@ def switch_torque(
     dx/d(delay) = B (u_first - u), which is propagated like the other z_i from here on.  A torque that acts before its
     sample (delay < 0) has moved x by that much already, to first order.
     """
+    row, slot, col = inputs.row, inputs.slot, inputs.col
     z = p * (X.shape[0] // (p + 1))
     n = X.shape[0] - z
     for q in range(row.size):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import outlined
+from monitor_core.kernel.compile import allocating
 from monitor_core.kernel.tables import GAINS, Constants, Tables
 
 NEVER = np.iinfo(np.int64).min
@@ -139,7 +139,7 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     """Name the rows of the constants of a batch (constant_rows, W)."""
     n, p, m = tables.n, tables.p, tables.m
     s = tables.slots
-    t = s + tables.term_slot.size
+    t = s + tables.terms.slot.size
     w = t + tables.A_row.size
     k = w + GAINS * n
     r = k + 1 + n
@@ -181,6 +181,6 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
     )
 
 
-kernel_state_views = outlined(state_views)
-kernel_constant_views = outlined(constant_views)
+kernel_state_views = allocating(state_views)
+kernel_constant_views = allocating(constant_views)
 """The same for the kernel: compiled to be called from Python, too, they would cost it a second."""

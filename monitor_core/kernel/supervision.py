@@ -16,7 +16,7 @@ returns with the first samples with excitation.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.admission import IDLE, SEED
@@ -33,6 +33,27 @@ TAKES_PART = 0.3
 """Of what moves most, beside its size, in a direction: who moves by so much takes part."""
 _CLOSER = 4
 _SWEEPS = 8
+
+
+class FloorConstants(NamedTuple):
+    """Of the Constants of an axis."""
+
+    floor: Floats
+    min_excitation: Floats
+    span: Floats
+    lam: Floats
+    drift: Floats
+    scale: Floats
+
+
+class Observation(NamedTuple):
+    """How much is known of the parameters; of the State of an axis."""
+
+    P: Floats
+    P_nom: Floats
+    since: Ints
+    unobserved: Ints
+    observed: Ints
 
 
 @kernel
@@ -64,28 +85,17 @@ def check_excitation(
 
 @kernel
 def apply_information_floor(
-    lanes: Any,
-    floor: Floats,
-    least: Floats,
-    span: Floats,
-    lam: Floats,
-    drift: Floats,
-    P_nom: Floats,
-    on: Ints,
-    since: Ints,
-    unobserved: Ints,
-    observed: Ints,
-    scale: Floats,
-    P: Floats,
-    N: Floats,
-    L: Floats,
-    Y: Floats,
+    lanes: Any, con: FloorConstants, st: Observation, on: Ints, N: Floats, L: Floats, Y: Floats
 ) -> None:
     """Once in ``span`` updates: add the information floor to P, and classify each parameter.
 
     With N = P scaled by diag(P(0)), the sum is  (N^-1 + c I)^-1 = N - c N (I + c N)^-1 N;  I + c N = L L' can always be
     factored unless rounding has destroyed N, which then becomes I.  ``N``, ``L`` and ``Y`` (p, p) are scratch.
     """
+    floor, least, span, lam, drift, scale = (
+        con.floor, con.min_excitation, con.span, con.lam, con.drift, con.scale
+    )  # fmt: skip
+    P, P_nom, since, unobserved, observed = st.P, st.P_nom, st.since, st.unobserved, st.observed
     p = P.shape[0]
     for a in range(len(lanes)):
         if not on[a] or (floor[a] == 0.0 and least[a] == 0.0):

@@ -19,6 +19,53 @@ GAINS = 12
 """Filter gains of an axis: after 0, 1 .. 11 sample intervals."""
 
 
+class Product(NamedTuple):
+    """Indices of F X: A multiplies z_1 .. z_p, zeros, x, ``blocks`` of them side by side; the A_i multiply x only.
+
+    In ``Tables`` indices count single numbers; in the recursion those into arrays of lanes are multiplied by the number
+    of lanes.
+    """
+
+    n: int  # states
+    p: int  # monitored parameters
+    blocks: int  # z_1 .. z_p, zeros, x: p + 1 made up to a multiple of four
+    A_start: Indices  # (n + 1,) end of the entries of A before each row, and at last of all
+    A_at: Indices  # (entries of A,) column * blocks
+    more_start: Indices  # (n + 1,) range of each row's places where any A_i has an entry
+    more_at: Indices  # column * blocks of each of these places
+    more_slot: Indices  # (places * blocks,) slots of A_1 .. A_p there, else the 0
+    part_start: Indices  # (parts + 1,) range of the entries of a row of an A_i
+    part_place: Indices  # (parts,) row * blocks + i
+    part_at: Indices  # columns * blocks
+    part_slot: Indices  # and slots of these entries
+
+
+class InputTerms(NamedTuple):
+    """Products of B: first B and the B_i on u, then B on the derivatives of u with respect to a parameter."""
+
+    row: Ints  # element of (z_1 .. z_p, x) that gets
+    slot: Ints  # slot times
+    col: Ints  # input
+    par: Ints  # or its derivative with respect to this parameter; -1: the input itself
+
+
+class OutputTerms(NamedTuple):
+    """Products of C."""
+
+    slot: Ints  # slot times
+    src: Ints  # element of (z_1 .. z_p, x) goes to
+    par: Ints  # psi of this parameter, or -1: to yhat
+
+
+class LaurentTerms(NamedTuple):
+    """Terms c * prod theta_i^e_i with a monitored parameter."""
+
+    slot: Ints  # (terms,) slot that the term adds to, in order
+    start: Ints  # (terms + 1,) range of each term's factors
+    par: Ints  # (factors,) parameter
+    exp: Ints  # (factors,) exponent
+
+
 class Tables(NamedTuple):
     """Indices that all axes of a batch share.
 
@@ -36,30 +83,13 @@ class Tables(NamedTuple):
     mean: int  # index in x of the angle since the last sample, of which a mean speed is made; -1: none is measured
     late: int  # which parameter is the delay of the torque, -1: none
     slots: int  # length of V; V[slots] is an extra 0
+    kind: Ints  # (m,) kinds of input
     A_row: Ints  # (entries of A,) row of each of the first slots, in order
     A_col: Ints
-    A_at: Indices  # (entries of A,) A_col * blocks
-    A_start: Indices  # (n + 1,) end of the entries of A before each row, and at last of all
-    blocks: int  # z_1 .. z_p, zeros, x: p + 1 made up to a multiple of four
-    more_start: Indices  # (n + 1,) range of each row's places where any A_i has an entry
-    more_col: Indices  # column * blocks of each of these places
-    more_slot: Indices  # (places * blocks,) slots of A_1 .. A_p there, else the 0
-    part_start: Indices  # (parts + 1,) range of the entries of a row of an A_i
-    part_place: Indices  # (parts,) row * blocks + i
-    part_col: Indices  # columns * blocks
-    part_slot: Indices  # and slots of these entries
-    in_row: Ints  # inputs: element of (z_1 .. z_p, x) that gets
-    in_slot: Ints  # slot times
-    in_col: Ints  # input; first B and the B_i on u
-    in_par: Ints  # then B on the derivative of u with respect to this parameter; -1: on u itself
-    out_slot: Ints  # output: slot times
-    out_src: Ints  # element of (z_1 .. z_p, x) goes to
-    out_par: Ints  # psi of this parameter, or -1: to yhat
-    kind: Ints  # (m,) kinds of input
-    term_slot: Ints  # (terms,) slot that the term adds to, in order
-    factor_start: Ints  # (terms + 1,) range of each term's factors
-    factor_par: Ints  # (factors,) parameter
-    factor_exp: Ints  # (factors,) exponent
+    product: Product
+    inputs: InputTerms
+    outputs: OutputTerms
+    terms: LaurentTerms
 
 
 class Constants(NamedTuple):
@@ -101,4 +131,4 @@ class Constants(NamedTuple):
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array of the Constants of a batch."""
-    return t.slots + t.term_slot.size + t.A_row.size + (GAINS + 1) * t.n + 8 * t.p + t.m + 18
+    return t.slots + t.terms.slot.size + t.A_row.size + (GAINS + 1) * t.n + 8 * t.p + t.m + 18

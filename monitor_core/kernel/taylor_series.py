@@ -14,9 +14,10 @@ effect.
 
 import numpy as np
 
-from monitor_core.arrays import Floats, Indices
+from monitor_core.arrays import Floats
 from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import FOUR, fused, load4, spread4, store
+from monitor_core.kernel.tables import Product
 
 MOST_TERMS = 19
 INVERSE = np.array([0.0] + [1.0 / k for k in range(1, MOST_TERMS + 1)])
@@ -29,22 +30,11 @@ _ZERO, _ONE, _TWO, _FOUR = (np.uint64(k) for k in (0, 1, 2, FOUR))
 
 @kernel
 def _times_one(
-    rows: int,
-    blocks: int,
-    start: Indices,
-    col: Indices,
-    more_start: Indices,
-    more_col: Indices,
-    V: Floats,
-    more: Floats,
-    base: int,
-    t: int,
-    out: int,
-    scale: float,
-    work: Floats,
+    F: Product, V: Floats, more: Floats, base: int, t: int, out: int, scale: float, work: Floats
 ) -> None:
     """Out = base + scale F t, where each is a section of ``work``."""
-    n, wide, group, x = np.uint64(rows), np.uint64(blocks), _ZERO, np.uint64(t + blocks - 1)
+    start, col, more_start, more_col = F.A_start, F.A_at, F.more_start, F.more_at
+    n, wide, group, x = np.uint64(F.n), np.uint64(F.blocks), _ZERO, np.uint64(t + F.blocks - 1)
     s = spread4(scale)
     while group < wide:
         r, q, m = _ZERO, _ZERO, _ZERO
@@ -76,14 +66,7 @@ def _times_one(
 
 @outlined
 def advance_one(
-    n: int,
-    p: int,
-    blocks: int,
-    start: Indices,
-    col: Indices,
-    more_start: Indices,
-    more_col: Indices,
-    more_slot: Indices,
+    F: Product,
     V: Floats,
     G: Floats,
     h: float,
@@ -94,6 +77,7 @@ def advance_one(
     more: Floats,
 ) -> None:
     """One axis: X over h, in as many substeps, with as many terms.  ``work`` and ``more`` are scratch."""
+    n, p, blocks, more_slot = F.n, F.p, F.blocks, F.more_slot
     size = n * blocks
     for e in range(more_slot.size):
         more[e] = V[more_slot[e]]
@@ -106,7 +90,7 @@ def advance_one(
     for _ in range(steps):
         base, t, out, scale = size, 0, 2 * size, 1.0
         for k in range(terms, 0, -1):
-            _times_one(n, blocks, start, col, more_start, more_col, V, more, base, t, out, scale, work)
+            _times_one(F, V, more, base, t, out, scale, work)
             scale = part * INVERSE[k]
             base, t = 2 * size, out
             out = (4 if out == 3 * size else 3) * size

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from monitor_core.arrays import Floats, Indices, Ints
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.llvm_vectors import EIGHT, FOUR, fused, load8, spread8, store, where_at_least
+from monitor_core.kernel.tables import Product
 from monitor_core.kernel.taylor_series import INVERSE
 
 _ZERO, _ONE, _TWO, _EIGHT = (np.uint64(k) for k in (0, 1, 2, EIGHT))
@@ -13,25 +14,13 @@ _GROUP = np.uint64(FOUR * EIGHT)
 
 @kernel
 def _times_eight(
-    lane: int,
-    lanes: int,
-    rows: int,
-    blocks: int,
-    start: Indices,
-    col: Indices,
-    part_start: Indices,
-    part_place: Indices,
-    part_col: Indices,
-    part_slot: Indices,
-    V: Floats,
-    base: int,
-    t: int,
-    out: int,
-    scale: Floats,
-    work: Floats,
+    lane: int, lanes: int, F: Product, V: Floats, base: int, t: int, out: int, scale: Floats, work: Floats
 ) -> None:
     """As _times_one, for eight lanes from ``lane`` on."""
-    a, W, n, wide = np.uint64(lane), np.uint64(lanes), np.uint64(rows), np.uint64(blocks * EIGHT)
+    start, col, part_start, part_place, part_col, part_slot = (
+        F.A_start, F.A_at, F.part_start, F.part_place, F.part_at, F.part_slot
+    )  # fmt: skip
+    a, W, n, wide = np.uint64(lane), np.uint64(lanes), np.uint64(F.n), np.uint64(F.blocks * EIGHT)
     s, group = load8(scale, _ZERO), _ZERO
     while group < wide:
         r, q, v = _ZERO, _ZERO, a
@@ -78,15 +67,7 @@ def _times_eight(
 def advance_eight(
     a: int,
     W: int,
-    n: int,
-    p: int,
-    blocks: int,
-    start: Indices,
-    col: Indices,
-    part_start: Indices,
-    part_place: Indices,
-    part_col: Indices,
-    part_slot: Indices,
+    F: Product,
     V: Floats,
     G: Floats,
     h: Floats,
@@ -97,6 +78,7 @@ def advance_eight(
     scratch: Floats,
 ) -> None:
     """Lanes a .. a + 7 of W."""
+    n, p, blocks = F.n, F.p, F.blocks
     size = n * blocks * EIGHT
     most_steps, most_terms = 0, 0
     for e in range(EIGHT):
@@ -116,24 +98,7 @@ def advance_eight(
         base, t, out = size, 0, 2 * size
         store(scratch, 0, spread8(1.0))
         for k in range(most_terms, 0, -1):
-            _times_eight(
-                a,
-                W,
-                n,
-                blocks,
-                start,
-                col,
-                part_start,
-                part_place,
-                part_col,
-                part_slot,
-                V,
-                base,
-                t,
-                out,
-                scratch,
-                work,
-            )
+            _times_eight(a, W, F, V, base, t, out, scratch, work)
             store(scratch, 0, where_at_least(of_terms, spread8(float(k)), part * spread8(INVERSE[k])))
             base, t = 2 * size, out
             out = (4 if out == 3 * size else 3) * size

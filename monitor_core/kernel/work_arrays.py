@@ -9,40 +9,62 @@ from typing import Any
 import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
-from monitor_core.kernel.compile import kernel, outlined
+from monitor_core.kernel.compile import allocating, kernel, outlined
+from monitor_core.kernel.tables import Product
 
 
-@kernel
+@allocating
 def floats(W: int) -> Floats:
     """Zeros (W,)."""
     return np.zeros(W)
 
 
-@kernel
+@allocating
 def ints(W: int) -> Ints:
     """Zeros (W,)."""
     return np.zeros(W, np.int64)
 
 
-@kernel
+@allocating
 def table(rows: int, W: int) -> Floats:
     """Zeros (rows, W)."""
     return np.zeros((rows, W))
 
 
-@kernel
+@allocating
 def flags(rows: int, W: int) -> Ints:
     """Zeros (rows, W)."""
     return np.zeros((rows, W), np.int64)
 
 
-@outlined
+@allocating
 def strided(indices: Indices, W: int) -> Indices:
     """Indices of flat arrays with W numbers a row."""
     out = np.empty_like(indices)
     for q in range(indices.size):
         out[q] = indices[q] * np.uint64(W)
     return out
+
+
+@allocating
+def strided_product(F: Product, p: int, wide: int, W: int) -> Product:
+    """The product for ``p`` parameters, its indices those of arrays of lanes: ``wide`` side by side, W in a row."""
+    at_A, more_at, part_at = strided(F.A_at, wide), strided(F.more_at, wide), strided(F.part_at, wide)
+    place, slot = strided(F.part_place, wide), strided(F.part_slot, W)
+    return Product(
+        F.n,
+        p,
+        F.blocks,
+        F.A_start,
+        at_A,
+        F.more_start,
+        more_at,
+        F.more_slot,
+        F.part_start,
+        place,
+        part_at,
+        slot,
+    )
 
 
 @outlined
@@ -53,7 +75,7 @@ def copy_rows(source: Floats, target: Floats, row: int) -> None:
             target[row + r, a] = source[r, a]
 
 
-@outlined
+@allocating
 def take_columns(bank: Any, first: int, W: int) -> Any:
     """A contiguous copy of W columns from ``first`` on; the last column is repeated where there are no more."""
     out = np.empty((bank.shape[0], W), bank.dtype)
@@ -69,6 +91,15 @@ def put_columns(lanes: Any, bank: Any, first: int) -> None:
     for r in range(lanes.shape[0]):
         for a in range(min(lanes.shape[1], bank.shape[1] - first)):
             bank[r, first + a] = lanes[r, a]
+
+
+@kernel
+def any_positive(values: Floats) -> bool:
+    """Whether one of the numbers (W,) is above zero."""
+    found = False
+    for a in range(values.size):
+        found |= values[a] > 0.0
+    return found
 
 
 @kernel

@@ -85,15 +85,15 @@ def of_kernel(model: AxisModel, theta: Array) -> dict[str, list[Array]]:
     V = evaluated(model, theta)
     n, p, m = T.n, T.p, T.m
     dA, dB, dC = ([np.zeros(shape) for _ in range(p)] for shape in ((n, n), (n, m), (1, n)))
-    for part, place in enumerate(T.part_place):
-        row, par = divmod(int(place), T.blocks)
-        for k in range(int(T.part_start[part]), int(T.part_start[part + 1])):
-            dA[par][row, int(T.part_col[k]) // T.blocks] += V[int(T.part_slot[k])]
+    for part, place in enumerate(T.product.part_place):
+        row, par = divmod(int(place), T.product.blocks)
+        for k in range(int(T.product.part_start[part]), int(T.product.part_start[part + 1])):
+            dA[par][row, int(T.product.part_at[k]) // T.product.blocks] += V[int(T.product.part_slot[k])]
     assert places_of_all(T, V, n, p) == pytest.approx(np.array(dA))
-    for row, slot, col, par in zip(T.in_row, T.in_slot, T.in_col, T.in_par, strict=True):
+    for row, slot, col, par in zip(*T.inputs, strict=True):
         if row < p * n and par < 0:
             dB[row // n][row % n, col] += V[slot]
-    for slot, source, par in zip(T.out_slot, T.out_src, T.out_par, strict=True):
+    for slot, source, par in zip(*T.outputs, strict=True):
         if source >= p * n and par >= 0:
             dC[par][0, source - p * n] += V[slot]
     return {"A": dA, "B": dB, "C": dC}
@@ -101,11 +101,11 @@ def of_kernel(model: AxisModel, theta: Array) -> dict[str, list[Array]]:
 
 def places_of_all(T: Tables, V: Array, n: int, p: int) -> Array:
     """The same dA (p, n, n) as one axis takes them: by places where any parameter has an entry."""
-    dA = np.zeros((T.blocks, n, n))
-    slots = T.more_slot.reshape(-1, T.blocks).astype(int)
+    dA = np.zeros((T.product.blocks, n, n))
+    slots = T.product.more_slot.reshape(-1, T.product.blocks).astype(int)
     for row in range(n):
-        for q in range(int(T.more_start[row]), int(T.more_start[row + 1])):
-            dA[:, row, int(T.more_col[q]) // T.blocks] += V[slots[q]]
+        for q in range(int(T.product.more_start[row]), int(T.product.more_start[row + 1])):
+            dA[:, row, int(T.product.more_at[q]) // T.product.blocks] += V[slots[q]]
     assert not dA[p:].any()
     return dA[:p]
 
@@ -116,9 +116,8 @@ def evaluated(model: AxisModel, theta: Array) -> Array:
     T, constants = assembly.tables, assembly.model_constants(model, 1.0)
     V0, coef = constants["V0"][:, np.newaxis], constants["coef"][:, np.newaxis]
     V = np.append(constants["V0"], 0.0)[:, np.newaxis]
-    factors = (T.term_slot, T.factor_start, T.factor_par, T.factor_exp)
     interpreted = cast("Any", evaluate_coefficients).py_func  # compiled, it may be called by the kernel only
-    interpreted((0,), *factors, V0, coef, theta[:, np.newaxis], V)
+    interpreted((0,), T.terms, V0, coef, theta[:, np.newaxis], V)
     return np.asarray(V[:, 0])
 
 
