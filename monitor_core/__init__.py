@@ -55,8 +55,7 @@ if TYPE_CHECKING:
     from monitor_core.calibration.record_doubts import CalibrationError
     from monitor_core.calibration.result import CalibrationResult
     from monitor_core.detection import Alarm
-    from monitor_core.detection.multimodel.detection_limit import least_delay
-    from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
+    from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, least_delay
     from monitor_core.drive.axis_model import AxisModel
     from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
     from monitor_core.drive.structure import Drive, Parameter

@@ -4,14 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincinv  # not scipy.stats: to import that takes seconds
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.false_alarm_tail import Tail, tails
-from monitor_core.calibration.healthy_records import Deviations
-from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
+from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, scatter
 from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulate_excursions
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
@@ -126,10 +124,9 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
     (DerSimonian and Laird 1986; nothing where chance explains it) is a bias that comes and goes, with the pose or the
     temperature.  The lasting bias, of nominal values that are not quite those of the axis, is added.
     """
-    q = max(1, round(scatter.memory / BINS))
     means, weights = [], []
     for record in found:
-        d = binned(record, q)[:, 0]
+        d = binned(record, scatter.memory)[:, 0]
         count = int(np.clip(len(d) // (SHORTEST * BINS), 1, MOST))
         for part in np.array_split(d, count) if len(d) else ():
             means.append(part.mean(axis=0))
@@ -184,7 +181,7 @@ def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Float
     return np.asarray(e - share * _shrink_factor(e) + np.sqrt(1 - share) * chance)
 
 
-def _draw_kappa(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
+def _draw_kappa(kappa: Floats, weights: Floats, which: Ints, rng: np.random.Generator) -> Floats:
     """One kappa for each row (B, 1), drawn by its probability within the row."""
     up_to = np.cumsum(weights, axis=1)
     up_to /= up_to[:, -1:]

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.budget import LOWER, UPPER
+from monitor_core.calibration.budget import LOWER, UPPER, root
 from monitor_core.calibration.multimodel_healthy import COPIES, MultiModelStatistics, multimodel_statistics
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
-from monitor_core.calibration.run_length import root
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock

@@ -7,8 +7,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import Deviations
-from monitor_core.calibration.scatter import BINS, Scatter, binned
+from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, looked_at
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.settings import Settings
@@ -89,8 +88,7 @@ def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviatio
 
 
 def _check_no_change(model: AxisModel, settings: Settings, deviations: Deviations) -> None:
-    q = max(1, round(settings.memory / BINS))
-    use = np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
+    use = looked_at(deviations, settings.memory)
     d = deviations.d[use]
     n, edge = len(d), _EDGE * BINS
     if n < 4 * edge:
@@ -132,8 +130,7 @@ def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
 
 
 def _check_no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
-    q = max(1, round(settings.memory / BINS))
-    d = np.concatenate([binned(deviations, q)[:, 0] for deviations in found])
+    d = np.concatenate([binned(deviations, settings.memory)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():
         if abs(mean[i]) > max(STEP * sd[i], OFF):

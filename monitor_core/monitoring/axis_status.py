@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.detector import DetectorName
+from monitor_core.detection.alarm import DetectorName
 from monitor_core.kernel.supervision import LOST, TAKES_PART
 
 

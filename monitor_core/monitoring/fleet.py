@@ -7,15 +7,15 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.detection.cusum.cusum_events import BatchEvent, Crossing
-from monitor_core.detection.detector import DetectorName
+from monitor_core.detection.alarm import DetectorName
+from monitor_core.detection.cusum.evidence import BatchEvent, Crossing
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
-from monitor_core.detection.multimodel.multimodel_events import Event as MultiModelEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
+from monitor_core.monitoring.alarm_tracker import AlarmChange
 from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AlarmChange, AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
@@ -111,22 +111,12 @@ class Fleet:
         self, axis: int, block: SampleBlock, events: Sequence[BatchEvent], traces: Mapping[int, Trace]
     ) -> AxisUpdate:
         monitor = self.monitors[axis]
-        found: Sequence[MultiModelEvent] = ()
-        bank_trace: BankTrace | None = None
-        if monitor.multimodel is not None:
-            bank, arrays = (
-                monitor.multimodel.bank,
-                (block.t_us, block.u, block.y, block.gate, block.shift),
-            )
-            if traces:
-                found, bank_trace = bank.run_traced(*arrays)
-            else:
-                found = bank.run(*arrays)
-        trace = None
-        if traces:
-            crossings = [event for event in events if isinstance(event, Crossing)]
-            trace = AxisTrace(traces[axis], crossings, bank_trace)
         readings = [event for event in events if isinstance(event, Reading)]
+        if not traces:
+            return AxisUpdate(monitor.apply(events, monitor.multimodel_events(block)), readings, None)
+        found, bank_trace = monitor.multimodel_events_traced(block)
+        crossings = [event for event in events if isinstance(event, Crossing)]
+        trace = AxisTrace(traces[axis], crossings, bank_trace)
         return AxisUpdate(monitor.apply(events, found), readings, trace)
 
 

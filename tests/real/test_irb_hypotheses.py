@@ -8,7 +8,7 @@ import pytest
 from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of
-from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected, Event
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event
 from monitor_core.samples import SampleBlock
 from tests.real.irb import Record, model_and_settings, read, with_torque_constant, with_viscous_friction
 

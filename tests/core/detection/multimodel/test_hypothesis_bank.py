@@ -7,7 +7,14 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm, Cause, Name
-from monitor_core.detection.multimodel.candidates import OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN
+from monitor_core.detection.alarm import Onset
+from monitor_core.detection.multimodel.candidates import (
+    OUTPUT_NOISE,
+    TORQUE_OFFSET,
+    TORQUE_SIGN,
+    causes_of,
+    quantity_of,
+)
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.multimodel_detector import (
     Limit,
@@ -15,17 +22,8 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     bank_of,
     guaranteed,
-    interpret,
 )
-from monitor_core.detection.multimodel.multimodel_events import (
-    CauseEnded,
-    CauseIdentified,
-    ChangeDetected,
-    Event,
-    Onset,
-)
-from monitor_core.detection.multimodel.naming import Share
-from monitor_core.detection.multimodel.quantities import causes_of, quantity_of
+from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified, ChangeDetected, Event, Share
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
@@ -38,10 +36,7 @@ from tests.core.figures import settings_of
 MODEL = reference_model()
 DAY = Limits(86400 / INTERVAL_S)
 ONSET = Onset(4, 3, 5)
-
-
-def quantity(cause: str):  # type: ignore[no-untyped-def]
-    return quantity_of(MODEL, Settings.paper(INTERVAL_S), cause)
+DETECTOR = MultiModelDetector(MODEL, Settings.paper(INTERVAL_S), DAY)
 
 
 def share(cause: str, size: float = 0.2, probability: float = 1.0) -> Share:
@@ -60,7 +55,7 @@ class Book(AlarmTracker):
     """Open alarms, fed with events of the bank."""
 
     def take(self, event: Event) -> list[Alarm]:
-        return self.apply(interpret(event, self.open, quantity))
+        return [change.alarm for change in self.update([event], DETECTOR.interpret)]
 
 
 def told(book: Book) -> list[tuple[int, str, str, str]]:

@@ -17,10 +17,11 @@ from monitor_core.detection.multimodel.candidates import (
     TORQUE_SCALE,
     TORQUE_SIGN,
     TORQUE_STUCK,
+    default_hypotheses,
 )
-from monitor_core.detection.multimodel.detection_limit import least_delay
-from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
-from monitor_core.detection.multimodel.multimodel_events import CauseEnded, CauseIdentified, ChangeDetected
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.multimodel_detector import least_delay
+from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified, ChangeDetected
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment, faulty
@@ -106,7 +107,9 @@ def test_onset_and_size_are_within_their_intervals(bank: HypothesisBank, seed: i
             continue
         onset, share = named[-1].onset, named[-1].shares[0]
         true_us = rec.t_us[FAULT_AT]
-        inside.append(onset.earliest_us <= true_us <= onset.latest_us + 5000)
+        assert onset.onset_low_us is not None
+        assert onset.onset_high_us is not None
+        inside.append(onset.onset_low_us <= true_us <= onset.onset_high_us + 5000)
         sizes.append((share.size - math.log(1.2)) / share.size_sd)
     print(
         f"onset in its interval {np.mean(inside):.3f}, size: mean {np.mean(sizes):.2f}, sd {np.std(sizes):.2f}"
