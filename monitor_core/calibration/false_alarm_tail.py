@@ -138,16 +138,14 @@ def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
 
 
 def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakFit:
-    """Memory and rate of one direction from the peaks of its excursions.
+    """Memory and rate of one direction from the peaks of its excursions in so many samples.
 
-    The excursions are a Poisson process; the posterior is approximated by Laplace's method.
-
-    Args:
-        k: nu, less the part that the mean uses, over sigma.
-        heights: peaks of the excursions from zero, over sigma times memory, falling.
-        memory: of white noise that is forgotten, in samples.
-        samples: number of samples in which they occurred.
+    The excursions are a Poisson process; the posterior is approximated by Laplace's method.  k is nu, less the part
+    that the mean uses, over sigma; ``heights`` are the peaks over sigma times memory, falling; ``memory`` is that
+    of white noise that is forgotten, in samples.
     """
+    from scipy.optimize import minimize  # as in budget.py
+
     h = heights[: min(ENOUGH, int((heights > LEAST_H).sum()))]
     known = np.array([TAU_SD, LEVEL_SD])
     base = np.array([float(h[-1]) if len(h) == ENOUGH else LEAST_H])
@@ -165,19 +163,12 @@ def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakF
         prior = ((apart / known) ** 2).sum() / 2
         return float(np.exp(log_count(base, apart)).sum() - of_heights + prior)
 
-    best = minimise(loss, np.zeros(2), _STEP)
+    simplex = np.vstack([np.zeros(2), 100 * _STEP * np.eye(2)])
+    best: Floats = minimize(loss, np.zeros(2), method="Nelder-Mead", options={"initial_simplex": simplex}).x
     if len(h) < FEW and (abs(best) > _FAR * known).any():
         return PeakFit(np.array([math.log(memory), 0.0]), np.diag(known))
     covariance = np.linalg.inv(second_derivatives(loss, best, _STEP))
     return PeakFit(np.array([math.log(memory), 0.0]) + best, np.linalg.cholesky(covariance))
-
-
-def minimise(f: Callable[[Floats], float], start: Floats, step: float) -> Floats:
-    """Minimum of f near ``start``."""
-    from scipy.optimize import minimize  # as in run_length.py
-
-    simplex = np.vstack([start, start + 100 * step * np.eye(len(start))])
-    return np.asarray(minimize(f, start, method="Nelder-Mead", options={"initial_simplex": simplex}).x)
 
 
 def second_derivatives(f: Callable[[Floats], float], x: Floats, step: float) -> Floats:

@@ -175,20 +175,14 @@ class _Tests:
     def _in_lanes(self, begin: int, u: Floats, y: Floats | None, N: int) -> list[FirstAlarm]:
         record, onsets = self._record, self._at[begin : begin + LANES]
         lanes = np.minimum(np.arange(LANES), len(onsets) - 1)  # unused lanes repeat the last one
-        rows = np.arange(N)[:, np.newaxis] + onsets[lanes]
         for a in range(LANES):
             self._batch.restore(a, *self._before[begin + lanes[a]])
-        outputs = record.y[rows] if y is None else y[:, lanes]
-        shift = None if record.shift is None else np.moveaxis(record.shift[rows], 1, 2)
-        gate = None if record.gate is None else record.gate[rows]
         found: dict[int, FirstAlarm] = {}
-        for part in np.array_split(np.arange(N), PARTS):
-            conditions = {
-                "shift": None if shift is None else shift[part],
-                "gate": None if gate is None else gate[part],
-            }
-            t_us = record.t_us[rows[part]]
-            for a, event in self._batch.run(t_us, u[rows[part]], outputs[part], **conditions):
+        for rows in np.array_split(np.arange(N), PARTS):
+            part = record._replace(u=u).select(rows[:, np.newaxis] + onsets[lanes])
+            outputs = part.y if y is None else y[np.ix_(rows, lanes)]
+            shift = None if part.shift is None else np.moveaxis(part.shift, 1, 2)
+            for a, event in self._batch.run(part.t_us, part.u, outputs, None, shift, part.gate):
                 if a < len(onsets) and a not in found and isinstance(event, Crossing):
                     delay = (event.time_us - int(record.t_us[onsets[a]])) * 1e-6 + self._interval_s
                     found[a] = FirstAlarm(delay, event.parameter, event.direction)
@@ -210,7 +204,7 @@ class _Bank:
 
     def _state_after(self, part: SampleBlock) -> tuple[Memory, tuple[int, ...]]:
         """State, and the steps by which the nominal values had moved."""
-        self._quiet.run(part.t_us, part.u, part.y, part.gate, part.shift)
+        self._quiet.run(*part[:5])
         return self._quiet.memory, self._quiet.moved
 
     def first_alarms(self, u: Floats, y: Floats | None, N: int) -> list[FirstAlarm]:
@@ -225,10 +219,9 @@ class _Bank:
         bank.memory = memory
         first = FirstAlarm()
         for rows in np.array_split(np.arange(at, at + N), BANK_PARTS):
-            outputs = record.y[rows] if y is None else y[rows - at]
-            gate = None if record.gate is None else record.gate[rows]
-            shift = None if record.shift is None else record.shift[rows]
-            for event in bank.run(record.t_us[rows], u[rows], outputs, gate, shift):
+            part = record._replace(u=u).select(rows)
+            part = part if y is None else part._replace(y=y[rows - at])
+            for event in bank.run(*part[:5]):
                 if isinstance(event, ChangeDetected) and not first.name:
                     delay = float(event.time_us - record.t_us[at]) * 1e-6 + bank.settings.interval_s
                     first = FirstAlarm(delay, *_name(event.shares[0]))

@@ -89,14 +89,9 @@ def _shrinkage(
 ) -> tuple[Floats, Floats]:
     """What to add to the numbers of the copies (n,), and draws of the remaining error (B, n).
 
-    The chance of a record contains the error of the copies, as both come from the same innovations.  So that error is
-    not part of their difference, and stays.
-
-    Args:
-        differs: numbers of the record less those of the copies (n,).
-        chance: of the record (B, n).
-        own: error of the copies (B, n).
-        rng: random generator.
+    ``differs`` (n,): numbers of the record less those of the copies; ``chance`` of the record, and ``own`` error of the
+    copies (B, n).  The chance of a record contains the error of the copies, as both come from the same innovations.  So
+    that error is not part of their difference, and stays.
     """
     sd, sd_own = chance.std(axis=0), own.std(axis=0)
     most = np.minimum(sd_own, MOST_OWN * sd)
@@ -163,11 +158,8 @@ _TINY = 1e-300
 def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
     """Draws of the true numbers (B, n) from the posterior.
 
-    Args:
-        e: observed numbers (n,), n > 1, in standard deviations of their chance.
-        chance: standard normal (B, n), for what is unknown given kappa; shared by numbers observed with the same
-            chance.
-        rng: for tau and kappa.
+    ``e`` (n,), n > 1, are observed, in standard deviations of their chance.  ``chance`` (B, n) is standard normal, for
+    what is unknown given kappa; shared by numbers observed with the same chance.
     """
     B, n = chance.shape
     tau, of_tau = _half_cauchy(_SCALES)

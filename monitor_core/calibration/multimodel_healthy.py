@@ -88,7 +88,7 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
         bank.reset()
         for k in range(0, N, _CHUNK):
             part = record.select(slice(k, k + _CHUNK))
-            _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
+            _, trace = bank.run_traced(*part[:5])
             tested = np.isfinite(trace.llr).any(axis=1)
             index = (k + np.flatnonzero(tested)) * PARTS // N
             np.add.at(sums, index, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
@@ -119,7 +119,7 @@ def _run_record(
     course, found = heights.course(), []
     for k in range(0, len(record.t_us), _CHUNK):
         part = record.select(slice(k, k + _CHUNK))
-        _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift, what_holds=True)
+        _, trace = bank.run_traced(*part[:5], what_holds=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())

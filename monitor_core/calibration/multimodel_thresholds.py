@@ -53,7 +53,7 @@ def bank_limits(
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> BankLimits:
-    """Thresholds with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
+    """Thresholds from records with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
 
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
@@ -74,9 +74,8 @@ def limits_for_budget(
     weights = (_weights(statistics.places, rng), _weights(statistics.places, rng))
     farther = rng.standard_normal(1 + _DRAWS)
     farther[0] = 0.0
-    tails, seen = (
-        bank_tails(heights, many, weights, farther) for heights in (statistics.copied, statistics.recorded)
-    )
+    tails = bank_tails(statistics.copied, many, weights, farther)
+    seen = bank_tails(statistics.recorded, many, weights, farther)
     off = rng.multivariate_normal(np.zeros(many), statistics.covariance, 1 + _DRAWS, method="eigh")
     of_bank = log_share(statistics.copied, many, log_budget, rng.standard_normal(_DRAWS))
     least = np.maximum(_LARGEST * statistics.recorded.largest, LEAST_HEIGHT)
@@ -98,10 +97,8 @@ def limits_for_budget(
     less = root(excess, -_MOST, _MOST, xtol=_NEAR) if excess(-_MOST) > 0 > excess(_MOST) else 0.0
     h = h_for(less)
     own = tuple(
-        Limit(
-            hypothesis.cause, hypothesis.size, float(h[i]), float(statistics.allowance[i]), hypothesis.alike
-        )
-        for i, hypothesis in enumerate(statistics.hypotheses)
+        Limit(one.cause, one.size, float(height), float(allowance), one.alike)
+        for one, height, allowance in zip(statistics.hypotheses, h, statistics.allowance, strict=True)
     )
     lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(total(h), [LOWER, 0.5, UPPER])))
     return BankLimits(own, most_likely, lower, upper)

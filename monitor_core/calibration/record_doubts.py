@@ -93,15 +93,15 @@ def _check_no_change(model: AxisModel, settings: Settings, deviations: Deviation
     n, edge = len(d), _EDGE * BINS
     if n < 4 * edge:
         return
-    worst: tuple[float, int, int, float, float] | None = None
+    changes = []
     for i in range(d.shape[1]):
         k, step, sd = _largest_step(d[:, i], edge)
         sure = abs(step) / (sd * math.sqrt(2 * BINS * (1 / k + 1 / (n - k))))
-        if abs(step) > STEP * sd and sure > _SURE and (worst is None or abs(step) / sd > worst[0]):
-            worst = abs(step) / sd, i, k, step, sd
-    if worst is None:
+        if abs(step) > STEP * sd and sure > _SURE:
+            changes.append((abs(step) / sd, i, k, step))
+    if not changes:
         return
-    ratio, i, k, step, _ = worst
+    ratio, i, k, step = max(changes, key=lambda change: change[0])
     # The estimate has changed by half within a memory of the fault.
     at = max(0, k - round(0.7 * BINS))
     seconds = (deviations.t_us[use[at]] - deviations.t_us[0]) * 1e-6

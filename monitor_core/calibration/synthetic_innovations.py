@@ -28,16 +28,9 @@ _RIDGE = 1e-6
 
 
 class MatchedBlocks:
-    """Endless innovations of copies.
+    """Endless innovations of copies, from those of the record, eps (N,), at least two, in blocks of ``length`` samples.
 
-    Each copy has its own blocks, drawn with replacement, and uses them again and again.
-
-    Args:
-        eps: innovations of the record (N,), at least two.
-        length: samples of a block.
-        many: number of blocks of each copy.
-        copies: number of copies.
-        rng: random generator.
+    Each copy has its own blocks, ``many``, drawn with replacement, and uses them again and again.
     """
 
     def __init__(self, eps: Floats, length: int, many: int, copies: int, rng: np.random.Generator) -> None:
@@ -94,13 +87,7 @@ _SETTLING = 1000
 
 
 class SieveBootstrap:
-    """Endless innovations of copies.
-
-    Args:
-        eps: innovations of the record (N,), at least two, of mean zero.
-        copies: number of copies.
-        rng: random generator.
-    """
+    """Endless innovations of copies, from those of the record, eps (N,), at least two, of mean zero."""
 
     def __init__(self, eps: Floats, copies: int, rng: np.random.Generator) -> None:
         self._copies, self._rng = copies, rng

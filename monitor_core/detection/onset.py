@@ -102,10 +102,7 @@ def _inverses(P: Floats) -> Floats:
 def change_of(past: Past, i: int, alone: bool) -> Change | None:
     """The change of parameter i, in microseconds after the last of the past; None: too little is known.
 
-    Args:
-        past: as kept.
-        i: index of the parameter.
-        alone: whether only it has changed; otherwise nothing is assumed of the others, which gives less information.
+    ``alone``: only it has changed; otherwise nothing is assumed of the others, which gives less information.
     """
     edges, value, sd = _stretches(past, i, alone)
     if len(value) < FEWEST:

@@ -178,13 +178,13 @@ class AxisMonitor:
 
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
         """The events of the multi-model detector in these samples, if it runs."""
-        return self.multimodel.bank.run(*_of_bank(samples)) if self.multimodel else ()
+        return self.multimodel.bank.run(*samples[:5]) if self.multimodel else ()
 
     def multimodel_events_traced(
         self, samples: SampleBlock
     ) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
         """As ``multimodel_events``, with the values of every hypothesis at every sample."""
-        return self.multimodel.bank.run_traced(*_of_bank(samples)) if self.multimodel else ((), None)
+        return self.multimodel.bank.run_traced(*samples[:5]) if self.multimodel else ((), None)
 
     def apply(
         self, cusum: Iterable[BatchEvent] = (), multimodel: Iterable[MultiModelEvent] = ()
@@ -306,8 +306,3 @@ def _columns(samples: SampleBlock) -> tuple[Any, ...]:
     """The arguments of ``AxisBatch.run`` for one axis: an axis last in every array."""
     t_us, u, y, shift, gate = (None if values is None else values[..., np.newaxis] for values in samples[:5])
     return t_us, u, y, None, shift, gate
-
-
-def _of_bank(samples: SampleBlock) -> tuple[Any, ...]:
-    """The arguments of ``HypothesisBank.run``."""
-    return samples.t_us, samples.u, samples.y, samples.gate, samples.shift

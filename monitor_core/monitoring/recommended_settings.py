@@ -26,6 +26,12 @@ LOST_SAMPLE_SHARE = 0.1
 DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES = 1.0, 10
 """Default memory [s], and the least number of samples in it."""
 
+_AS_CHOSEN = (
+    *("alpha1", "alpha2", "P0", "information_floor", "min_excitation", "outlier_limit", "random_walk"),
+    *("covariance_reset", "unidentifiable"),
+)
+"""Options that are settings, too."""
+
 
 class SettingsError(ValueError):
     """There is no working predictor with these options; the text says what would be right."""
@@ -110,8 +116,6 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         interval_s=interval_s,
         lam=lam,
         lam0=lam0,
-        alpha1=options.alpha1,
-        alpha2=options.alpha2,
         K=tuple(K),
         K_after=_gains_after_gaps(model, interval_s, options, K),
         delay_s=options.torque_delay_s,
@@ -119,15 +123,9 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         settle_s=settle_s,
         lost_s=settle_s * LOST_SAMPLE_SHARE,
         speed_scale=options.friction_speed_scale,
-        P0=options.P0,
-        information_floor=options.information_floor,
-        min_excitation=options.min_excitation,
-        outlier_limit=options.outlier_limit,
         # As chosen, otherwise if the estimates would scatter more than reported.
         joint_state=bool(memory_s < AMPLE_MEMORY * slowest_s) if joint is None else joint,
-        random_walk=options.random_walk,
-        covariance_reset=options.covariance_reset,
-        unidentifiable=options.unidentifiable,
+        **{name: getattr(options, name) for name in _AS_CHOSEN},
     )
 
 

@@ -60,11 +60,8 @@ class ParameterTrend:
 class TrendMonitor:
     """Histories and trends of the monitored parameters of one axis, and the alarms about their limits.
 
-    Args:
-        model: of the axis.
-        limits: of each parameter that has any.
-        hour_s: time in operation [s] of an entry of the histories.
-        lead_time_us: an alarm is raised when a limit may be reached within this time.
+    ``limits`` are those of each parameter that has any; an alarm is raised when one may be reached within
+    ``lead_time_us``.  ``hour_s``: time in operation [s] of an entry of the histories.
     """
 
     def __init__(

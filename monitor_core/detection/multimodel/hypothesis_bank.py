@@ -190,42 +190,36 @@ class HypothesisBank:
         self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
 
     def run(
-        self, t_us: Ints, u: Floats, y: Floats, gate: Bools | None = None, shift: Floats | None = None
+        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None
     ) -> list[Event]:
         """Run samples (N,) in the order of their receipt: times in us, torque in N m, output.
 
-        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; the last
-        value is kept without it and where it is NaN; nothing is tested while it is NaN.
+        ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; the last value is kept without it and where it
+        is NaN; nothing is tested while it is NaN.  ``gate`` (N,): test where True.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(_block(t_us, u, y, gate), shift, BankTrace(*(np.empty((0, 0)) for _ in range(3))))
+        return self._run(_block(t_us, u, y, gate), shift, BankTrace(*[np.empty((0, 0))] * 3))
 
     def run_traced(
-        self,
-        t_us: Ints,
-        u: Floats,
-        y: Floats,
-        gate: Bools | None = None,
-        shift: Floats | None = None,
-        *,
+        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None,
         what_holds: bool = False,
-    ) -> tuple[list[Event], BankTrace]:
+    ) -> tuple[list[Event], BankTrace]:  # fmt: skip
         """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
 
         With ``what_holds`` the first column is that of the present reference.
         """
-        N, first, last = len(t_us), 0 if what_holds else 1, len(self.hypotheses) + 1
-        trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
+        first, last = 0 if what_holds else 1, len(self.hypotheses) + 1
+        trace = BankTrace(*(np.full((len(t_us), len(self._lanes)), np.nan) for _ in range(3)))
         events = self._run(_block(t_us, u, y, gate), shift, trace)
-        return events, BankTrace(*(hypothesis[:, first:last] for hypothesis in trace))
+        return events, BankTrace(*(values[:, first:last] for values in trace))
 
     def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
         N, p = len(block.t), len(self.moved)
-        if shift is not None and np.shape(shift) != (N, p):
-            raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
         if shift is not None:
+            if np.shape(shift) != (N, p):
+                raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
             known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
             block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
         events: list[Event] = []
@@ -233,7 +227,7 @@ class HypothesisBank:
             if moved != self.moved:
                 self.follow(moved)
             part = Block(block.t[rows], block.u[rows], block.y[rows], block.gate[rows])
-            events += self._run_on(part, BankTrace(*(hypothesis[rows] for hypothesis in trace)))
+            events += self._run_on(part, BankTrace(*(values[rows] for values in trace)))
         return events
 
     def _run_on(self, block: Block, trace: BankTrace) -> list[Event]:
@@ -345,9 +339,7 @@ def _copy(memory: Memory) -> Memory:
 
 def _block(t_us: Ints, u: Floats, y: Floats, gate: Bools | None) -> Block:
     t = np.ascontiguousarray(t_us, dtype=np.int64)
-    opened = (
-        np.empty((0, 1), np.bool_) if gate is None else np.ascontiguousarray(gate, np.bool_)[:, np.newaxis]
-    )
+    opened = np.ascontiguousarray([] if gate is None else gate, np.bool_)[:, np.newaxis]
     if t.ndim != 1 or np.shape(u) != t.shape or np.shape(y) != t.shape or len(opened) not in {0, len(t)}:
         raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N,) each")
     return Block(t, np.ascontiguousarray(u, float), np.ascontiguousarray(y, float), opened)

@@ -169,15 +169,6 @@ def test_nu_finds_the_smallest_fault_in_time() -> None:
         assert np.interp(chosen, k, delta) < 1.01 * delta.min()
 
 
-def test_a_tail_that_was_not_simulated_is_the_formula() -> None:
-    scattered = scatter(
-        [deviations(forgotten(np.random.default_rng(1), 40))], MEMORY, np.random.default_rng(2)
-    )
-    none = Excursions(np.ones(P), np.ones(P), np.zeros(P), NO_ERROR, ((np.zeros(0),) * P,) * 2, 1e6)
-    tail: Tail = tails(scattered, none)[0]
-    assert np.exp([way.best for way in tail.ways]) == pytest.approx(np.array([[MEMORY, 1.0]] * 2))
-
-
 def test_records_that_differ_get_an_allowance(seed: int) -> None:
     """Means of ten records off by half a standard deviation: three times that, by chance between a half and twice."""
     rng = np.random.default_rng(seed)
