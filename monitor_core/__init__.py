@@ -55,8 +55,7 @@ if TYPE_CHECKING:
     from monitor_core.calibration.record_doubts import CalibrationError
     from monitor_core.calibration.result import CalibrationResult
     from monitor_core.detection import Alarm
-    from monitor_core.detection.multimodel.detection_limit import least_delay
-    from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
+    from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, least_delay
     from monitor_core.drive.axis_model import AxisModel
     from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
     from monitor_core.drive.structure import Drive, Parameter
@@ -194,11 +193,11 @@ _HOME = {
     "ParameterStatus": "monitoring.axis_status",
     "Status": "monitoring.axis_status",
     "Alarm": "detection.alarm",
-    "AlarmChange": "monitoring.axis_monitor",
+    "AlarmChange": "monitoring.alarm_tracker",
     "SampleBlock": "samples",
     "MultiModelDetector": "detection.multimodel.multimodel_detector",
     "Limits": "detection.multimodel.multimodel_detector",
-    "least_delay": "detection.multimodel.detection_limit",
+    "least_delay": "detection.multimodel.multimodel_detector",
     "SlowHistory": "trend.slow_history",
     "trend_of": "trend.trend",
     "forecast": "trend.limit_forecast",

@@ -1,15 +1,14 @@
 """Thresholds that keep a false-alarm budget, and their false-alarm rate with its uncertainty."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.false_alarm_tail import Tail
-from monitor_core.calibration.run_length import root
-from monitor_core.calibration.scatter import Scatter
+from monitor_core.calibration.healthy_records import Scatter
 from monitor_core.settings import Threshold
 
 CONFIDENCE = 0.90
@@ -54,11 +53,7 @@ def nu_over_sigma(parameters: int, memory: float, samples: float, within: float)
 
 
 def thresholds(
-    scatter: Scatter,
-    tails: tuple[Tail, ...],
-    allowance: Floats,
-    samples: float,
-    rng: np.random.Generator,
+    scatter: Scatter, tails: tuple[Tail, ...], allowance: Floats, samples: float, rng: np.random.Generator
 ) -> tuple[Threshold, ...]:
     """Thresholds with which an axis has at most one false alarm in ``samples`` on average.
 
@@ -138,3 +133,10 @@ def rates(
     upper = math.exp(_bound(UPPER, scatter, tails, h, draws))
     parameters = np.exp(likely)
     return Rates(parameters, float(parameters.sum()), lower, upper, math.exp(max(0.0, float(beyond))))
+
+
+def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
+    """Root of f, which has different signs at low and high."""
+    from scipy.optimize import brentq  # costs the daemon half a second, which never calls it
+
+    return float(brentq(f, low, high, xtol=xtol))

@@ -3,7 +3,7 @@
 The steps: deviations of the estimates in the records (healthy_records.py) are checked (record_doubts.py).  Bootstrap
 copies of the records (surrogate_records.py) give the tails of the CUSUM sums (false_alarm_tail.py), from which the
 thresholds follow (budget.py).  Faults are injected into the longest record (fault_trials.py).  The multi-model detector
-is calibrated with the same records and budget (multimodel_thresholds.py, multimodel_fault_trials.py).
+is calibrated with the same records and budget (multimodel_thresholds.py).
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from monitor_core.calibration.fault_trials import Fault, TrialResult, run_trials
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
 from monitor_core.calibration.injection import changed_values
-from monitor_core.calibration.multimodel_fault_trials import run_multimodel_trials
 from monitor_core.calibration.multimodel_healthy import COPIES
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.record_doubts import (
@@ -33,7 +31,7 @@ from monitor_core.calibration.record_doubts import (
 )
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.calibration.surrogate_records import SAMPLES
-from monitor_core.detection.multimodel.multimodel_detector import reason_unavailable
+from monitor_core.detection.multimodel.multimodel_detector import Limit, reason_unavailable
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
@@ -49,17 +47,9 @@ Progress = Callable[[str, float, float], None]
 PartialProgress = Callable[[float], None]
 """Receives the completed share, 0 to 1."""
 Task = Callable[[PartialProgress], BankLimits | None]
-
-
-class Pending(Protocol):
-    """A task that may run in parallel."""
-
-    def result(self, progress: PartialProgress) -> BankLimits | None:
-        """Wait for the result of the task and report its progress meanwhile."""
-
-
-Launcher = Callable[[Task], AbstractContextManager[Pending]]
-"""Starts a task, at best on another core; leaving the context ends it."""
+Launcher = Callable[[Task], AbstractContextManager[Task]]
+"""Starts a task, at best on another core; to call what the context gives waits for the result and reports progress.
+Leaving the context ends the task."""
 
 
 @dataclass(frozen=True)
@@ -85,31 +75,13 @@ class CalibrationOptions:
     bank_copies: int = COPIES
 
 
-def _no_progress(_step: str, _done: float, _total: float) -> None:
-    pass
-
-
-class _Deferred:
-    """Runs the task when its result is requested: the launcher for a single core."""
-
-    def __init__(self, task: Task) -> None:
-        self._task = task
-
-    def result(self, progress: PartialProgress) -> BankLimits | None:
-        return self._task(progress)
-
-
-def _in_sequence(task: Task) -> AbstractContextManager[Pending]:
-    return nullcontext(_Deferred(task))
-
-
 def calibrate(
     model: AxisModel,
     settings: Settings,
     records: Sequence[SampleBlock],
     options: CalibrationOptions,
-    progress: Progress = _no_progress,
-    launch: Launcher = _in_sequence,
+    progress: Progress = lambda _step, _done, _total: None,
+    launch: Launcher = nullcontext,
 ) -> CalibrationResult:
     """Find thresholds that keep a false-alarm budget, from records of the healthy axis.
 
@@ -134,33 +106,37 @@ def calibrate(
             f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
             f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
         )
+
+    def step(name: str) -> PartialProgress:
+        return lambda part: progress(name, part, 1.0)
+
     check_settings(settings)
-    healthy = deviations(model, settings, records, lambda part: progress("healthy records", part, 1.0))
+    healthy = deviations(model, settings, records, step("healthy records"))
     check_records(model, settings, healthy)
     check_healthy(model, settings, healthy)
     rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
     samples = options.budget_s / settings.interval_s
-    task = partial(_limits, model, settings, records, samples, rng_multimodel, options.bank_copies)
+
+    def task(report: PartialProgress) -> BankLimits | None:
+        if reason_unavailable(model, settings):
+            return None
+        return bank_limits(model, settings, records, samples, rng_multimodel, options.bank_copies, report)
+
     with launch(task) as pending:
-        on_copies = partial(_step, progress, "copies of the records")
-        memories = within_s / memory_s
         statistics = healthy_statistics(
-            model, settings, records, healthy, samples, memories, rng, options.copies, on_copies
-        )
+            model, settings, records, healthy, samples, within_s / memory_s, rng, options.copies,
+            step("copies of the records"),
+        )  # fmt: skip
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
         calibrated = replace(settings, thresholds=own)
-        caught, onsets = _trials(model, calibrated, records, options, within_s, progress)
-        limits = pending.result(partial(_step, progress, "multi-model detector"))
-    faults = [trial.fault for trial in caught]
-    bank = _multimodel(model, calibrated, records, limits, faults, options, within_s) if limits else None
+        trials = partial(_trials, model, calibrated, records, options, within_s)
+        caught, onsets = trials(None, step("faults"))
+        limits = pending(step("multi-model detector"))
+    bank = MultiModelCalibration(limits, trials(limits.own)[0]) if limits else None
     return CalibrationResult(
         model, calibrated, options.budget_s, within_s, statistics.scatter, rate, statistics.allowance, caught, onsets,
         sum(float(r.t_us[-1] - r.t_us[0]) * 1e-6 for r in records), bank,
     )  # fmt: skip
-
-
-def _step(progress: Progress, name: str, part: float) -> None:
-    progress(name, part, 1.0)
 
 
 def _thresholds(
@@ -185,9 +161,10 @@ def _trials(
     records: Sequence[SampleBlock],
     options: CalibrationOptions,
     within_s: float,
-    progress: Progress,
+    limits: Sequence[Limit] | None,
+    progress: PartialProgress = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
-    """Detection of changes in the longest record by the CUSUM tests; nothing if the record is too short."""
+    """Detection of changes in the longest record, by the CUSUM tests or with these limits; none if it is too short."""
     longest = max(records, key=lambda record: len(record.t_us))
     faults = [
         Fault(name, sign * size)
@@ -199,48 +176,11 @@ def _trials(
     for share in (OBSERVED_SHARE, 1.0):
         try:
             return run_trials(
-                model, settings, longest, faults, options.onsets, share * within_s, partial(_step, progress, "faults")
-            )  # fmt: skip
-        except ValueError:
-            continue
-    return [], 0
-
-
-def _limits(
-    model: AxisModel,
-    settings: Settings,
-    records: Sequence[SampleBlock],
-    samples: float,
-    rng: np.random.Generator,
-    copies: int,
-    progress: PartialProgress,
-) -> BankLimits | None:
-    """Thresholds of the multi-model detector; None if it is not available for the axis."""
-    if reason_unavailable(model, settings):
-        return None
-    return bank_limits(model, settings, records, samples, rng, copies, progress)
-
-
-def _multimodel(
-    model: AxisModel,
-    settings: Settings,
-    records: Sequence[SampleBlock],
-    limits: BankLimits,
-    faults: Sequence[Fault],
-    options: CalibrationOptions,
-    within_s: float,
-) -> MultiModelCalibration:
-    """Thresholds of the multi-model detector, and its detection of the same changes."""
-    longest = max(records, key=lambda record: len(record.t_us))
-    for share in (OBSERVED_SHARE, 1.0) if faults else ():
-        try:
-            caught = run_multimodel_trials(
-                model, settings, limits.own, longest, faults, options.onsets, share * within_s
+                model, settings, longest, faults, options.onsets, share * within_s, limits, progress
             )
         except ValueError:
             continue
-        return MultiModelCalibration(limits, caught)
-    return MultiModelCalibration(limits, ())
+    return [], 0
 
 
 def _is_possible(model: AxisModel, name: str, change: float) -> bool:

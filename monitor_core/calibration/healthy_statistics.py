@@ -4,14 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincinv  # not scipy.stats: to import that takes seconds
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.budget import nu_over_sigma
 from monitor_core.calibration.false_alarm_tail import Tail, tails
-from monitor_core.calibration.healthy_records import Deviations
-from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
+from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, scatter
 from monitor_core.calibration.surrogate_records import SAMPLES, Excursions, simulate_excursions
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
@@ -91,14 +89,9 @@ def _shrinkage(
 ) -> tuple[Floats, Floats]:
     """What to add to the numbers of the copies (n,), and draws of the remaining error (B, n).
 
-    The chance of a record contains the error of the copies, as both come from the same innovations.  So that error is
-    not part of their difference, and stays.
-
-    Args:
-        differs: numbers of the record less those of the copies (n,).
-        chance: of the record (B, n).
-        own: error of the copies (B, n).
-        rng: random generator.
+    ``differs`` (n,): numbers of the record less those of the copies; ``chance`` of the record, and ``own`` error of the
+    copies (B, n).  The chance of a record contains the error of the copies, as both come from the same innovations.  So
+    that error is not part of their difference, and stays.
     """
     sd, sd_own = chance.std(axis=0), own.std(axis=0)
     most = np.minimum(sd_own, MOST_OWN * sd)
@@ -126,10 +119,9 @@ def allowance(found: Sequence[Deviations], scatter: Scatter) -> Floats:
     (DerSimonian and Laird 1986; nothing where chance explains it) is a bias that comes and goes, with the pose or the
     temperature.  The lasting bias, of nominal values that are not quite those of the axis, is added.
     """
-    q = max(1, round(scatter.memory / BINS))
     means, weights = [], []
     for record in found:
-        d = binned(record, q)[:, 0]
+        d = binned(record, scatter.memory)[:, 0]
         count = int(np.clip(len(d) // (SHORTEST * BINS), 1, MOST))
         for part in np.array_split(d, count) if len(d) else ():
             means.append(part.mean(axis=0))
@@ -166,11 +158,8 @@ _TINY = 1e-300
 def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
     """Draws of the true numbers (B, n) from the posterior.
 
-    Args:
-        e: observed numbers (n,), n > 1, in standard deviations of their chance.
-        chance: standard normal (B, n), for what is unknown given kappa; shared by numbers observed with the same
-            chance.
-        rng: for tau and kappa.
+    ``e`` (n,), n > 1, are observed, in standard deviations of their chance.  ``chance`` (B, n) is standard normal, for
+    what is unknown given kappa; shared by numbers observed with the same chance.
     """
     B, n = chance.shape
     tau, of_tau = _half_cauchy(_SCALES)
@@ -184,7 +173,7 @@ def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Float
     return np.asarray(e - share * _shrink_factor(e) + np.sqrt(1 - share) * chance)
 
 
-def _draw_kappa(kappa: Floats, weights: Floats, which: NDArray[np.int64], rng: np.random.Generator) -> Floats:
+def _draw_kappa(kappa: Floats, weights: Floats, which: Ints, rng: np.random.Generator) -> Floats:
     """One kappa for each row (B, 1), drawn by its probability within the row."""
     up_to = np.cumsum(weights, axis=1)
     up_to /= up_to[:, -1:]

@@ -8,15 +8,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate_records import LANES, block_length, bootstrap_copies, copy_source
 from monitor_core.calibration.synthetic_innovations import SieveBootstrap
+from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
-from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -63,11 +63,8 @@ def multimodel_statistics(
     allowance = allowances(bank, records)
     bank = HypothesisBank(model, settings, bank.hypotheses, allowance=allowance)
     variance = settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
-    recorded, spectra = (
-        ExcursionPeaks(len(allowance)),
-        Spectra(variance, allowance, LOOK * block_length(settings)),
-    )
-    places = _Blocks(settings, records)
+    recorded, places = ExcursionPeaks(len(allowance)), _Blocks(settings, records)
+    spectra = Spectra(variance, allowance, LOOK * block_length(settings))
     for number, record in enumerate(records):
         spectra.add(_run_record(bank, record, recorded, places, number))
     if not recorded.samples:
@@ -75,9 +72,8 @@ def multimodel_statistics(
     progress(0.2)
     copied = _run_copies(bank, records, places, copies, rng, lambda part: progress(0.2 + 0.8 * part))
     pooled = copied if copied.samples else recorded
-    return MultiModelStatistics(
-        bank.hypotheses, allowance, recorded, pooled, spectra.covariance(), places.many
-    )
+    covariance = spectra.covariance()
+    return MultiModelStatistics(bank.hypotheses, allowance, recorded, pooled, covariance, places.many)
 
 
 def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
@@ -92,7 +88,7 @@ def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
         bank.reset()
         for k in range(0, N, _CHUNK):
             part = record.select(slice(k, k + _CHUNK))
-            _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift)
+            _, trace = bank.run_traced(*part[:5])
             tested = np.isfinite(trace.llr).any(axis=1)
             index = (k + np.flatnonzero(tested)) * PARTS // N
             np.add.at(sums, index, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
@@ -110,7 +106,7 @@ class _Blocks:
         self._first = np.cumsum([0, *(1 + len(record.t_us) // self._length for record in records)])
         self.many = int(self._first[-1])
 
-    def index(self, record: int, samples: NDArray[np.int64]) -> NDArray[np.int64]:
+    def index(self, record: int, samples: Ints) -> Ints:
         """Block numbers of samples of a record."""
         return np.asarray(self._first[record] + samples // self._length)
 
@@ -123,7 +119,7 @@ def _run_record(
     course, found = heights.course(), []
     for k in range(0, len(record.t_us), _CHUNK):
         part = record.select(slice(k, k + _CHUNK))
-        _, trace = bank.run_traced(part.t_us, part.u, part.y, part.gate, part.shift, what_holds=True)
+        _, trace = bank.run_traced(*part[:5], what_holds=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
@@ -141,9 +137,7 @@ def _run_copies(
 ) -> ExcursionPeaks:
     """Run copies of the records, at least ``samples`` in all."""
     heights, clock = ExcursionPeaks(len(bank.hypotheses)), 0
-    found = (
-        (number, copy_source(bank.model, bank.settings, record)) for number, record in enumerate(records)
-    )
+    found = enumerate(copy_source(bank.model, bank.settings, record) for record in records)
     sources = [(number, source) for number, source in found if source is not None]
     while sources and heights.samples < samples:
         for number, source in sources:
@@ -170,15 +164,7 @@ class _Copies:
         self._memories = [bank.memory] * LANES
         self._courses = [heights.course() for _ in range(LANES)]
 
-    def run(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        at: int,
-        place: NDArray[np.int64],
-        origin: NDArray[np.int64],
-    ) -> None:
+    def run(self, t_us: Ints, u: Floats, y: Floats, at: int, place: Ints, origin: Ints) -> None:
         """Run the next samples, u and y (N, LANES), from the sample ``at``.
 
         ``place`` (N,) are the blocks of the motion, ``origin`` (N, LANES) those of the innovations.

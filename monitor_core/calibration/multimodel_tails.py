@@ -20,9 +20,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.kernel.excursions import ORIGIN, PEAK, PLACE, START
 from monitor_core.kernel.excursions import excursion_peaks as heights_of
 
@@ -120,7 +119,7 @@ def _with_chance(drawn: Floats, own: Floats) -> Floats:
     return np.hstack([drawn[:, :1], drawn[:, :1] + np.sqrt(less)[:, np.newaxis] * differs])
 
 
-def _shrink_to_mean(shape: Floats, tell: NDArray[np.bool_]) -> Floats:
+def _shrink_to_mean(shape: Floats, tell: Bools) -> Floats:
     """Each shape shrunk towards the mean of all (H, B); those that are undetermined get the mean."""
     out = np.zeros_like(shape)
     if tell.any():
@@ -151,24 +150,17 @@ class ExcursionPeaks:
     def __init__(self, many: int) -> None:
         self._least = np.full(many, LEAST_HEIGHT)
         self._largest: list[Floats] = [np.empty(0) for _ in range(many)]
-        self._times: list[NDArray[np.int64]] = [np.empty((4, 0), np.int64) for _ in range(many)]
+        self._times: list[Ints] = [np.empty((4, 0), np.int64) for _ in range(many)]
         self._top, self._now = np.zeros(many), np.zeros((4, many), np.int64)
         self.largest = np.zeros(many)
         self.samples = 0
         """Tested ones."""
 
-    def course(self) -> tuple[Floats, NDArray[np.int64]]:
+    def course(self) -> tuple[Floats, Ints]:
         """State of a new course of g, to be given to ``take`` with each of its pieces."""
         return np.zeros_like(self._top), np.zeros_like(self._now)
 
-    def take(
-        self,
-        g: Floats,
-        clock: int,
-        place: NDArray[np.int64],
-        origin: NDArray[np.int64],
-        going_on: tuple[Floats, NDArray[np.int64]],
-    ) -> None:
+    def take(self, g: Floats, clock: int, place: Ints, origin: Ints, going_on: tuple[Floats, Ints]) -> None:
         """Add g (N, H) from time ``clock`` [samples] on, with the blocks of its motion and innovations (N,)."""
         N, many = g.shape
         self.largest = np.maximum(self.largest, g.max(axis=0, initial=0.0))
@@ -179,7 +171,7 @@ class ExcursionPeaks:
         for i in np.flatnonzero(found):
             self._keep(int(i), largest[i, : found[i]], times[:, i, : found[i]])
 
-    def _keep(self, i: int, largest: Floats, times: NDArray[np.int64]) -> None:
+    def _keep(self, i: int, largest: Floats, times: Ints) -> None:
         self._largest[i] = np.append(self._largest[i], largest)
         self._times[i] = np.concatenate([self._times[i], times], axis=1)
         if len(self._largest[i]) > 2 * TOP:
@@ -187,7 +179,7 @@ class ExcursionPeaks:
             self._largest[i], self._times[i] = self._largest[i][order], self._times[i][:, order]
             self._least[i] = self._largest[i][-1]
 
-    def highest(self, i: int) -> tuple[float, Floats, NDArray[np.int64]]:
+    def highest(self, i: int) -> tuple[float, Floats, Ints]:
         """The highest excursions of hypothesis i.
 
         Returns the level that they exceed, by how much (n,), falling, and place and origin of the peaks (2, n).

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.budget import LOWER, UPPER
+from monitor_core.calibration.budget import LOWER, UPPER, root
 from monitor_core.calibration.multimodel_healthy import COPIES, MultiModelStatistics, multimodel_statistics
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
-from monitor_core.calibration.run_length import root
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
@@ -54,7 +53,7 @@ def bank_limits(
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> BankLimits:
-    """Thresholds with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
+    """Thresholds from records with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
 
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
@@ -75,9 +74,8 @@ def limits_for_budget(
     weights = (_weights(statistics.places, rng), _weights(statistics.places, rng))
     farther = rng.standard_normal(1 + _DRAWS)
     farther[0] = 0.0
-    tails, seen = (
-        bank_tails(heights, many, weights, farther) for heights in (statistics.copied, statistics.recorded)
-    )
+    tails = bank_tails(statistics.copied, many, weights, farther)
+    seen = bank_tails(statistics.recorded, many, weights, farther)
     off = rng.multivariate_normal(np.zeros(many), statistics.covariance, 1 + _DRAWS, method="eigh")
     of_bank = log_share(statistics.copied, many, log_budget, rng.standard_normal(_DRAWS))
     least = np.maximum(_LARGEST * statistics.recorded.largest, LEAST_HEIGHT)
@@ -99,10 +97,8 @@ def limits_for_budget(
     less = root(excess, -_MOST, _MOST, xtol=_NEAR) if excess(-_MOST) > 0 > excess(_MOST) else 0.0
     h = h_for(less)
     own = tuple(
-        Limit(
-            hypothesis.cause, hypothesis.size, float(h[i]), float(statistics.allowance[i]), hypothesis.alike
-        )
-        for i, hypothesis in enumerate(statistics.hypotheses)
+        Limit(one.cause, one.size, float(height), float(allowance), one.alike)
+        for one, height, allowance in zip(statistics.hypotheses, h, statistics.allowance, strict=True)
     )
     lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(total(h), [LOWER, 0.5, UPPER])))
     return BankLimits(own, most_likely, lower, upper)

@@ -7,8 +7,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import Deviations
-from monitor_core.calibration.scatter import BINS, Scatter, binned
+from monitor_core.calibration.healthy_records import BINS, Deviations, Scatter, binned, looked_at
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.settings import Settings
@@ -89,21 +88,20 @@ def check_healthy(model: AxisModel, settings: Settings, found: Sequence[Deviatio
 
 
 def _check_no_change(model: AxisModel, settings: Settings, deviations: Deviations) -> None:
-    q = max(1, round(settings.memory / BINS))
-    use = np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
+    use = looked_at(deviations, settings.memory)
     d = deviations.d[use]
     n, edge = len(d), _EDGE * BINS
     if n < 4 * edge:
         return
-    worst: tuple[float, int, int, float, float] | None = None
+    changes = []
     for i in range(d.shape[1]):
         k, step, sd = _largest_step(d[:, i], edge)
         sure = abs(step) / (sd * math.sqrt(2 * BINS * (1 / k + 1 / (n - k))))
-        if abs(step) > STEP * sd and sure > _SURE and (worst is None or abs(step) / sd > worst[0]):
-            worst = abs(step) / sd, i, k, step, sd
-    if worst is None:
+        if abs(step) > STEP * sd and sure > _SURE:
+            changes.append((abs(step) / sd, i, k, step))
+    if not changes:
         return
-    ratio, i, k, step, _ = worst
+    ratio, i, k, step = max(changes, key=lambda change: change[0])
     # The estimate has changed by half within a memory of the fault.
     at = max(0, k - round(0.7 * BINS))
     seconds = (deviations.t_us[use[at]] - deviations.t_us[0]) * 1e-6
@@ -132,8 +130,7 @@ def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
 
 
 def _check_no_offset(model: AxisModel, settings: Settings, found: Sequence[Deviations]) -> None:
-    q = max(1, round(settings.memory / BINS))
-    d = np.concatenate([binned(deviations, q)[:, 0] for deviations in found])
+    d = np.concatenate([binned(deviations, settings.memory)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():
         if abs(mean[i]) > max(STEP * sd[i], OFF):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.fault_trials import TrialResult
+from monitor_core.calibration.healthy_records import Scatter
 from monitor_core.calibration.multimodel_thresholds import BankLimits
-from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection import DetectorName
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.settings import Settings
@@ -41,17 +41,9 @@ class DetectorResult:
 
     def smallest(self, name: str) -> tuple[float | None, float | None]:
         """Smallest increase and decrease, in sizes of the parameter, found in time; None: none of those tried."""
-        return self._smallest(name, 1), self._smallest(name, -1)
-
-    def _smallest(self, name: str, sign: int) -> float | None:
-        sizes = [
-            abs(trial.fault.size)
-            for trial in self.caught
-            if trial.fault.parameter == name
-            and trial.fault.size * sign > 0
-            and trial.found_within(self.within_s) >= FOUND_SHARE
-        ]
-        return sign * min(sizes) if sizes else None
+        mine = (trial for trial in self.caught if trial.fault.parameter == name)
+        found = [t.fault.size for t in mine if t.found_within(self.within_s) >= FOUND_SHARE]
+        return min((v for v in found if v > 0), default=None), max((v for v in found if v < 0), default=None)
 
     def confusion(self) -> dict[str, dict[str, int]]:
         """Confusion matrix: number of changes of each parameter by the name of the alarm; "" is no alarm."""

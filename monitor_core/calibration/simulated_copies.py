@@ -55,12 +55,9 @@ def innovations(
 
 
 class Plants:
-    """Drives of one structure with different values, in innovations form with the gain of the monitor.
+    """Drives of one structure in innovations form with the gain of the monitor.
 
-    Args:
-        model: the nominal one.
-        settings: of its monitor.
-        values: parameter values of each drive, with the delay of the torque where that is a parameter.
+    ``values``: parameter values of each drive, with the delay of the torque where that is a parameter.
     """
 
     def __init__(self, model: AxisModel, settings: Settings, values: Sequence[Mapping[str, float]]) -> None:
@@ -75,14 +72,10 @@ class Plants:
         self._filtered = drive.output != "speed" and COULOMB in drive.inputs
 
     def run(self, which: Ints, x: Floats, u_before: Floats, u: Floats, eps: Floats) -> tuple[Floats, Floats]:
-        """Outputs y (N, W) and final states (W, n) of the drives ``which`` (W,).
+        """Outputs y (N, W) and final states (W, n) of the drives with the numbers ``which`` (W,).
 
-        Args:
-            which: number of the drive.
-            x: states (W, n) at the first sample.
-            u_before: torques (W,) of the sample before.
-            u: torques (N, W).
-            eps: innovations (N, W).
+        From the states x (W, n) at the first sample and the torques u_before (W,) of the sample before, with torques u
+        and innovations eps (N, W).
         """
         y, x = np.empty(u.shape), np.ascontiguousarray(x).copy()
         simulate_innovations(

@@ -29,12 +29,10 @@ _MOST = 0.5
 
 
 class Spectra:
-    """Spectra of the innovations (N, 1 + H) of the reference and of each hypothesis, in segments.
+    """Spectra of the innovations (N, 1 + H) of the reference and of each hypothesis, in segments of ``length`` samples.
 
-    Args:
-        variance: stated variance of the innovations (1 + H,).
-        allowance: subtracted from each log-likelihood ratio (H,).
-        length: samples of a segment.
+    ``variance`` (1 + H,) is the stated one of the innovations; ``allowance`` (H,) is subtracted from each
+    log-likelihood ratio.
     """
 
     def __init__(self, variance: Floats, allowance: Floats, length: int) -> None:

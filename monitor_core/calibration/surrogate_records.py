@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.linalg import solve_toeplitz
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.healthy_records import without_tests
+from monitor_core.calibration.healthy_records import first_tested, stride, without_tests
 from monitor_core.calibration.simulated_copies import Plants, innovations
+from monitor_core.calibration.synthetic_innovations import MatchedBlocks
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.excursions import excursions
 from monitor_core.monitoring import AxisBatch, AxisMonitor
@@ -37,8 +36,6 @@ LEAST_PARTS = 8
 """Of a record."""
 SETTLED = 3
 """Memories until the deviations have forgotten their start."""
-BINS = 50
-"""In a memory: of so many samples one is looked at."""
 LEAST = 0.5
 """Excursions above that are kept, in sigma times memory."""
 _ROOM, _KNOWN = 300_000, 50
@@ -97,16 +94,16 @@ def simulate_excursions(
 def _bootstrap_error(copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator) -> Floats:
     """Error covariance (2 p, 2 p) of the copies, scaled from copies with few of the innovations to all of them."""
     few = [bootstrap_blocks(copies.settings, source, FEW, rng) for source in sources]
-    parts = PartSums()
+    parts: list[PartSums] = []
     turns = math.ceil(OWN_SAMPLES / LANES / sum(len(source.u) for source in sources))
     for _ in range(turns):
         for source, blocks in zip(sources, few, strict=True):
             for d, _ in copies.run(source, blocks):
-                parts.add(d)
+                parts.append(part_sums(d))
         if not parts:
             raise ValueError(f"no record is longer than {SETTLED} memories")
     share = sum(blocks.samples for blocks in few) / sum(len(source.eps) for source in sources)
-    return parts.own_error() * share
+    return own_error(parts) * share
 
 
 @dataclass(frozen=True)
@@ -123,20 +120,14 @@ class CopySource:
 
 def copy_source(model: AxisModel, settings: Settings, record: SampleBlock) -> CopySource | None:
     """What copies of a record are made from; None where too little was learned in it."""
-    monitor, start = AxisMonitor(model, without_tests(settings)), 0
-    step = settings.span
-    st = monitor.batch.state
-    for start in range(0, len(record.t_us), step):
-        if start and st.t[0] >= st.settled[0] and not st.seed_left[0]:
-            break
-        part = record.select(slice(start, start + step))
-        monitor.update(part)
+    monitor = AxisMonitor(model, without_tests(settings))
+    start = first_tested(monitor, record)
     found = innovations(model, settings, record, (start,))
     eps = found.eps[start:]
     eps = eps[np.isfinite(eps)]
     if len(eps) < 2 * settings.memory:
         return None
-    column, t_us = monitor.batch.column(0), int(st.t[0])
+    column, t_us = monitor.batch.column(0), int(monitor.batch.state.t[0])
     return CopySource(
         record.u[start:], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us
     )
@@ -192,7 +183,7 @@ class _Copies:
     def run(self, source: CopySource, blocks: MatchedBlocks) -> Iterator[tuple[Floats, Floats]]:
         """Deviations and sqrt(lambda_0 P_ii) (n, p, LANES) of copies of a record, at every q-th sample."""
         model, settings, since = self.model, self.settings, 0
-        scale, q = model.scale[:, np.newaxis], stride(settings)
+        scale, q = model.scale[:, np.newaxis], stride(settings.memory)
         for a in range(LANES):
             self._bank.restore(a, *source.column)
         for t_us, u, y in bootstrap_copies(model, settings, source, blocks):
@@ -205,17 +196,12 @@ class _Copies:
                 yield d, np.sqrt(settings.lam0 * trace.P[rows]) / scale
 
 
-def stride(settings: Settings) -> int:
-    """Number of samples from one that is evaluated to the next."""
-    return max(1, round(settings.memory / BINS))
-
-
 class _PeakCounter:
     """Collects the peaks of the sums of the tests of all copies."""
 
     def __init__(self, model: AxisModel, settings: Settings, k: float) -> None:
         p = len(model.scale)
-        self._memory, self._k, self._q = settings.memory, k, stride(settings)
+        self._memory, self._k, self._q = settings.memory, k, stride(settings.memory)
         self._g, self._top = np.zeros((2, p, LANES)), np.zeros((2, p, LANES))
         self._largest, self._found = np.zeros((2, p, _ROOM)), np.zeros((2, p), np.int64)
         self._sums, self._counted, self._tested = np.zeros((3, p)), 0, 0
@@ -255,75 +241,6 @@ class _PeakCounter:
         return Excursions(nu / self._sigma(), self._sigma(), mean, error, kept, samples)
 
 
-# --- Innovations of a record in another order: in blocks that match where they meet -----------------------------------
-
-
-# The colour of the innovations causes a bias of the estimates, which would be lost if any block could follow any other.
-# So the next block is chosen whose past predicts the same as the end of the block before (matched blocks: Carlstein et
-# al. 1998).
-
-ALIKE, LEAST_ALIKE = 0.03, 4
-"""Blocks that may follow another: this share of all, to either side of the one that matches best, or so many."""
-LONGEST = 500
-"""Samples of the past that promise anything."""
-_TINY = 1e-6
-
-
-class MatchedBlocks:
-    """Endless innovations of copies.
-
-    Each copy has its own blocks, drawn with replacement, and uses them again and again.
-
-    Args:
-        eps: innovations of the record (N,), at least two.
-        length: samples of a block.
-        many: number of blocks of each copy.
-        copies: number of copies.
-        rng: random generator.
-    """
-
-    def __init__(self, eps: Floats, length: int, many: int, copies: int, rng: np.random.Generator) -> None:
-        self._eps, self._length, self._rng = eps, min(length, len(eps) - 1), rng
-        self._near = min(max(LEAST_ALIKE, round(ALIKE * many)), many)
-        promised = predicted_sum(eps, min(max(1, self._length // 2), LONGEST))
-        first = rng.integers(1, len(eps) - self._length + 1, (copies, many))
-        order = np.argsort(promised[first - 1], axis=1)
-        self._first = np.take_along_axis(first, order, axis=1)  # (copies, blocks), by what came before
-        before, at_end = promised[self._first - 1], promised[self._first + self._length - 1]
-        self._next = np.array([np.searchsorted(*source) for source in zip(before, at_end, strict=True)])
-        self._at = rng.integers(0, first.shape[1], copies)
-        self._left = np.zeros((0, copies))
-
-    @property
-    def samples(self) -> int:
-        """Number of samples of a copy, repeated ones included."""
-        return self._length * int(self._first.shape[1])
-
-    def take(self, count: int) -> Floats:
-        """The next (count, copies)."""
-        copies, blocks = np.arange(len(self._at)), self._first.shape[1]
-        while len(self._left) < count:
-            rows = self._first[copies, self._at] + np.arange(self._length)[:, np.newaxis]
-            self._left = np.concatenate([self._left, self._eps[rows]])
-            after = self._next[copies, self._at] + self._rng.integers(-self._near, self._near, len(copies))
-            after = np.where(after < 0, -1 - after, after)  # reflected at the ends
-            self._at = np.where(after < blocks, after, 2 * blocks - 1 - after)
-        out, self._left = self._left[:count], self._left[count:]
-        return out
-
-
-def predicted_sum(eps: Floats, lags: int) -> Floats:
-    """Best linear prediction (N,), at each sample, of the sum of the next ``lags`` from as many past ones (Wiener)."""
-    N, size = len(eps), next_fast_len(len(eps) + 2 * lags + 1, real=True)
-    F = rfft(eps, size)
-    r = irfft(np.abs(F) ** 2, size)[: 2 * lags + 1]  # autocovariance, by N
-    sums = np.cumsum(np.append(0.0, r))
-    past = np.arange(1, lags + 1)
-    r[0] *= 1 + _TINY
-    weights = solve_toeplitz(r[:lags], sums[past + lags] - sums[past])
-    return np.asarray(irfft(F * rfft(weights, size), size)[:N])
-
-
 # --- What copies of healthy records are off by, because the records are short -----------------------------------------
 
 
@@ -332,42 +249,34 @@ def predicted_sum(eps: Floats, lags: int) -> Floats:
 # of a bootstrap: Hall 1992; m out of n: Bickel, Goetze and van Zwet 1997).
 
 
-@dataclass
-class PartSums:
-    """Sums over parts of the records, of each of W copies and p parameters."""
+PartSums = tuple[Floats, float]
+"""Of a part of the records: sums of the deviations and of their squares (2, p, W), and their number."""
 
-    _sums: list[Floats] = field(default_factory=list)
-    _counts: list[float] = field(default_factory=list)
 
-    def __len__(self) -> int:
-        return len(self._sums)
+def part_sums(d: Floats) -> PartSums:
+    """Sums of the deviations (n, p, W) of a part."""
+    return np.stack([d.sum(axis=0), (d * d).sum(axis=0)]), float(len(d))
 
-    def add(self, d: Floats) -> None:
-        """Add deviations (n, p, W) of a part."""
-        self._sums.append(np.stack([d.sum(axis=0), (d * d).sum(axis=0)]))
-        self._counts.append(float(len(d)))
 
-    def own_error(self) -> Floats:
-        """Covariance (2 p, 2 p) between copies due to their blocks: of the means, over sigma, and of log sigma.
+def own_error(parts: Sequence[PartSums]) -> Floats:
+    """Covariance (2 p, 2 p) between copies due to their blocks: of the means, over sigma, and of log sigma.
 
-        More colour makes more bias and more scatter of all parameters that it reaches, so these errors are correlated.
-        """
-        x = self._each()
-        R, W = len(x), x.shape[-1]
-        parts, copies = x.mean(axis=-1, keepdims=True), x.mean(axis=0)
-        # Analysis of variance: differences of a copy between parts are chance.
-        rest = x - parts - copies + parts.mean(axis=0)
-        chance = np.einsum("riw,rjw->ij", rest, rest) / ((R - 1) * (W - 1)) / R
-        return excess_covariance(np.cov(copies), chance, W)
-
-    def _each(self) -> Floats:
-        """Contribution of each part to both, of each copy (R, 2 p, W); their means are those of the copy."""
-        sums, n = np.array(self._sums), np.array(self._counts)[:, np.newaxis, np.newaxis]
-        of_copy, square = sums.sum(axis=0) / n.sum()
-        variance = (square - of_copy**2).mean(axis=-1, keepdims=True)
-        record, two = sums[:, 0] / n, sums[:, 1] / n
-        louder = (two - 2 * of_copy * record + of_copy**2) / variance
-        return np.concatenate([record / np.sqrt(variance), louder / 2], axis=1)
+    More colour makes more bias and more scatter of all
+    parameters that it reaches, so these errors are correlated.
+    """
+    sums, n = np.array([s for s, _ in parts]), np.array([n for _, n in parts])[:, np.newaxis, np.newaxis]
+    of_copy, square = sums.sum(axis=0) / n.sum()
+    variance = (square - of_copy**2).mean(axis=-1, keepdims=True)
+    record, two = sums[:, 0] / n, sums[:, 1] / n
+    louder = (two - 2 * of_copy * record + of_copy**2) / variance
+    # Contributions of each part to both, of each copy (R, 2 p, W); their means are those of the copy.
+    x = np.concatenate([record / np.sqrt(variance), louder / 2], axis=1)
+    R, W = len(x), x.shape[-1]
+    means, copies = x.mean(axis=-1, keepdims=True), x.mean(axis=0)
+    # Analysis of variance: differences of a copy between parts are chance.
+    rest = x - means - copies + means.mean(axis=0)
+    chance = np.einsum("riw,rjw->ij", rest, rest) / ((R - 1) * (W - 1)) / R
+    return excess_covariance(np.cov(copies), chance, W)
 
 
 def excess_covariance(seen: Floats, chance: Floats, times: int) -> Floats:

@@ -6,11 +6,14 @@ there is enough evidence: of large changes, the first test that crosses is often
 
 import json
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+DetectorName = Literal["cusum", "multimodel"]
+"""cusum: the paper's two tests of each parameter; multimodel: parallel hypotheses, one predictor for each."""
 
 Direction = Literal["up", "down"]
 DIRECTIONS: tuple[Direction, Direction] = ("up", "down")
@@ -31,6 +34,9 @@ NO_PARAMETER: tuple[Doubt, ...] = ("model", "sign", "still")
 """With these doubts a sensor or a wire is a more likely cause than any parameter."""
 
 MAX_EARLIER_NAMES = 20
+
+MIN_PROBABILITY = 0.01
+"""Causes below this probability are not reported."""
 
 
 class Cause(NamedTuple):
@@ -67,6 +73,21 @@ class Name(NamedTuple):
     stage: Stage
     parameter: str
     direction: Direction
+
+
+class Onset(NamedTuple):
+    """Time of a change [us] with its 90 % interval; None: that end is unknown.  Fields as in ``Alarm``."""
+
+    onset_us: int
+    onset_low_us: int | None
+    onset_high_us: int | None
+
+
+class Leading(NamedTuple):
+    """The cause whose test is nearest its threshold, and its evidence g / h; an empty cause: no sample yet."""
+
+    cause: str
+    evidence: float
 
 
 AlarmKey = tuple[int, str, Direction]
@@ -114,7 +135,33 @@ class Alarm:
         """Identity: it stays the same whatever the alarm is renamed to."""
         return self.raised_us, *self.first
 
-    def earlier_names(self, until_us: int) -> tuple[Name, ...]:
+    @property
+    def onset(self) -> Onset:
+        """Onset with its interval."""
+        return Onset(self.onset_us, self.onset_low_us, self.onset_high_us)
+
+    def detected_again(self, time_us: int, crossings: int = 1) -> "Alarm":
+        """The alarm after its tests have crossed their thresholds again."""
+        return replace(self, updated_us=time_us, crossings=self.crossings + crossings)
+
+    def named(self, time_us: int, parameter: str, size: float, **changes: Any) -> "Alarm":
+        """The alarm with its likeliest cause as its name from now on; ``changes``: of further fields."""
+        direction = direction_of(size)
+        same = (self.stage, self.parameter, self.direction) == ("named", parameter, direction)
+        name = {"stage": "named", "parameter": parameter, "direction": direction, "size": size}
+        past = self.past if same else self._earlier_names(time_us)
+        return replace(self, updated_us=time_us, past=past, **(name | changes))  # type: ignore[arg-type]
+
+    def resized(self, time_us: int, direction: Direction, size: float, size_sd: float) -> "Alarm":
+        """The alarm with a better size."""
+        past = self.past if direction == self.direction else self._earlier_names(time_us)
+        return replace(self, updated_us=time_us, direction=direction, size=size, size_sd=size_sd, past=past)
+
+    def ended(self, time_us: int) -> "Alarm":
+        """The alarm when its cause is gone, or when it turns out to belong to another one."""
+        return replace(self, ended_us=time_us)
+
+    def _earlier_names(self, until_us: int) -> tuple[Name, ...]:
         """The earlier names and the present one, valid until a time; the first name is always kept."""
         names = (*self.past, Name(until_us, self.stage, self.parameter, self.direction))
         return names if len(names) <= MAX_EARLIER_NAMES else (names[0], *names[2 - MAX_EARLIER_NAMES :])

@@ -2,16 +2,15 @@
 
 theta and P at two times give the information of the samples between them: R theta is the sum of psi (eps + psi' theta),
 forgotten like R = P^-1.  So R_k theta_k - lam^n R_(k-1) theta_(k-1) has no memory left: its mean is dR theta and its
-covariance lambda_0 dR, dR = R_k - lam^n R_(k-1), white from stretch to stretch.
+covariance lambda_0 dR, dR = R_k - lam^n R_(k-1), white from stretch to stretch.  In these white means of stretches the
+change is found by Bayes (``find_change``).
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
-from monitor_core.detection.change_time import Change, find_change
+from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.state import NEVER
 
 FEWEST = 8
@@ -24,10 +23,26 @@ LEAST_SHARE = 1e-4
 """Of the information of the others; a stretch with less says nothing."""
 
 
+COVERED = 0.9
+"""Probability of every interval."""
+
+
+class Change(NamedTuple):
+    """A change of a series: the moment in an interval of probability COVERED, the size at the end, and its kind."""
+
+    low: float
+    best: float
+    high: float
+    size: float
+    size_sd: float
+    drift: float
+    """Logarithm of the odds of a drift against a step"""
+
+
 class Past(NamedTuple):
     """Deviations and P at several times, with the same number of learned samples in between."""
 
-    t_us: NDArray[np.int64]  # (N,)
+    t_us: Ints  # (N,)
     d: Floats  # (N, p)
     P: Floats  # (N, p, p)
     lam: float
@@ -39,9 +54,7 @@ class Past(NamedTuple):
     """So much later than a parameter changes its estimate may begin to move: the predictor's slowest time constant"""
 
 
-def past_of(
-    t_us: NDArray[np.int64], kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float
-) -> Past:
+def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float) -> Past:
     """Past from the arrays of the kernel: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2)."""
     known = t_us != NEVER
     rows, columns = np.triu_indices(p)
@@ -89,10 +102,7 @@ def _inverses(P: Floats) -> Floats:
 def change_of(past: Past, i: int, alone: bool) -> Change | None:
     """The change of parameter i, in microseconds after the last of the past; None: too little is known.
 
-    Args:
-        past: as kept.
-        i: index of the parameter.
-        alone: whether only it has changed; otherwise nothing is assumed of the others, which gives less information.
+    ``alone``: only it has changed; otherwise nothing is assumed of the others, which gives less information.
     """
     edges, value, sd = _stretches(past, i, alone)
     if len(value) < FEWEST:
@@ -154,3 +164,86 @@ def _beside_others(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
             inverse = np.linalg.inv(normal) / np.outer(scale, scale)
             value[k], information[k] = (inverse @ b)[i], 1 / inverse[i, i]
     return value, information
+
+
+# --- When a series left its level, and whether suddenly or gradually --------------------------------------------------
+
+
+# Each moment has the same prior probability; the level before and the size of the change are integrated out, both
+# Gaussian.
+
+PARTS = 4
+"""Moments that are considered in each stretch."""
+
+SURE = 3.0
+"""Logarithm of the odds from which on a change is called a step, or a drift."""
+
+
+def find_change(edges: Floats, values: Floats, sd: Floats, level_sd: float) -> Change:
+    """The change in the means ``values`` (N,), of standard deviation ``sd`` (N,), over the stretches between ``edges``.
+
+    Args:
+        edges: (N + 1,) in any unit of time, increasing.
+        values: white but for the change.
+        sd: lower bound; a larger scatter around the best fit is used instead.
+        level_sd: standard deviation of the level before, around zero.
+    """
+    moments = _moments(edges)
+    step, ramp = _steps(edges, moments), _ramps(edges, moments)
+    sd = sd * max(1.0, min(_excess(f, values, sd, level_sd) for f in (step, ramp)))
+    fits = [_fit(f, values, sd, level_sd) for f in (step, ramp)]
+    odds = [np.logaddexp.reduce(log_evidence) for log_evidence, _, _ in fits]
+    log_evidence, size, size_sd = fits[int(odds[1] > odds[0])]
+    p = np.exp(log_evidence - log_evidence.max())
+    best = int(p.argmax())
+    low, high = _interval(edges, p / p.sum())
+    middle = min(max(moments[best], low), high)
+    return Change(low, middle, high, float(size[best]), float(size_sd[best]), float(odds[1] - odds[0]))
+
+
+def _moments(edges: Floats) -> Floats:
+    """Middles of equal parts of each stretch."""
+    share = (np.arange(PARTS) + 0.5) / PARTS
+    return np.asarray((edges[:-1, None] + np.diff(edges)[:, None] * share).ravel())
+
+
+def _steps(edges: Floats, moments: Floats) -> Floats:
+    """Mean, over each stretch, of a step of size one at each moment (moments, N)."""
+    after = np.maximum(edges - moments[:, None], 0.0)
+    return np.asarray(np.diff(after) / np.diff(edges))
+
+
+def _ramps(edges: Floats, moments: Floats) -> Floats:
+    """As ``_steps`` for a ramp that begins at each moment and has reached one at the end."""
+    after = np.maximum(edges - moments[:, None], 0.0) ** 2 / 2
+    return np.asarray(np.diff(after) / np.diff(edges) / (edges[-1] - moments[:, None]))
+
+
+def _fit(f: Floats, values: Floats, sd: Floats, level_sd: float) -> tuple[Floats, Floats, Floats]:
+    """Logarithm of the evidence for each moment, size and its standard deviation; f (moments, N)."""
+    w = 1 / sd**2
+    large = 10 * (np.abs(values).max() + sd.max())
+    a, b, c = f**2 @ w + large**-2, f @ w, w.sum() + level_sd**-2
+    u, v = f @ (w * values), w @ values
+    det = a * c - b**2
+    size = (c * u - b * v) / det
+    level = (a * v - b * u) / det
+    return np.asarray((size * u + level * v) / 2 - np.log(det) / 2), size, np.asarray(np.sqrt(c / det))
+
+
+def _excess(f: Floats, values: Floats, sd: Floats, level_sd: float) -> float:
+    """Root mean square of the residuals of the best fit, in standard deviations (three degrees of freedom)."""
+    log_evidence, size, _ = _fit(f, values, sd, level_sd)
+    best = int(log_evidence.argmax())
+    rest = values - size[best] * f[best]
+    w = 1 / sd**2
+    rest = rest - w @ rest / (w.sum() + level_sd**-2)
+    return float(np.sqrt(np.sum(w * rest**2) / max(len(values) - 3, 1)))
+
+
+def _interval(edges: Floats, p: Floats) -> tuple[float, float]:
+    """The central interval of probability COVERED of p (moments,), uniform within the parts of the stretches."""
+    at = np.append((edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS).ravel(), edges[-1])
+    total = np.append(0.0, np.cumsum(p))
+    low, high = np.interp([(1 - COVERED) / 2, (1 + COVERED) / 2], total, at)
+    return float(low), float(high)

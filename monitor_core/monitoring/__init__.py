@@ -2,20 +2,20 @@
 
 * ``axis_monitor``: one axis, alone or as a lane of a batch; start here.
 * ``axis_status``: estimates, tests and counters of an axis as plain values; parameters that are not observed.
-* ``alarm_tracker``: the open alarms of an axis, from the events of its detector.
+* ``alarm_tracker``: the open alarms of an axis, and what became of each.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
 * ``recommended_settings``: settings for a real axis.
-* ``trend_monitor``, ``forecast_alarms``: long-term trends of an axis, and alarms about limits.
+* ``trend_monitor``: long-term trends of an axis, and alarms about limits.
 """
 
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import NEVER, UNSEEN
-from monitor_core.monitoring.alarm_tracker import AlarmTracker
+from monitor_core.monitoring.alarm_tracker import AlarmChange, AlarmTracker
 from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
-from monitor_core.monitoring.axis_monitor import AlarmChange, Arrays, AxisMonitor
+from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
 from monitor_core.monitoring.axis_status import (
     AxisStatus,
     DetectorStatus,
@@ -24,17 +24,15 @@ from monitor_core.monitoring.axis_status import (
     Status,
     unidentifiable_words,
 )
-from monitor_core.monitoring.fleet import AxisTrace, AxisUpdate, Fleet
-from monitor_core.monitoring.forecast_alarms import Limit
+from monitor_core.monitoring.fleet import AxisTrace, Fleet
 from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,
     MIN_MEMORY_SAMPLES,
     MonitoringOptions,
-    SettingsError,
     recommended_settings,
     short_memory,
 )
-from monitor_core.monitoring.trend_monitor import ParameterTrend, TrendMonitor
+from monitor_core.monitoring.trend_monitor import Limit, ParameterTrend, TrendMonitor
 
 __all__ = [
     "DEFAULT_MEMORY_S",
@@ -57,7 +55,6 @@ __all__ = [
     "AxisMonitor",
     "AxisStatus",
     "AxisTrace",
-    "AxisUpdate",
     "BankTrace",
     "DetectorStatus",
     "Fleet",
@@ -66,7 +63,6 @@ __all__ = [
     "Observation",
     "ParameterStatus",
     "ParameterTrend",
-    "SettingsError",
     "Status",
     "Trace",
     "TrendMonitor",

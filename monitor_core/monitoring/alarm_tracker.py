@@ -1,18 +1,20 @@
-"""Open alarms of one axis: events of a detector are applied, changed alarms are returned."""
+"""Open alarms of one axis: the alarms that a detector raises, changes or ends, and what became of each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from typing import Literal, NamedTuple, TypeVar
 
-from monitor_core.detection.alarm import Alarm, AlarmKey, direction_of
-from monitor_core.detection.detector import (
-    AlarmEvent,
-    CauseNamed,
-    DetectedAgain,
-    Raised,
-    SizeUpdated,
-)
+from monitor_core.detection.alarm import Alarm, AlarmKey
+
+E = TypeVar("E")
+
+
+class AlarmChange(NamedTuple):
+    """What became of an alarm in one update, and the alarm in its latest form."""
+
+    kind: Literal["raised", "renamed", "updated", "ended"]
+    alarm: Alarm
 
 
 class AlarmTracker:
@@ -30,62 +32,25 @@ class AlarmTracker:
         """Whether an open alarm names this parameter, or other cause."""
         return any(alarm.parameter == parameter for alarm in self._open.values())
 
-    def apply(self, events: Iterable[AlarmEvent]) -> list[Alarm]:
-        """Apply events; returns the alarms that they raised, changed or ended, each in its latest form."""
-        changed: dict[AlarmKey, Alarm] = {}
+    def update(
+        self, events: Iterable[E], interpret: Callable[[E, Sequence[Alarm]], Iterable[Alarm]]
+    ) -> list[AlarmChange]:
+        """Take the events of a detector, interpreted with the alarms that are open then; each changed alarm once."""
+        before, latest = dict(self._open), dict[AlarmKey, Alarm]()
         for event in events:
-            alarm = self._applied(event)
-            changed[alarm.key] = alarm
-            if alarm.ended_us is None:
-                self._open[alarm.key] = alarm
-            else:
-                del self._open[alarm.key]
-        return list(changed.values())
-
-    def _applied(self, event: AlarmEvent) -> Alarm:
-        if isinstance(event, Raised):
-            return event.alarm
-        alarm = self._open[event.alarm]
-        if isinstance(event, DetectedAgain):
-            return replace(alarm, updated_us=event.time_us, crossings=alarm.crossings + event.crossings)
-        if isinstance(event, CauseNamed):
-            return _named(alarm, event)
-        if isinstance(event, SizeUpdated):
-            return _resized(alarm, event)
-        return replace(alarm, ended_us=event.time_us)
+            for alarm in interpret(event, self.open):
+                latest[alarm.key] = alarm
+                if alarm.ended_us is None:
+                    self._open[alarm.key] = alarm
+                else:
+                    self._open.pop(alarm.key, None)
+        return [_change(before.get(key), alarm) for key, alarm in latest.items()]
 
 
-def _named(alarm: Alarm, event: CauseNamed) -> Alarm:
-    direction = direction_of(event.size)
-    unchanged = (alarm.stage, alarm.parameter, alarm.direction) == ("named", event.parameter, direction)
-    return replace(
-        alarm,
-        parameter=event.parameter,
-        direction=direction,
-        stage="named",
-        updated_us=event.time_us,
-        size=event.size,
-        size_sd=event.size_sd,
-        causes=event.causes,
-        doubt=event.doubt,
-        onset_us=event.onset.time_us,
-        onset_low_us=event.onset.low_us,
-        onset_high_us=event.onset.high_us,
-        kind=event.kind,
-        past=alarm.past if unchanged else alarm.earlier_names(event.time_us),
-    )
-
-
-def _resized(alarm: Alarm, event: SizeUpdated) -> Alarm:
-    turned = event.direction != alarm.direction
-    return replace(
-        alarm,
-        direction=event.direction,
-        updated_us=event.time_us,
-        size=event.size,
-        size_sd=event.size_sd,
-        crossings=alarm.crossings + event.crossings,
-        causes=alarm.causes if event.causes is None else event.causes,
-        doubt=alarm.doubt if event.doubt is None else event.doubt,
-        past=alarm.earlier_names(event.time_us) if turned else alarm.past,
-    )
+def _change(before: Alarm | None, alarm: Alarm) -> AlarmChange:
+    if alarm.ended_us is not None:
+        return AlarmChange("ended", alarm)
+    if before is None:
+        return AlarmChange("raised", alarm)
+    names = [(a.stage, a.parameter, a.direction) for a in (before, alarm)]
+    return AlarmChange("updated" if names[0] == names[1] else "renamed", alarm)

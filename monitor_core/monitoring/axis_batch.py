@@ -4,12 +4,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.detection.alarm import DIRECTIONS
-from monitor_core.detection.cusum.cusum_events import BatchEvent, Crossing, Recovered
-from monitor_core.detection.cusum.evidence_builder import EvidenceBuilder
+from monitor_core.detection.cusum.evidence import BatchEvent, Crossing, EvidenceBuilder, Recovered
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.stability import stable_limits
@@ -92,14 +90,9 @@ class AxisBatch:
         st.P_nom[:, a] = s.P0 or 0.0
 
     def run(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        count: NDArray[np.int64] | None = None,
-        shift: Floats | None = None,
-        gate: NDArray[np.bool_] | None = None,
-    ) -> list[tuple[int, BatchEvent]]:
+        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
+        shift: Floats | None = None, gate: Bools | None = None,
+    ) -> list[tuple[int, BatchEvent]]:  # fmt: skip
         """Run a block: t_us, u, y (N, W), axis last; axis a has count[a] samples (default: all N).
 
         ``shift`` (N, p, W) is theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.
@@ -111,36 +104,20 @@ class AxisBatch:
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(self._samples(t_us, u, y, count, shift, gate), _trace(0, *self._shape))
+        return self._run(self._samples(t_us, u, y, count, shift, gate), self._trace(0))
 
     def run_traced(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        count: NDArray[np.int64] | None = None,
-        shift: Floats | None = None,
-        gate: NDArray[np.bool_] | None = None,
-    ) -> tuple[list[tuple[int, BatchEvent]], Trace]:
+        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None = None,
+        shift: Floats | None = None, gate: Bools | None = None,
+    ) -> tuple[list[tuple[int, BatchEvent]], Trace]:  # fmt: skip
         """As ``run``, with the recursion's values at every sample."""
-        trace = _trace(len(t_us), *self._shape)
+        trace = self._trace(len(t_us))
         return self._run(self._samples(t_us, u, y, count, shift, gate), trace), trace
 
-    @property
-    def _shape(self) -> tuple[int, int]:
-        """Monitored parameters and axes."""
-        return self._tables.p, len(self.models)
-
     def _samples(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        count: NDArray[np.int64] | None,
-        shift: Floats | None,
-        gate: NDArray[np.bool_] | None,
+        self, t_us: Ints, u: Floats, y: Floats, count: Ints | None, shift: Floats | None, gate: Bools | None
     ) -> BatchSamples:
-        p, W = self._shape
+        p, W = self._tables.p, len(self.models)
         t = np.ascontiguousarray(t_us, dtype=np.int64)
         if t.ndim != 2 or t.shape[1] != W or np.shape(u) != t.shape or np.shape(y) != t.shape:
             raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N, {W}) each")
@@ -158,30 +135,27 @@ class AxisBatch:
         return BatchSamples(t, u, y, n, moved, opened)
 
     def _run(self, samples: BatchSamples, trace: Trace) -> list[tuple[int, BatchEvent]]:
-        events = _events(2 * self._tables.p + self._tables.p, samples.t.size)
-        noted = self._noted(len(samples.t))
-        reset = not self.settings[0].run_on
+        most = 3 * self._tables.p * samples.t.size  # of each parameter two crossings and a recovery
+        events = Events(np.zeros(1, np.int64), np.empty((5, most), np.int64), np.empty((2, most)))
+        noted, reset = self._noted(len(samples.t)), not self.settings[0].run_on
         run(
-            _lanes(len(self.models)),
-            self._tables,
-            self._constants,
-            *self._parts,
-            *self._kept,
-            samples,
-            reset,
-            events,
-            noted,
-            trace,
-        )
+            _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
+            samples, reset, events, noted, trace,
+        )  # fmt: skip
         return sorted(self._named(events, noted), key=lambda pair: pair[0])
+
+    def _trace(self, N: int) -> Trace:
+        p, W = self._tables.p, len(self.models)
+        own = {name: np.empty((N, p, W)) for name in ("psi", "theta", "P", "shift", "observed")}
+        return Trace(eps=np.full((N, W), np.nan), g=np.empty((N, 2, p, W)), mode=np.zeros((N, W)), **own)
 
     def _noted(self, N: int) -> EvidenceColumns:
         """Room for the evidence that N samples of each axis can yield."""
         p = self._tables.p
         capacity = sum(N // s.naming_samples + 1 for s in self.settings)
-        numbers = np.zeros(1, np.int64), np.empty((4, capacity), np.int64)
+        what, value = np.empty((4, capacity), np.int64), np.empty((noted_numbers(p), capacity))
         before = np.empty((capacity, KEPT), np.int64), np.empty((capacity, KEPT, kept_numbers(p)))
-        return EvidenceColumns(*numbers, np.empty((noted_numbers(p), capacity)), *before)
+        return EvidenceColumns(np.zeros(1, np.int64), what, value, *before)
 
     def _named(self, events: Events, noted: EvidenceColumns) -> Iterator[tuple[int, BatchEvent]]:
         """All events in their order, with the evidence that was noted between them."""
@@ -205,11 +179,11 @@ class AxisBatch:
         sd = standard_deviation(self.settings[a], float(P_ii))
         return a, Crossing(name, DIRECTIONS[kind], t_us, onset_us, float(d), sd)
 
-    def column(self, a: int) -> tuple[Floats, NDArray[np.int64]]:
+    def column(self, a: int) -> tuple[Floats, Ints]:
         """A copy of the whole state of one axis: floats and integers."""
         return self._floats[:, a].copy(), self._ints[:, a].copy()
 
-    def restore(self, a: int, floats: Floats, ints: NDArray[np.int64]) -> None:
+    def restore(self, a: int, floats: Floats, ints: Ints) -> None:
         """Restore a state from ``column``.
 
         Raises:
@@ -228,30 +202,12 @@ def standard_deviation(s: Settings, P_ii: float) -> float:
     return math.sqrt(s.lam0 * P_ii / s.divisor)
 
 
-def _lanes(axes: int) -> tuple[int] | NDArray[np.int64]:
+def _lanes(axes: int) -> tuple[int] | Ints:
     """A single lane for few axes, run one after the other; otherwise the number that shares the axes evenly."""
     if axes < FEWEST_LANES:
         return (0,)
     turns = -(-axes // MOST_LANES)
     return np.arange(-(-axes // (turns * EIGHT)) * EIGHT)
-
-
-def _events(most_per_sample: int, samples: int) -> Events:
-    capacity = most_per_sample * samples
-    return Events(np.zeros(1, np.int64), np.empty((5, capacity), np.int64), np.empty((2, capacity)))
-
-
-def _trace(N: int, p: int, W: int) -> Trace:
-    return Trace(
-        np.full((N, W), np.nan),
-        np.empty((N, p, W)),
-        np.empty((N, p, W)),
-        np.empty((N, p, W)),
-        np.empty((N, 2, p, W)),
-        np.empty((N, p, W)),
-        np.zeros((N, W)),
-        np.empty((N, p, W)),
-    )
 
 
 # --- What the kernel needs to know of an axis that does not change: settings and nominal values as its constants ------

@@ -5,24 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.detection.alarm import Alarm, AlarmKey, alarms_from_array, alarms_to_array
+from monitor_core.detection.alarm import Alarm, DetectorName, alarms_from_array, alarms_to_array
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
-from monitor_core.detection.cusum.cusum_events import BatchEvent
-from monitor_core.detection.cusum.evidence_builder import HELD, INVALID
-from monitor_core.detection.detector import AlarmEvent, DetectorName
+from monitor_core.detection.cusum.evidence import HELD, INVALID, BatchEvent
 from monitor_core.detection.multimodel.multimodel_detector import SCHEMA as MULTIMODEL_SCHEMA
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
-from monitor_core.detection.multimodel.multimodel_events import Event as MultiModelEvent
+from monitor_core.detection.multimodel.naming import Event as MultiModelEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.kernel.block import Trace
+from monitor_core.kernel.hypotheses import BankTrace
 from monitor_core.kernel.state import COUNTERS, NEVER, SCHEMA, UNSEEN
-from monitor_core.monitoring.alarm_tracker import AlarmTracker
+from monitor_core.monitoring.alarm_tracker import AlarmChange, AlarmTracker
 from monitor_core.monitoring.axis_batch import AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_status import (
     AxisStatus,
@@ -37,7 +36,6 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
 
-_T = TypeVar("_T", bound=np.generic)
 _PRIME = 2**127 - 1
 _OBSERVATION = tuple(Observation)
 _TRACKING = {
@@ -57,13 +55,6 @@ _NOT_PART_OF_STATE: dict[str, Any] = {
 }
 """Settings that may change between two runs without making a saved state invalid."""
 Arrays = dict[str, NDArray[np.generic]]
-
-
-class AlarmChange(NamedTuple):
-    """What became of an alarm in one update, and the alarm in its latest form."""
-
-    kind: Literal["raised", "renamed", "updated", "ended"]
-    alarm: Alarm
 
 
 class AxisMonitor:
@@ -154,11 +145,8 @@ class AxisMonitor:
         A user's drive may change and keep its name, so its structure is part of the key.
         """
         s = replace(self.settings, max_gap_s=self.settings.interval_s, **_NOT_PART_OF_STATE)
-        m = self.model
-        nominal = sorted(m.nominal.items())
-        drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
-        units = " relative" if m.relative else ""
-        return f"schema={SCHEMA} drive={drive} {nominal} theta={m.monitored}{units} {s}"
+        m, units = self.model, " relative" if self.model.relative else ""
+        return f"schema={SCHEMA} {_model_key(m)} theta={m.monitored}{units} {s}"
 
     @property
     def history_key(self) -> str:
@@ -166,11 +154,10 @@ class AxisMonitor:
 
         Other nominal values or another predictor would move it, another memory would not.
         """
-        s, m = self.settings, self.model
-        drive = f"{m.drive.name}/{m.drive.output}/{_fingerprint(m.drive):x}"
+        s = self.settings
         # "None" is a former part of the key: it keeps the histories of earlier versions valid.
         predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale} None"
-        return f"drive={drive} {sorted(m.nominal.items())} {predictor}"
+        return f"{_model_key(self.model)} {predictor}"
 
     def update(self, samples: SampleBlock) -> list[AlarmChange]:
         """Take samples (N,) of an axis that is monitored alone.
@@ -181,41 +168,32 @@ class AxisMonitor:
             ValueError: arrays of shapes that do not fit.
         """
         events = self.batch.run(*_columns(samples))
-        return self.apply((event for _, event in events), self._multimodel_events(samples))
+        return self.apply((event for _, event in events), self.multimodel_events(samples))
 
     def update_traced(self, samples: SampleBlock) -> tuple[list[AlarmChange], Trace]:
         """As ``update``, with the values of the recursion at every sample: theta (N, p), g (N, 2, p), .."""
         events, trace = self.batch.run_traced(*_columns(samples))
-        changes = self.apply((event for _, event in events), self._multimodel_events(samples))
+        changes = self.apply((event for _, event in events), self.multimodel_events(samples))
         return changes, Trace(*(field[..., 0] for field in trace))
 
-    def _multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
-        if self.multimodel is None:
-            return ()
-        t_us, u, y, shift, gate = samples[:5]
-        return self.multimodel.bank.run(t_us, u, y, gate, shift)
+    def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
+        """The events of the multi-model detector in these samples, if it runs."""
+        return self.multimodel.bank.run(*samples[:5]) if self.multimodel else ()
+
+    def multimodel_events_traced(
+        self, samples: SampleBlock
+    ) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
+        """As ``multimodel_events``, with the values of every hypothesis at every sample."""
+        return self.multimodel.bank.run_traced(*samples[:5]) if self.multimodel else ((), None)
 
     def apply(
         self, cusum: Iterable[BatchEvent] = (), multimodel: Iterable[MultiModelEvent] = ()
     ) -> list[AlarmChange]:
         """Make alarms of the events of the alarm source, in order of time; events of the other detector are ignored."""
-        before = {alarm.key: alarm for alarm in self.open_alarms}
-        latest: dict[AlarmKey, Alarm] = {}
-        for events in self._alarm_events(cusum, multimodel):
-            latest |= {alarm.key: alarm for alarm in self._tracker.apply(events)}
-        return [AlarmChange(_kind_of_change(before.get(key), alarm), alarm) for key, alarm in latest.items()]
-
-    def _alarm_events(
-        self, cusum: Iterable[BatchEvent], multimodel: Iterable[MultiModelEvent]
-    ) -> Iterator[list[AlarmEvent]]:
-        """For each event, the events of the alarms that are open then."""
-        if self.alarm_source == "cusum":
-            for event in cusum:
-                if not isinstance(event, Reading):
-                    yield self.cusum.interpret(event, self.open_alarms)
-        elif self.multimodel is not None:
-            for found in multimodel:
-                yield self.multimodel.interpret(found, self.open_alarms)
+        if self.alarm_source == "multimodel" and self.multimodel is not None:
+            return self._tracker.update(multimodel, self.multimodel.interpret)
+        found = (event for event in cusum if not isinstance(event, Reading))
+        return self._tracker.update(found, self.cusum.interpret)
 
     def status(self) -> AxisStatus:
         """Status of the axis now."""
@@ -226,7 +204,7 @@ class AxisMonitor:
             parameters=tuple(self._parameter(i) for i in range(len(self.model.monitored))),
             innovation_variance=float(st.lam0_running[a]),
             confounded=self._confounded(),
-            counters={name: int(count) for name, count in self._counts()},
+            counters=dict(zip(COUNTERS, map(int, st.counts[:, a]), strict=True)),
             detectors=tuple(self._detectors()),
         )
 
@@ -235,21 +213,15 @@ class AxisMonitor:
             if detector is not None:
                 yield DetectorStatus(detector.name, detector.name == self.alarm_source, *detector.leading())
 
-    def _counts(self) -> Iterator[tuple[str, int]]:
-        st, a = self.batch.state, self.lane
-        yield from zip(COUNTERS, st.counts[:, a], strict=True)
-
     def _parameter(self, i: int) -> ParameterStatus:
         st, a, parameter = self.batch.state, self.lane, self.model.parameters[i]
-        P_ii, unseen = float(st.P[i, i, a]), st.observed[i, a] == UNSEEN
+        P_ii, estimate = float(st.P[i, i, a]), st.theta_seen if st.observed[i, a] == UNSEEN else st.theta
         return ParameterStatus(
             name=parameter.name,
             unit=parameter.unit,
             meaning=parameter.meaning,
             nominal=float(self.model.theta0[i] + st.shift[i, a]),
-            estimate=math.nan
-            if self._is_invalid(i)
-            else float((st.theta_seen if unseen else st.theta)[i, a]),
+            estimate=math.nan if self._is_invalid(i) else float(estimate[i, a]),
             standard_deviation=standard_deviation(self.settings, P_ii),
             p_diagonal=P_ii,
             g_up=float(st.g[0, i, a]),
@@ -318,13 +290,10 @@ class AxisMonitor:
         self._tracker = AlarmTracker(alarms)
 
 
-def _kind_of_change(before: Alarm | None, alarm: Alarm) -> Literal["raised", "renamed", "updated", "ended"]:
-    if alarm.ended_us is not None:
-        return "ended"
-    if before is None:
-        return "raised"
-    names = [(a.stage, a.parameter, a.direction) for a in (before, alarm)]
-    return "updated" if names[0] == names[1] else "renamed"
+def _model_key(model: AxisModel) -> str:
+    drive = model.drive
+    name = f"{drive.name}/{drive.output}/{_fingerprint(drive):x}"
+    return f"drive={name} {sorted(model.nominal.items())}"
 
 
 def _fingerprint(drive: Drive) -> int:
@@ -335,13 +304,5 @@ def _fingerprint(drive: Drive) -> int:
 
 def _columns(samples: SampleBlock) -> tuple[Any, ...]:
     """The arguments of ``AxisBatch.run`` for one axis: an axis last in every array."""
-    t_us, u, y, shift, gate = samples[:5]
-    return _column(t_us), _column(u), _column(y), None, _optional(shift), _optional(gate)
-
-
-def _column(values: NDArray[_T]) -> NDArray[_T]:
-    return np.asarray(values)[..., np.newaxis]
-
-
-def _optional(values: NDArray[_T] | None) -> NDArray[_T] | None:
-    return None if values is None else _column(values)
+    t_us, u, y, shift, gate = (None if values is None else values[..., np.newaxis] for values in samples[:5])
+    return t_us, u, y, None, shift, gate

@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.detector import DetectorName
+from monitor_core.detection.alarm import DetectorName
 from monitor_core.kernel.supervision import LOST, TAKES_PART
 
 
@@ -99,11 +99,7 @@ class AxisStatus:
 def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) -> tuple[str, ...]:
     """Parameters that are not observed now, or only in combination.
 
-    Args:
-        P: of the recursion (p, p).
-        P_nom: commissioned P_ii (p,).
-        scale: sizes of the parameters (p,).
-        names: of the parameters (p,).
+    From P (p, p) of the recursion, the commissioned P_ii (p,), sizes (p,) and names (p,) of the parameters.
     """
     size = np.sqrt(P_nom)
     values, vectors = np.linalg.eigh(P / np.outer(size, size))

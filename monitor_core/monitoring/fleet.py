@@ -1,21 +1,21 @@
 """A fleet: axes of any drives, sample rates and settings, whose blocks of samples are taken in one call."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.detection.cusum.cusum_events import BatchEvent, Crossing
-from monitor_core.detection.detector import DetectorName
+from monitor_core.detection.alarm import DetectorName
+from monitor_core.detection.cusum.evidence import BatchEvent, Crossing
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector
-from monitor_core.detection.multimodel.multimodel_events import Event as MultiModelEvent
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
+from monitor_core.monitoring.alarm_tracker import AlarmChange
 from monitor_core.monitoring.axis_batch import AxisBatch
-from monitor_core.monitoring.axis_monitor import AlarmChange, AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
@@ -48,11 +48,8 @@ class AxisUpdate(NamedTuple):
 class Fleet:
     """Monitors of axes; axes of equal drive and equal monitored parameters share a batch, and so the kernel's lanes.
 
-    Args:
-        models: of the axes; ``monitors`` are in the same order.
-        settings: of the axes.
-        multimodel: the multi-model detectors of the axes that have one.
-        alarm_sources: which detector an axis alarms by; default the CUSUM tests.
+    ``monitors`` are in the order of the models.  ``multimodel``: the multi-model detectors of the axes that have one;
+    ``alarm_sources``: which detector an axis alarms by, default the CUSUM tests.
 
     Raises:
         ValueError: models and settings of different number, none, or settings that do not fit the drive.
@@ -100,34 +97,11 @@ class Fleet:
             raise ValueError(f"blocks for the axes {unknown}: there are {len(self.monitors)}, from 0 on")
         for axis, block in blocks.items():
             _check(axis, block, self.monitors[axis].model)
-        events: dict[int, list[BatchEvent]] = {axis: [] for axis in sorted(blocks)}
-        traces: dict[int, Trace] = {}
+        found: dict[int, AxisUpdate] = {}
         for group in self._groups:
-            for axis, event in group.run(blocks, traces if traced else None):
-                events[axis].append(event)
-        return {axis: self._axis_update(axis, blocks[axis], events[axis], traces) for axis in events}
-
-    def _axis_update(
-        self, axis: int, block: SampleBlock, events: Sequence[BatchEvent], traces: Mapping[int, Trace]
-    ) -> AxisUpdate:
-        monitor = self.monitors[axis]
-        found: Sequence[MultiModelEvent] = ()
-        bank_trace: BankTrace | None = None
-        if monitor.multimodel is not None:
-            bank, arrays = (
-                monitor.multimodel.bank,
-                (block.t_us, block.u, block.y, block.gate, block.shift),
-            )
-            if traces:
-                found, bank_trace = bank.run_traced(*arrays)
-            else:
-                found = bank.run(*arrays)
-        trace = None
-        if traces:
-            crossings = [event for event in events if isinstance(event, Crossing)]
-            trace = AxisTrace(traces[axis], crossings, bank_trace)
-        readings = [event for event in events if isinstance(event, Reading)]
-        return AxisUpdate(monitor.apply(events, found), readings, trace)
+            for axis, (events, trace) in group.run(blocks, traced).items():
+                found[axis] = _axis_update(self.monitors[axis], blocks[axis], events, trace)
+        return {axis: found[axis] for axis in sorted(found)}
 
 
 class _Group(NamedTuple):
@@ -137,32 +111,46 @@ class _Group(NamedTuple):
     batch: AxisBatch
 
     def run(
-        self, blocks: Mapping[int, SampleBlock], traces: dict[int, Trace] | None
-    ) -> Iterator[tuple[int, BatchEvent]]:
-        """Events with their axes; where ``traces`` is given, the trace of each axis is put into it."""
-        taken = [(lane, blocks[axis]) for lane, axis in enumerate(self.axes) if axis in blocks]
-        count = np.zeros(len(self.axes), np.int64)
-        for lane, block in taken:
-            count[lane] = len(block.t_us)
+        self, blocks: Mapping[int, SampleBlock], traced: bool
+    ) -> dict[int, tuple[list[BatchEvent], Trace | None]]:
+        """Events, and the trace if it is asked for, of each axis with a block."""
+        taken = {lane: blocks[axis] for lane, axis in enumerate(self.axes) if axis in blocks}
+        count = np.array([len(taken[a].t_us) if a in taken else 0 for a in range(len(self.axes))])
         shape = int(count.max()), len(self.axes)
         t_us, u, y = np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape)
-        for lane, block in taken:
+        for lane, block in taken.items():
             n = count[lane]
             t_us[:n, lane], u[:n, lane], y[:n, lane] = block.t_us, block.u, block.y
         before = self.batch.state.shift
         shift = _filled(
-            {lane: block.shift for lane, block in taken},
+            {lane: block.shift for lane, block in taken.items()},
             lambda: np.repeat(before[np.newaxis], shape[0], axis=0),
         )
-        gate = _filled({lane: block.gate for lane, block in taken}, lambda: np.ones(shape, np.bool_))
-        if traces is None:
-            events = self.batch.run(t_us, u, y, count, shift, gate)
+        gate = _filled({lane: block.gate for lane, block in taken.items()}, lambda: np.ones(shape, np.bool_))
+        samples, trace = (t_us, u, y, count, shift, gate), None
+        if traced:
+            events, trace = self.batch.run_traced(*samples)
         else:
-            events, trace = self.batch.run_traced(t_us, u, y, count, shift, gate)
-            for lane, _ in taken:
-                traces[self.axes[lane]] = Trace(*(field[: count[lane], ..., lane] for field in trace))
+            events = self.batch.run(*samples)
+        found: dict[int, list[BatchEvent]] = {lane: [] for lane in taken}
         for lane, event in events:
-            yield self.axes[lane], event
+            found[lane].append(event)
+        return {
+            self.axes[lane]: (own, trace and Trace(*(field[: count[lane], ..., lane] for field in trace)))
+            for lane, own in found.items()
+        }
+
+
+def _axis_update(
+    monitor: AxisMonitor, block: SampleBlock, events: Sequence[BatchEvent], trace: Trace | None
+) -> AxisUpdate:
+    readings = [event for event in events if isinstance(event, Reading)]
+    if trace is None:
+        return AxisUpdate(monitor.apply(events, monitor.multimodel_events(block)), readings, None)
+    found, bank_trace = monitor.multimodel_events_traced(block)
+    crossings = [event for event in events if isinstance(event, Crossing)]
+    whole = AxisTrace(trace, crossings, bank_trace)
+    return AxisUpdate(monitor.apply(events, found), readings, whole)
 
 
 def _filled(given: Mapping[int, NDArray[_T] | None], empty: Callable[[], NDArray[_T]]) -> NDArray[_T] | None:

@@ -26,6 +26,12 @@ LOST_SAMPLE_SHARE = 0.1
 DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES = 1.0, 10
 """Default memory [s], and the least number of samples in it."""
 
+_AS_CHOSEN = (
+    *("alpha1", "alpha2", "P0", "information_floor", "min_excitation", "outlier_limit", "random_walk"),
+    *("covariance_reset", "unidentifiable"),
+)
+"""Options that are settings, too."""
+
 
 class SettingsError(ValueError):
     """There is no working predictor with these options; the text says what would be right."""
@@ -101,14 +107,15 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         ValueError: an option out of range.
     """
     K, lam0 = _gain(model, interval_s, options)
-    lam = options.forgetting(interval_s)
-    settle_s = _settling_time(model, interval_s, options, K)
+    lam, slowest_s = options.forgetting(interval_s), _time_constant(model, interval_s, K)
+    memory_s, joint = interval_s / (1 - lam), options.joint_state
+    _check_memory(memory_s, slowest_s, joint)
+    settle_s = options.settling_time_s
+    settle_s = SETTLING_TIME_CONSTANTS * slowest_s if settle_s is None else settle_s
     return Settings(
         interval_s=interval_s,
         lam=lam,
         lam0=lam0,
-        alpha1=options.alpha1,
-        alpha2=options.alpha2,
         K=tuple(K),
         K_after=_gains_after_gaps(model, interval_s, options, K),
         delay_s=options.torque_delay_s,
@@ -116,14 +123,9 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         settle_s=settle_s,
         lost_s=settle_s * LOST_SAMPLE_SHARE,
         speed_scale=options.friction_speed_scale,
-        P0=options.P0,
-        information_floor=options.information_floor,
-        min_excitation=options.min_excitation,
-        outlier_limit=options.outlier_limit,
-        joint_state=_joint_state(model, interval_s, options, K),
-        random_walk=options.random_walk,
-        covariance_reset=options.covariance_reset,
-        unidentifiable=options.unidentifiable,
+        # As chosen, otherwise if the estimates would scatter more than reported.
+        joint_state=bool(memory_s < AMPLE_MEMORY * slowest_s) if joint is None else joint,
+        **{name: getattr(options, name) for name in _AS_CHOSEN},
     )
 
 
@@ -143,7 +145,7 @@ class ShortMemory:
 
 def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None) -> ShortMemory | None:
     """Whether the memory of these settings is short compared with the predictor; ``joint_state`` as in the options."""
-    slowest = predictor_time_constant(model, settings.interval_s, settings.K)
+    slowest = _time_constant(model, settings.interval_s, settings.K)
     memory = settings.memory * settings.interval_s
     chosen = joint_state is not None
     needed = AMPLE_MEMORY * slowest * (JOINT_STATE_SHARE if settings.joint_state and chosen else 1)
@@ -152,7 +154,7 @@ def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None)
     return ShortMemory(memory, slowest, needed, settings.joint_state and not chosen)
 
 
-def predictor_time_constant(model: AxisModel, interval_s: float, K: Sequence[float]) -> float:
+def _time_constant(model: AxisModel, interval_s: float, K: Sequence[float]) -> float:
     """Slowest time constant [s] of the predictor with filter gain K; empty: output error."""
     gain = np.array(K) if K else np.zeros(len(model.drive.states))
     return slowest_time_constant(model, gain, interval_s)
@@ -183,26 +185,20 @@ def _gains_after_gaps(
     return gains_after(model, *noises) if np.allclose(computed, K, rtol=1e-3, atol=0) else ()
 
 
-def _settling_time(model: AxisModel, interval_s: float, o: MonitoringOptions, K: Sequence[float]) -> float:
-    slowest = predictor_time_constant(model, interval_s, K)
-    if not np.isfinite(slowest):
+def _check_memory(memory_s: float, slowest_s: float, joint_state: bool | None) -> None:
+    """Check that the predictor is stable, and the memory long enough for its slowest time constant.
+
+    Raises:
+        SettingsError: it is not.
+    """
+    if not np.isfinite(slowest_s):
         raise SettingsError(
             "the predictor is not stable: give another gain, or torque_noise and output_noise"
         )
-    memory_s = interval_s / (1 - o.forgetting(interval_s))
-    least = MIN_MEMORY * slowest * (JOINT_STATE_SHARE if o.joint_state else 1)
+    least = MIN_MEMORY * slowest_s * (JOINT_STATE_SHARE if joint_state else 1)
     if memory_s < least:
         raise SettingsError(
             f"a memory of {memory_s:.3g} s is less than {least:.3g} s, too short for the slowest time constant of the"
-            f" predictor, {slowest:.3g} s: the estimates would run away. Set joint_state = true, or raise memory_s, or"
-            " torque_noise, which makes the predictor faster"
+            f" predictor, {slowest_s:.3g} s: the estimates would run away. Set joint_state = true, or raise memory_s,"
+            " or torque_noise, which makes the predictor faster"
         )
-    return SETTLING_TIME_CONSTANTS * slowest if o.settling_time_s is None else o.settling_time_s
-
-
-def _joint_state(model: AxisModel, interval_s: float, o: MonitoringOptions, K: Sequence[float]) -> bool:
-    """Whether the state moves with the estimates: as chosen, otherwise if they would scatter more than reported."""
-    if o.joint_state is not None:
-        return o.joint_state
-    memory_s = interval_s / (1 - o.forgetting(interval_s))
-    return bool(memory_s < AMPLE_MEMORY * predictor_time_constant(model, interval_s, K))

@@ -2,17 +2,43 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from monitor_core.detection.alarm import Alarm, Direction, Reach
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.monitoring.forecast_alarms import Limit, forecast_alarm, reach
 from monitor_core.trend.entries import Entry, Reading
-from monitor_core.trend.limit_forecast import forecast
+from monitor_core.trend.limit_forecast import Forecast, forecast
 from monitor_core.trend.slow_history import HOUR_S, SlowHistory
 from monitor_core.trend.trend import Trend, trend_of
 
 MIN_GROWTH = 50
 """A trend is computed again when its history has grown by this fraction of its length (one part in 50)."""
+
+MIN_DRIFT_PROBABILITY = 0.9
+"""A less likely drift raises no alarm: a parameter that fluctuates is now and then about to reach any limit."""
+
+HYSTERESIS = 1.5
+"""An alarm ends when the limit is so many times as far away in time as it must be to raise one."""
+
+
+class Limit(NamedTuple):
+    """A limit of a monitored parameter, and its name for the user: one of Ja is one of 1/Ja, the other way round."""
+
+    value: float
+    """Of the monitored parameter, in its unit"""
+    upper: bool
+    """The monitored parameter must stay below"""
+    name: str
+    unit: str
+    shown: float
+    """As the user gave it"""
+    above: bool
+    """What the user named must stay below: it is reached from below"""
+
+    @property
+    def direction(self) -> Direction:
+        """Direction of a change that reaches the limit."""
+        return "up" if self.upper else "down"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +60,8 @@ class ParameterTrend:
 class TrendMonitor:
     """Histories and trends of the monitored parameters of one axis, and the alarms about their limits.
 
-    Args:
-        model: of the axis.
-        limits: of each parameter that has any.
-        hour_s: time in operation [s] of an entry of the histories.
-        lead_time_us: an alarm is raised when a limit may be reached within this time.
+    ``limits`` are those of each parameter that has any; an alarm is raised when one may be reached within
+    ``lead_time_us``.  ``hour_s``: time in operation [s] of an entry of the histories.
     """
 
     def __init__(
@@ -65,12 +88,9 @@ class TrendMonitor:
         before = sum(self.closed)
         for i, history in enumerate(self.histories):
             if reading.known[i]:
+                value, variance = reading.value[i], reading.variance[i]
                 self.closed[i] += history.take(
-                    reading.time_us,
-                    reading.value[i],
-                    reading.variance[i],
-                    reading.span_s,
-                    reading.correlation,
+                    reading.time_us, value, variance, reading.span_s, reading.correlation
                 )
         return sum(self.closed) != before
 
@@ -91,15 +111,43 @@ class TrendMonitor:
         for limit in self._limits.get(shown.name, ()) if trend is not None else ():
             assert trend is not None
             f = forecast(trend, limit.value, limit.upper)
-            reaches.append(reach(limit, f))
-            now = self._open.pop((shown.name, limit.direction), None)
-            alarm = forecast_alarm(shown.name, shown.nominal, limit, trend, f, self._lead_time_us, now)
+            reaches.append(
+                Reach(limit.name, limit.unit, limit.shown, limit.above, f.state, f.low_us, f.high_us)
+            )
+            alarm = self._alarm(shown, limit, trend, f, reaches[-1])
             if alarm is not None:
                 changed.append(alarm)
                 if alarm.ended_us is None:
                     self._open[shown.name, limit.direction] = alarm
         self.trends[i] = replace(shown, entries=entries, trend=trend, reaches=tuple(reaches))
         return changed
+
+    def _alarm(
+        self, shown: ParameterTrend, limit: Limit, trend: Trend, f: Forecast, reach: Reach
+    ) -> Alarm | None:
+        """The alarm about a limit from this forecast: new, updated or ended; None: there is none."""
+        now, size = self._open.pop((shown.name, limit.direction), None), trend.level - shown.nominal
+        if now is not None:
+            near = _is_near(f, trend, HYSTERESIS * self._lead_time_us)
+            now = replace(now, updated_us=trend.time_us, ended_us=None if near else trend.time_us)
+            return replace(now, size=size, size_sd=trend.level_sd, reaches=(reach,))
+        drifts = trend.probability["drift"] + trend.probability["both"] >= MIN_DRIFT_PROBABILITY
+        if not _is_near(f, trend, self._lead_time_us) or not (drifts or f.state == "beyond"):
+            return None
+        return Alarm(
+            parameter=shown.name,
+            direction=limit.direction,
+            onset_us=min(trend.change_us, trend.time_us),
+            raised_us=trend.time_us,
+            updated_us=trend.time_us,
+            ended_us=None,
+            size=size,
+            size_sd=trend.level_sd,
+            crossings=1,
+            stage="named",
+            kind="forecast",
+            reaches=(reach,),
+        )
 
     def adopt(self, open_alarms: Iterable[Alarm], now_us: int) -> list[Alarm]:
         """Take over open alarms about limits; returns those that end, as their limit no longer exists."""
@@ -116,3 +164,7 @@ class TrendMonitor:
             return bool(self.histories[i].entries)
         new = self.closed[i] - self._computed[i]
         return new > 0 and new * MIN_GROWTH >= len(self.histories[i].entries)
+
+
+def _is_near(f: Forecast, trend: Trend, lead_time_us: float) -> bool:
+    return f.state == "beyond" or (f.state != "far" and f.low_us - trend.time_us <= lead_time_us)

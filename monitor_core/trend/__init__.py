@@ -4,23 +4,12 @@
 * ``slow_history``: a year of entries in bounded memory.
 * ``trend_models``: the trends that are compared, and how the entries scatter around them.
 * ``trend``: the probabilities of the trends, level and slope.
-* ``forecast``: when a limit is reached, with its interval, and quantiles at any time.
+* ``limit_forecast``: when a limit is reached, with its interval, and quantiles at any time.
 """
 
-from monitor_core.trend.entries import Entry, Reading, thinned
-from monitor_core.trend.limit_forecast import COVERED, Forecast, forecast, quantiles
+from monitor_core.trend.entries import Reading, thinned
+from monitor_core.trend.limit_forecast import COVERED, quantiles
 from monitor_core.trend.slow_history import SlowHistory
-from monitor_core.trend.trend import Trend, trend_of
+from monitor_core.trend.trend import Trend
 
-__all__ = [
-    "COVERED",
-    "Entry",
-    "Forecast",
-    "Reading",
-    "SlowHistory",
-    "Trend",
-    "forecast",
-    "quantiles",
-    "thinned",
-    "trend_of",
-]
+__all__ = ["COVERED", "Reading", "SlowHistory", "Trend", "quantiles", "thinned"]

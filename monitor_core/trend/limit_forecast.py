@@ -52,14 +52,9 @@ def forecast(trend: Trend, limit: float, upper: bool) -> Forecast:
     low, high = _reached(t, F, (1 - COVERED) / 2), _reached(t, F, (1 + COVERED) / 2)
     if low is None:
         return Forecast(limit, upper, "far", _us(m, float(t[-1])), None, beyond)
-    return Forecast(
-        limit,
-        upper,
-        "open" if high is None else "ahead",
-        _us(m, low),
-        None if high is None else _us(m, high),
-        beyond,
-    )
+    if high is None:
+        return Forecast(limit, upper, "open", _us(m, low), None, beyond)
+    return Forecast(limit, upper, "ahead", _us(m, low), _us(m, high), beyond)
 
 
 def _passed(m: Mixture, t: Floats, limit: float, sign: float) -> Floats:
@@ -106,12 +101,8 @@ _LEFT_OUT = 1e-4
 def quantiles(m: Mixture, t: Floats, probabilities: Sequence[float]) -> Floats:
     """Quantiles (len(probabilities), T) of the trend of a parameter at times t.
 
-    The 95 % quantile reaches an upper limit where the interval of its forecast begins.
-
-    Args:
-        m: of a trend.
-        t: (T,) seconds after ``m.zero_us``.
-        probabilities: between 0 and 1.
+    t (T,) are seconds after ``m.zero_us``.  The 95 % quantile reaches an upper limit where the interval of its forecast
+    begins.
     """
     p, (mean, sd) = m.p, m.at_times(t)
     least_first = np.argsort(p)

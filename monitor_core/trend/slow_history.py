@@ -40,21 +40,15 @@ class _Open(NamedTuple):
 class SlowHistory:
     """The slow history of one parameter.
 
-    Args:
-        hour_s: time in operation [s] of an entry; days, a month and a year are that many times longer.
+    ``hour_s``: time in operation [s] of an entry; days, a month and a year are that many times longer.
     """
 
     def __init__(self, hour_s: float = HOUR_S) -> None:
-        self._hour_s = hour_s
+        self.hour_s = hour_s
         self._hours: list[Entry] = []
         self._days: list[Entry] = []
         self._gathering: list[Entry] = []  # hours of the newest day
         self._open: _Open | None = None
-
-    @property
-    def hour_s(self) -> float:
-        """Time in operation of an entry [s]."""
-        return self._hour_s
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -77,13 +71,13 @@ class SlowHistory:
         self._open = _added(
             self._open or _Open(t_us, t_us, value, 0, 0.0, 0.0, 0.0, 0.0), t_us, value, variance, span_s
         )
-        if self._open.operating_s >= self._hour_s * (1 - 1e-9):
+        if self._open.operating_s >= self.hour_s * (1 - 1e-9):
             closed = self._close(correlation)
         return closed
 
     @property
     def _day_us(self) -> int:
-        return round(DAY * self._hour_s * 1e6)
+        return round(DAY * self.hour_s * 1e6)
 
     def _is_late(self, t_us: int) -> bool:
         return self._open is not None and t_us - self._open.start_us > self._day_us
@@ -108,7 +102,7 @@ class SlowHistory:
                 self._days.append(merged(day))
                 self._gathering = []
             self._gathering.append(oldest)
-        least_us = now_us - round(YEAR * self._hour_s * 1e6)
+        least_us = now_us - round(YEAR * self.hour_s * 1e6)
         self._days = [e for e in self._days[-DAYS:] if e.end_us >= least_us]
         self._gathering = [e for e in self._gathering if e.end_us >= least_us]
         self._hours = [e for e in self._hours if e.end_us >= least_us]
@@ -120,7 +114,7 @@ class SlowHistory:
 
     def closed_to_array(self) -> Floats:
         """All closed entries, to be saved (N + 1, 6); the first row counts days, hours of a day, and hours."""
-        counts = [len(self._days), len(self._gathering), len(self._hours), self._hour_s, 0.0, 0.0]
+        counts = [len(self._days), len(self._gathering), len(self._hours), self.hour_s, 0.0, 0.0]
         return np.vstack([counts, as_rows([*self._days, *self._gathering, *self._hours])])
 
     def open_to_array(self) -> Floats:
@@ -136,8 +130,8 @@ class SlowHistory:
         if closed.ndim != 2 or len(closed) < 1 or closed.shape[1] != 6 or not np.isfinite(closed).all():
             raise ValueError("no history")
         days, day, hours, hour_s = (float(v) for v in closed[0, :4])
-        if hour_s != self._hour_s:
-            raise ValueError(f"its entries are of {hour_s:g} s, not of {self._hour_s:g} s")
+        if hour_s != self.hour_s:
+            raise ValueError(f"its entries are of {hour_s:g} s, not of {self.hour_s:g} s")
         entries = from_rows(closed[1:])
         if min(days, day, hours) < 0 or days + day + hours != len(entries):
             raise ValueError("no history: its numbers of entries do not fit")

@@ -97,10 +97,7 @@ class Trend(NamedTuple):
 def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | None:
     """Trend of the entries of a parameter; None: they are too few, or cover too little time.
 
-    Args:
-        entries: in order.
-        size: of the parameter, in its unit: |nominal| or its scale.
-        hour_s: time in operation of a whole entry [s].
+    ``size`` of the parameter, in its unit: |nominal| or its scale.  ``hour_s``: time in operation of a whole entry [s].
     """
     zero_us = entries[-1].middle_us if entries else 0
     if len(entries) < FEWEST or zero_us - entries[0].middle_us < SPAN * hour_s * 1e6 / 1.001:

@@ -51,12 +51,9 @@ def shapes(t: Floats, first: Floats) -> Shapes:
 def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> Weighed:
     """Evidence and estimates of every model in every noise.
 
-    Args:
-        W: (N, G, 2 + 2 M) values, ones, steps and ramps, whitened.
-        log_det: (G,)
-        s: the M changes; the first begins with the history, and has no step.
-        size: standard deviation of a change.
-        prior: (M - 1,) of the times of all changes but the first.
+    ``W`` (N, G, 2 + 2 M): values, ones, steps and ramps, whitened; ``log_det`` (G,).  The first of the M changes begins
+    with the history, and has no step; ``prior`` (M - 1,) is that of the times of the others, ``size`` the standard
+    deviation of a change.
     """
     M, (_, G, _) = len(s.at), W.shape
     y, ones, F = W[:, :, 0], W[:, :, 1], W[:, :, 2:].reshape(len(W), G, 2, M)
@@ -171,12 +168,8 @@ def whitened(
 ) -> tuple[Floats, Floats]:
     """Columns (N, G, C) with the noise whitened to variance one, and log det of its covariance (G,).
 
-    Args:
-        t: (N,) increasing.
-        columns: (N, C) measured values, and their explanatory columns.
-        variance: (N,) of the errors of estimation.
-        share: (N,) of the white noise that the mean of an entry has.
-        noises: (G,) noise models.
+    ``columns`` (N, C) are measured values, and their explanatory columns, at the increasing times t (N,); ``variance``
+    (N,) is that of the errors of estimation, ``share`` (N,) that of the white noise that the mean of an entry has.
     """
     G, (N, C) = len(noises.white), columns.shape
     m, P = np.zeros((G, C)), noises.lasting.copy()

@@ -81,7 +81,7 @@ class Background(Generic[T]):
             raise _CancelledError
         self._part = part
 
-    def result(self, progress: Callable[[float], None]) -> T:
+    def __call__(self, progress: Callable[[float], None]) -> T:
         """Wait for the result, reporting the progress meanwhile; an exception of the task is raised here."""
         while not wait([self._future], _POLL_S).done:
             progress(self._part)

@@ -11,9 +11,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.simulated_copies import Plants
-from monitor_core.detection.multimodel.detection_limit import least_delay
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected
+from monitor_core.detection.multimodel.multimodel_detector import least_delay
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import (

@@ -13,7 +13,7 @@ import pytest
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, bank_of
-from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis

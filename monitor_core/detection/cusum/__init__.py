@@ -1,5 +1,4 @@
 """Alarms from the CUSUM tests: what has changed, since when and by how much.
 
-``events`` are what the kernel reports; ``evidence_builder`` makes evidence of its columns; ``cusum_detector`` turns
-both into alarm events.
+``evidence``: what the tests report; ``cusum_detector`` makes alarms of it.
 """

@@ -13,34 +13,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import NO_PARAMETER, Alarm, AlarmKey, Cause, Doubt, Kind, direction_of
-from monitor_core.detection.change_time import SURE
-from monitor_core.detection.cusum.cusum_events import Crossing, CusumEvent, Evidence, Recovered
-from monitor_core.detection.detector import (
+from monitor_core.arrays import Floats, Ints
+from monitor_core.detection.alarm import (
     MIN_PROBABILITY,
-    AlarmEvent,
-    CauseNamed,
-    DetectedAgain,
+    NO_PARAMETER,
+    Alarm,
+    Cause,
     DetectorName,
-    Ended,
+    Doubt,
+    Kind,
     Leading,
     Onset,
-    Raised,
-    SizeUpdated,
+    direction_of,
 )
+from monitor_core.detection.cusum.evidence import INVALID, Crossing, CusumEvent, Evidence, Recovered
 from monitor_core.detection.isolation import Causes, single_faults, sizes
-from monitor_core.detection.onset import change_of, scatter
+from monitor_core.detection.onset import SURE, change_of, scatter
 
 DISMISSED = 0.05
 """An alarm is renamed when the probability of its cause falls below this."""
-
-MODEL_LOST = 100.0
-"""Innovation variance over lambda_0 above which the model does not hold (errors ten times as large)."""
 
 UNEXPLAINED = 2.0
 """Innovation variance over lambda_0 of a motion that the torque does not explain."""
@@ -55,16 +50,13 @@ TORQUE_CONSTANT = "kT"
 class CusumDetector:
     """The CUSUM tests of one axis.  The kernel computes g (paper eq. 21-23); this class makes alarms of the crossings.
 
-    Args:
-        parameters: names of the monitored parameters (p,).
-        g: test variables of both directions (2, p), a view of the state.
-        h: thresholds (p,), a view of the constants.
-        calm: samples without deviation so far (p,), a view of the state.
+    ``parameters`` (p,) are those monitored.  g (2, p) of both directions, the thresholds h (p,), and ``calm`` (p,), the
+    samples without deviation so far, are views of the batch.
     """
 
     name: DetectorName = "cusum"
 
-    def __init__(self, parameters: tuple[str, ...], g: Floats, h: Floats, calm: NDArray[np.int64]) -> None:
+    def __init__(self, parameters: tuple[str, ...], g: Floats, h: Floats, calm: Ints) -> None:
         self.causes = parameters
         self._g, self._h, self._calm = g, h, calm
 
@@ -81,147 +73,110 @@ class CusumDetector:
             if alarm.parameter not in known:
                 self._calm[self.causes.index(alarm.parameter)] = 0
 
-    def interpret(self, event: CusumEvent, open_alarms: Sequence[Alarm]) -> list[AlarmEvent]:
-        """What a crossing, a recovery or new evidence means for the open alarms."""
-        return list(interpret(event, open_alarms))
+    @staticmethod
+    def interpret(event: CusumEvent, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        """The alarms that a crossing, a recovery or new evidence raises, changes or ends; the last form of each counts.
+
+        ``open_alarms``: the oldest first.
+        """
+        if isinstance(event, Crossing):
+            yield from _crossing(event, open_alarms)
+        elif isinstance(event, Recovered):
+            yield from (a.ended(event.time_us) for a in open_alarms if a.parameter == event.parameter)
+        elif event.past is not None and open_alarms:
+            yield from _evidence(event, open_alarms)
 
 
-def interpret(event: CusumEvent, open_alarms: Sequence[Alarm]) -> Iterator[AlarmEvent]:
-    """As ``CusumDetector.interpret``: it needs nothing but the open alarms."""
-    if isinstance(event, Crossing):
-        yield from _crossing(event, open_alarms)
-    elif isinstance(event, Recovered):
-        yield from (Ended(a.key, event.time_us) for a in open_alarms if a.parameter == event.parameter)
-    elif event.past is not None and open_alarms:
-        yield from _evidence(event, open_alarms)
-
-
-def _crossing(c: Crossing, open_alarms: Sequence[Alarm]) -> Iterator[AlarmEvent]:
-    unnamed = [a for a in open_alarms if a.stage == "changed"]
+def _crossing(c: Crossing, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     same = [a for a in open_alarms if a.parameter == c.parameter]
+    unnamed = [a for a in open_alarms if a.stage == "changed"]
     if same:
-        yield SizeUpdated(same[0].key, c.time_us, c.direction, c.size, c.size_sd, crossings=1)
+        yield same[0].detected_again(c.time_us).resized(c.time_us, c.direction, c.size, c.size_sd)
     elif unnamed:
-        yield DetectedAgain(unnamed[0].key, c.time_us)
-    elif not any(
-        a.doubt in NO_PARAMETER for a in open_alarms
-    ):  # otherwise all estimates drift away: one alarm is enough
-        yield Raised(
-            Alarm(
-                parameter=c.parameter,
-                direction=c.direction,
-                onset_us=c.onset_us,
-                raised_us=c.time_us,
-                updated_us=c.time_us,
-                ended_us=None,
-                size=c.size,
-                size_sd=c.size_sd,
-                crossings=1,
-            )
-        )
+        yield unnamed[0].detected_again(c.time_us)
+    elif not any(a.doubt in NO_PARAMETER for a in open_alarms):
+        # Otherwise all estimates drift away: one alarm is enough.
+        times = c.onset_us, c.time_us, c.time_us, None
+        yield Alarm(c.parameter, c.direction, *times, c.size, c.size_sd, crossings=1)
 
 
-def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[AlarmEvent]:
+def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     named = [a for a in open_alarms if a.stage == "named"]
     unnamed = [a for a in open_alarms if a.stage == "changed"]
     if not named:
         causes = _causes(e, unnamed[0])
         no_parameter = _doubt(e, causes.best, causes) in NO_PARAMETER
-        if no_parameter or causes.stands_out(
-            e.tolerance
-        ):  # otherwise wait for more evidence, or for recovery
-            yield _name(unnamed[0], e, causes, alone=True)
+        # Otherwise wait for more evidence, or for recovery.
+        if no_parameter or causes.stands_out(e.tolerance):
+            yield _named(unnamed[0], e, causes, alone=True)
     elif unnamed:
         yield from _second_alarm(unnamed[0], named, e)
     elif len(named) == 1:
-        yield from _single_alarm(named[0], e)
+        yield from _resized(e, [_reconsidered(named[0], e)])
     else:
-        yield from _new_sizes(e, [(a.key, a.parameter) for a in named])
+        yield from _resized(e, named)
 
 
-def _second_alarm(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[AlarmEvent]:
+def _second_alarm(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[Alarm]:
     """Name the newer alarm given the older ones, or find that it belongs to them."""
-    others = _causes(e, new, named)
-    alone = _causes(e, new)
-    changed = [(a.key, a.parameter) for a in named]
+    others, alone = _causes(e, new, named), _causes(e, new)
+    first, *later = named
     if e.parameters[alone.best] not in {a.parameter for a in named} and alone.explains(e.tolerance):
-        yield from (Ended(a.key, e.time_us) for a in (new, *named[1:]))
-        yield _name(named[0], e, alone, alone=True)
-        changed = [(named[0].key, e.parameters[alone.best])]
+        yield from (a.ended(e.time_us) for a in (new, *later))
+        changed = [_named(first, e, alone, alone=True)]
     elif others.stands_out(e.tolerance):
-        yield _name(new, e, others, alone=False)
-        changed.append((new.key, e.parameters[others.best]))
+        new = _named(new, e, others, alone=False)
+        yield new
+        changed = [*named, new]
     else:
-        yield Ended(new.key, e.time_us)
-        yield DetectedAgain(named[0].key, e.time_us, new.crossings)
-    yield from _new_sizes(e, changed)
+        yield new.ended(e.time_us)
+        changed = [first.detected_again(e.time_us, new.crossings), *later]
+    yield from _resized(e, changed)
 
 
-def _single_alarm(alarm: Alarm, e: Evidence) -> Iterator[AlarmEvent]:
+def _reconsidered(alarm: Alarm, e: Evidence) -> Alarm:
     """The only alarm in the light of new evidence; it is renamed only where its cause has become unlikely."""
-    causes = _causes(e, alarm)
-    i, parameter = e.parameters.index(alarm.parameter), alarm.parameter
-    reported: tuple[Cause, ...] | None = None
-    doubt: Doubt | None = None
-    if causes.stands_out(e.tolerance):  # otherwise it is about to end
-        if causes.probability[i] < DISMISSED and causes.explains(e.tolerance):
-            yield _name(alarm, e, causes, alone=True)
-            parameter = e.parameters[causes.best]
-        elif causes.best == i:
-            reported = _reported(e, causes)
-            doubt = alarm.doubt if alarm.doubt in NO_PARAMETER else _doubt(e, i, causes)
-    yield from _new_sizes(e, [(alarm.key, parameter)], reported, doubt)
+    causes, i = _causes(e, alarm), e.parameters.index(alarm.parameter)
+    if not causes.stands_out(e.tolerance):  # it is about to end
+        return alarm
+    if causes.probability[i] < DISMISSED and causes.explains(e.tolerance):
+        return _named(alarm, e, causes, alone=True)
+    if causes.best == i:
+        doubt = alarm.doubt if alarm.doubt in NO_PARAMETER else _doubt(e, i, causes)
+        return replace(alarm, causes=_reported(e, causes), doubt=doubt)
+    return alarm
 
 
-def _name(alarm: Alarm, e: Evidence, causes: Causes, alone: bool) -> CauseNamed:
-    """The likeliest cause with its size, and with the onset as far as the kept past shows it."""
+def _named(alarm: Alarm, e: Evidence, causes: Causes, alone: bool) -> Alarm:
+    """The alarm of the likeliest cause with its size, and with the onset as far as the kept past shows it."""
     i = causes.best
     ((size, size_sd),) = _sizes(e, [i])
     onset, kind = _onset(alarm, e, i, alone and causes.explains(e.tolerance))
-    return CauseNamed(
-        alarm=alarm.key,
-        time_us=e.time_us,
-        parameter=e.parameters[i],
-        size=size,
-        size_sd=size_sd,
-        causes=_reported(e, causes),
-        doubt=_doubt(e, i, causes),
-        onset=onset,
-        kind=kind,
-    )
+    told = {"causes": _reported(e, causes), "doubt": _doubt(e, i, causes), "kind": kind, **onset._asdict()}
+    return alarm.named(e.time_us, e.parameters[i], size, size_sd=size_sd, **told)
 
 
-def _new_sizes(
-    e: Evidence,
-    changed: Sequence[tuple[AlarmKey, str]],
-    causes: tuple[Cause, ...] | None = None,
-    doubt: Doubt | None = None,
-) -> Iterator[AlarmEvent]:
-    """Sizes of all named alarms, given that these parameters and no others have changed."""
-    found = _sizes(e, [e.parameters.index(parameter) for _, parameter in changed])
-    for (key, _), (size, size_sd) in zip(changed, found, strict=True):
-        yield SizeUpdated(key, e.time_us, direction_of(size), size, size_sd, 0, causes, doubt)
+def _resized(e: Evidence, alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+    """All named alarms with their sizes, given that their parameters and no others have changed."""
+    found = _sizes(e, [e.parameters.index(alarm.parameter) for alarm in alarms])
+    for alarm, (size, size_sd) in zip(alarms, found, strict=True):
+        yield alarm.resized(e.time_us, direction_of(size), size, size_sd)
 
 
 def _onset(alarm: Alarm, e: Evidence, i: int, alone: bool) -> tuple[Onset, Kind]:
     """Onset and kind of the change of parameter i; those of the alarm where the past is not known."""
-    past, before = e.past, Onset.of_alarm(alarm)
+    past = e.past
     change = None if past is None else change_of(past, i, alone)
     if past is None or change is None:
-        return before, alarm.kind
+        return alarm.onset, alarm.kind
     last_us = int(past.t_us[-1])
     high = min(last_us + round(change.high), alarm.raised_us)
     low = min(last_us + round(change.low), high)
     if low <= past.t_us[0]:  # older than what is kept
-        return before._replace(high_us=high), alarm.kind
+        return alarm.onset._replace(onset_high_us=high), alarm.kind
     onset = min(max(last_us + round(change.best), low), high)
-    return Onset(onset, low, high), _kind(change.drift)
-
-
-def _kind(drift: float) -> Kind:
-    if abs(drift) < SURE:
-        return ""
-    return "drift" if drift > 0 else "step"
+    kind: Kind = "" if abs(change.drift) < SURE else "drift" if change.drift > 0 else "step"
+    return Onset(onset, low, high), kind
 
 
 def _causes(e: Evidence, alarm: Alarm, named: Sequence[Alarm] = ()) -> Causes:
@@ -234,11 +189,8 @@ def _causes(e: Evidence, alarm: Alarm, named: Sequence[Alarm] = ()) -> Causes:
 def _sizes(e: Evidence, changed: Sequence[int]) -> list[tuple[float, float]]:
     """Size and standard deviation of each, given that these have changed and no others."""
     found, sd = sizes(np.array(e.deviation), np.array(e.covariance), changed)
-    return [(float(f), float(s) * _scatter(e, i)) for i, f, s in zip(changed, found, sd, strict=True)]
-
-
-def _scatter(e: Evidence, i: int) -> float:
-    return 1.0 if e.past is None else scatter(e.past, i)
+    times = [1.0 if e.past is None else scatter(e.past, i) for i in changed]
+    return [(float(f), float(s) * more) for f, s, more in zip(found, sd, times, strict=True)]
 
 
 def _reported(e: Evidence, causes: Causes) -> tuple[Cause, ...]:
@@ -253,6 +205,6 @@ def _doubt(e: Evidence, i: int, causes: Causes) -> Doubt:
     held = dict(zip(e.parameters, e.held, strict=True))
     if held.get(TORQUE_CONSTANT) == -1:
         return "sign" if e.excess > UNEXPLAINED else "still"
-    if held[e.parameters[i]] or e.excess > MODEL_LOST:
+    if held[e.parameters[i]] or e.excess > INVALID:
         return "model"
     return "" if causes.explains(e.tolerance) else "several"

@@ -4,7 +4,7 @@ Each hypothesis predicts the output as if its change had always been there.  The
 those of the predictor that holds now, summed up as a CUSUM, says that something has changed; the ratios among the
 hypotheses, what.  Faults of sensors are hypotheses like any others.
 
-Read in this order: hypotheses (what may have changed), candidates (which of it is looked for), lanes (the kernel's
-arrays), bank (samples in, events out; the recursion is kernel/hypotheses.py), naming (which cause, what size), standing
-(what was named and is not over), threshold (h from a healthy record), limit (how fast any detector could be).
+Read in this order: ``hypothesis`` (what may have changed), ``lanes`` (the kernel's arrays), ``candidates`` (which
+changes are looked for), ``naming`` (which cause, what size), ``active_faults`` (what was named and is not over),
+``hypothesis_bank`` (samples in, events out; the recursion is kernel/hypotheses.py), ``multimodel_detector`` (alarms).
 """

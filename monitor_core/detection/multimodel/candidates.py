@@ -1,15 +1,23 @@
-"""Candidate changes: the monitored parameters up and down in several sizes, and faults of the sensors."""
+"""Candidate changes: the monitored parameters up and down in several sizes, and faults of the sensors.
+
+Also their units outside of a bank (``quantity_of``), and which of them can be told apart (``default_hypotheses``).
+"""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
+from monitor_core.arrays import Floats
+from monitor_core.detection.multimodel.hypothesis import REFERENCE, Distortion, Hypothesis
+from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.kernel.hypotheses import BankTrace, Block, run_hypotheses
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
 
@@ -37,17 +45,10 @@ SENSOR_FAULTS = (
 )
 
 
-def candidates(model: AxisModel, settings: Settings, sensors: bool = True) -> tuple[Hypothesis, ...]:
+def candidates(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
     """All candidate changes of an axis."""
-    plan = {name: _both(SIZES) for name in model.monitored if name != DELAY}
-    plan |= _sensor_plan(model) if sensors else {}
-    return tuple(
-        hypothesis_of(model, settings, cause, size) for cause, sizes in plan.items() for size in sizes
-    )
-
-
-def _sensor_plan(model: AxisModel) -> dict[str, tuple[float, ...]]:
-    return {
+    lost, noises = (tuple(math.log(ratio) for ratio in ratios) for ratios in (_LOST, _NOISES))
+    sizes = {name: _both(SIZES) for name in model.monitored if name != DELAY} | {
         TORQUE_SCALE: _both(SIZES),
         OUTPUT_SCALE: _both(SIZES),
         TORQUE_SIGN: (math.nan,),
@@ -56,11 +57,12 @@ def _sensor_plan(model: AxisModel) -> dict[str, tuple[float, ...]]:
         TORQUE_OFFSET: _both(_OFFSETS),
         # A predictor of the angle follows an offset of the angle.
         OUTPUT_OFFSET: () if model.drive.output == "angle" else _both(_OFFSETS),
-        TORQUE_STUCK: tuple(math.log(ratio) for ratio in _LOST),
-        TORQUE_LOST: tuple(math.log(ratio) for ratio in _LOST),
+        TORQUE_STUCK: lost,
+        TORQUE_LOST: lost,
         OUTPUT_STUCK: (math.nan,),
-        OUTPUT_NOISE: tuple(math.log(ratio) for ratio in _NOISES),
+        OUTPUT_NOISE: noises,
     }
+    return tuple(hypothesis_of(model, settings, cause, size) for cause, own in sizes.items() for size in own)
 
 
 def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float) -> Hypothesis:
@@ -91,19 +93,6 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
         OUTPUT_STUCK: lambda: Hypothesis(cause, frozen=True),
     }
     return plain[cause]()
-
-
-def unit_of(model: AxisModel, settings: Settings, cause: str) -> tuple[float, str]:
-    """Value in SI and unit of a size of 1 of a cause; the unit "log" means that sizes are logarithms of factors."""
-    if cause == DELAY:
-        return settings.interval_s, "s"
-    if cause == TORQUE_OFFSET:
-        return torque_unit(model, settings), "N m"
-    if cause == OUTPUT_OFFSET:
-        return math.sqrt(settings.lam0), "rad" if model.drive.output == "angle" else "rad/s"
-    if cause in model.monitored and not model.nominal[split_name(cause)[0]] > 0:
-        return _scale(model, cause), model.drive.parameter(cause).unit
-    return 1.0, "log"
 
 
 def _scale(model: AxisModel, name: str) -> float:
@@ -169,3 +158,117 @@ def _random_torque(
 
 def _both(sizes: tuple[float, ...]) -> tuple[float, ...]:
     return (*(-size for size in reversed(sizes)), *sizes)
+
+
+# --- Units outside of a bank: nominal value and unit of a cause, and sizes of changes in them -------------------------
+
+
+class Quantity(NamedTuple):
+    """Nominal value of a cause, in ``unit``, and the conversion of a size of the bank to a change of it.
+
+    ``step`` is the value of a size of 1, NaN where sizes are logarithms of factors of ``nominal``, 0 without a size.
+    """
+
+    nominal: float
+    unit: str
+    step: float
+
+    def change(self, size: float, sd: float) -> tuple[float, float]:
+        """Change and its standard deviation, from a size and its standard deviation in the bank."""
+        if self.step == 0:
+            return math.nan, math.nan
+        if math.isnan(self.step):
+            return self.nominal * math.expm1(size), abs(self.nominal) * math.exp(size) * sd
+        return self.step * size, self.step * sd
+
+    def size(self, change: float) -> float:
+        """Size of a change; NaN where it has none, or none can be that large."""
+        if self.step == 0:
+            return math.nan
+        if math.isnan(self.step):
+            ratio = 1 + change / self.nominal
+            return math.log(ratio) if ratio > 0 else math.nan
+        return change / self.step
+
+
+def causes_of(model: AxisModel) -> tuple[str, ...]:
+    """All causes that a bank may name: the monitored parameters, and the faults of sensors."""
+    return tuple(dict.fromkeys((*model.monitored, *SENSOR_FAULTS)))
+
+
+def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
+    """Quantity of a cause; monitored ones in the units of theta.
+
+    Raises:
+        KeyError: there is no such cause.
+    """
+    if cause not in causes_of(model):
+        raise KeyError(cause)
+    if cause == DELAY:
+        return Quantity(model.nominal.get(DELAY, settings.delay_s), "s", settings.interval_s)
+    if cause in model.monitored:
+        i = model.monitored.index(cause)
+        factor = model.nominal[split_name(cause)[0]] > 0
+        step = math.nan if factor else _scale(model, cause) / float(model.unit[i])
+        return Quantity(float(model.theta0[i]), model.parameters[i].unit, step)
+    if cause in (TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
+        return Quantity(1.0, "1", math.nan)
+    if cause == TORQUE_OFFSET:
+        return Quantity(0.0, "N m", torque_unit(model, settings))
+    if cause == OUTPUT_OFFSET:
+        return Quantity(0.0, "rad" if model.drive.output == "angle" else "rad/s", math.sqrt(settings.lam0))
+    return Quantity(0.0, "1", 0.0)
+
+
+# --- Isolability: causes that produce the same data, such as a scaled torque and a torque constant --------------------
+
+
+_SAME = 1e-4
+"""Share of the evidence against REFERENCE by which two may be told apart that count as one."""
+_MEMORIES = 6
+_STRENGTH = 5.0
+
+
+def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
+    """Candidates that change the data; of those with the same data only the first, with the causes of the others.
+
+    Their predictions for one random record are compared, of which the last half counts.
+    """
+    found = candidates(model, settings)
+    eps = _innovations(model, settings, (REFERENCE, *found))
+    from_now = ((eps - eps[:, :1]) ** 2).sum(axis=0)
+    kept: list[int] = []
+    names: dict[int, list[str]] = {}
+    for k, hypothesis in enumerate(found, 1):
+        if from_now[k] == 0.0 and hypothesis.variance == 1.0 and not hypothesis.still:
+            continue
+        same = next((j for j in kept if _same(eps, from_now, j, k, found)), None)
+        if same is None:
+            kept.append(k)
+        elif found[same - 1].cause != hypothesis.cause:
+            names.setdefault(same, []).append(hypothesis.cause)
+    return tuple(replace(found[k - 1], alike=tuple(names.get(k, ()))) for k in kept)
+
+
+def _same(eps: Floats, from_now: Floats, j: int, k: int, found: Sequence[Hypothesis]) -> bool:
+    a, b = found[j - 1], found[k - 1]
+    apart = float(((eps[:, j] - eps[:, k]) ** 2).sum())
+    alike = apart <= _SAME * min(from_now[j], from_now[k])
+    return alike and abs(a.variance / b.variance - 1) < _SAME and a.still == b.still
+
+
+def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]) -> Floats:
+    """Innovations (N, len(hypotheses)) for a white torque and a white output; any signals do, as all is linear."""
+    many, N = len(hypotheses), 2 * round(_MEMORIES * s.memory / 2)
+    tables, predictors = lanes_of(
+        model, replace(s, outlier_limit=0.0), hypotheses, np.full(many, np.inf), np.zeros(many)
+    )
+    H = predictors.own.shape[1]
+    rng = np.random.default_rng(0)
+    u = _STRENGTH * torque_unit(model, s) * rng.standard_normal(N)
+    y = _STRENGTH * np.sqrt(s.lam0) * rng.standard_normal(N)
+    t_us = np.arange(N, dtype=np.int64) * round(s.interval_s * 1e6)
+    trace = BankTrace(*(np.empty((N, H)) for _ in range(3)))
+    block = Block(t_us, u, y, np.empty((0, 1), np.bool_))
+    run_hypotheses(np.arange(H), tables, predictors, memory_of(tables, H), block, 0, trace)
+    return trace.eps[N // 2 :, :many]

@@ -110,13 +110,10 @@ FOLLOWED = 0.01
 def steps(
     model: AxisModel, shift: Floats | None, before: tuple[int, ...], N: int
 ) -> Iterator[tuple[slice, tuple[int, ...]]]:
-    """Runs of samples in which no nominal value moves, each with the steps moved so far.
+    """Runs of the N samples in which no nominal value moves, each with the steps moved so far.
 
-    Args:
-        model: of the axis.
-        shift: theta_0(s) - theta_0 (N, p), NaN where it is unknown; None: unchanged.
-        before: steps at the sample before.
-        N: number of samples.
+    ``shift`` (N, p): theta_0(s) - theta_0, NaN where it is unknown; None: unchanged.  ``before``: steps at the sample
+    before.
     """
     if shift is None:
         yield slice(0, N), before

@@ -6,37 +6,24 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats, Ints
+from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
-from monitor_core.detection.multimodel.candidates import candidates
+from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis, moved_model, steps
-from monitor_core.detection.multimodel.isolability import distinguishable
 from monitor_core.detection.multimodel.lanes import lanes_of, memory_of
-from monitor_core.detection.multimodel.multimodel_events import (
+from monitor_core.detection.multimodel.naming import (
     CauseEnded,
     CauseIdentified,
+    CausePosterior,
     ChangeDetected,
     Event,
-    Onset,
+    Share,
 )
-from monitor_core.detection.multimodel.naming import CausePosterior, Share
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.kernel.hypotheses import (
-    CHECKS,
-    LAST,
-    PENDING,
-    PHASE,
-    REFINING,
-    SETTLED,
-    SINCE,
-    WAIT,
-    WATCHING,
-    BankTrace,
-    Block,
-    Memory,
-    run_hypotheses,
-)
+from monitor_core.kernel import hypotheses as kernel
+from monitor_core.kernel.hypotheses import BankTrace, Block, Memory, run_hypotheses
 from monitor_core.kernel.likelihood import FIRST_MARK, LATE, MARKS, ONSET, G
 from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
 from monitor_core.kernel.state import NEVER
@@ -89,11 +76,15 @@ class HypothesisBank:
         self.standing = ActiveFaults(model, settings, chosen)
         """What has been named and is not over."""
         many = len(self.hypotheses)
-        self._h, self._allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
-        if many == 0 or not (self._h > 0).all() or not np.isfinite(self._allowance).all():
+        self.h, self.allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
+        """Threshold and allowance of each hypothesis (len(hypotheses),), each"""
+        if many == 0 or not (self.h > 0).all() or not np.isfinite(self.allowance).all():
             raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
         self._last_resort = {hypothesis.cause for hypothesis in self.hypotheses if hypothesis.weight < 1}
-        self._slowest_us = round(1e6 * _time_constant(model, settings))
+        slowest_s = slowest_time_constant(model, settings.gain(len(model.drive.states)), settings.interval_s)
+        if not math.isfinite(slowest_s):
+            raise ValueError("the predictor is not stable: hypotheses need a filter gain K")
+        self._slowest_us = round(1e6 * slowest_s)
         self.moved = (0,) * len(model.monitored)
         """By how many steps (hypothesis.py) nominal values are away from those of the model."""
         self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
@@ -105,16 +96,6 @@ class HypothesisBank:
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """Hypotheses of the bank."""
         return self.standing.hypotheses
-
-    @property
-    def h(self) -> Floats:
-        """Thresholds (len(hypotheses),)."""
-        return self._h
-
-    @property
-    def allowance(self) -> Floats:
-        """Allowance of each hypothesis."""
-        return self._allowance
 
     @property
     def memory(self) -> Memory:
@@ -137,8 +118,8 @@ class HypothesisBank:
         """Build the lanes around the active faults."""
         self._hypotheses = self.standing.lanes()
         self._causes = CausePosterior(self._hypotheses[1:])
-        back_h = float(np.median(self._h)) if self.standing else math.inf
-        self._limits = np.concatenate([[np.inf], self._h, [back_h]])
+        back_h = float(np.median(self.h)) if self.standing else math.inf
+        self._limits = np.concatenate([[np.inf], self.h, [back_h]])
         self._known.clear()
         self.follow(self.moved)
 
@@ -148,7 +129,7 @@ class HypothesisBank:
         if moved not in self._known:
             while len(self._known) >= _REMEMBERED:
                 del self._known[next(iter(self._known))]
-            allowance = np.concatenate([[0.0], self._allowance, [0.0]])
+            allowance = np.concatenate([[0.0], self.allowance, [0.0]])
             self._known[moved] = lanes_of(
                 moved_model(self.model, moved), self.settings, self._hypotheses, self._limits, allowance
             )
@@ -163,9 +144,14 @@ class HypothesisBank:
         self.standing.adopt(standing)
         self._start(0)
         if since_us is not None:
-            integers = self._memory.integers
-            integers[PHASE, 0], integers[CHECKS, 0], integers[SINCE, 0] = PENDING, 0, since_us
-            integers[WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
+            self._await_name(since_us)
+            self._memory.integers[kernel.WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
+
+    def _await_name(self, since_us: int) -> None:
+        """A change was detected at that time, and is to be identified."""
+        integers = self._memory.integers
+        integers[kernel.PHASE, 0] = kernel.PENDING
+        integers[kernel.CHECKS, 0], integers[kernel.SINCE, 0] = 0, since_us
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -175,7 +161,7 @@ class HypothesisBank:
     def leading(self) -> tuple[str, float]:
         """The cause with the largest g / h, and that ratio."""
         many = len(self.hypotheses)
-        share = self._memory.sums[G, 1 : many + 1] / self._h
+        share = self._memory.sums[G, 1 : many + 1] / self.h
         k = int(share.argmax())
         return self.hypotheses[k].cause, float(share[k])
 
@@ -204,47 +190,36 @@ class HypothesisBank:
         self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
 
     def run(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        gate: NDArray[np.bool_] | None = None,
-        shift: Floats | None = None,
+        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None
     ) -> list[Event]:
         """Run samples (N,) in the order of their receipt: times in us, torque in N m, output.
 
-        ``gate`` (N,): test where True.  ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; the last
-        value is kept without it and where it is NaN; nothing is tested while it is NaN.
+        ``shift`` (N, p): theta_0(s) - theta_0, as for ``AxisBatch.run``; the last value is kept without it and where it
+        is NaN; nothing is tested while it is NaN.  ``gate`` (N,): test where True.
 
         Raises:
             ValueError: shapes that do not fit.
         """
-        return self._run(_block(t_us, u, y, gate), shift, BankTrace(*(np.empty((0, 0)) for _ in range(3))))
+        return self._run(_block(t_us, u, y, gate), shift, BankTrace(*[np.empty((0, 0))] * 3))
 
     def run_traced(
-        self,
-        t_us: NDArray[np.int64],
-        u: Floats,
-        y: Floats,
-        gate: NDArray[np.bool_] | None = None,
-        shift: Floats | None = None,
-        *,
+        self, t_us: Ints, u: Floats, y: Floats, shift: Floats | None = None, gate: Bools | None = None,
         what_holds: bool = False,
-    ) -> tuple[list[Event], BankTrace]:
+    ) -> tuple[list[Event], BankTrace]:  # fmt: skip
         """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
 
         With ``what_holds`` the first column is that of the present reference.
         """
-        N, first, last = len(t_us), 0 if what_holds else 1, len(self.hypotheses) + 1
-        trace = BankTrace(*(np.full((N, len(self._lanes)), np.nan) for _ in range(3)))
+        first, last = 0 if what_holds else 1, len(self.hypotheses) + 1
+        trace = BankTrace(*(np.full((len(t_us), len(self._lanes)), np.nan) for _ in range(3)))
         events = self._run(_block(t_us, u, y, gate), shift, trace)
-        return events, BankTrace(*(hypothesis[:, first:last] for hypothesis in trace))
+        return events, BankTrace(*(values[:, first:last] for values in trace))
 
     def _run(self, block: Block, shift: Floats | None, trace: BankTrace) -> list[Event]:
         N, p = len(block.t), len(self.moved)
-        if shift is not None and np.shape(shift) != (N, p):
-            raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
         if shift is not None:
+            if np.shape(shift) != (N, p):
+                raise ValueError(f"shift of shape {np.shape(shift)}: need {(N, p)}")
             known = np.asarray(np.isfinite(shift).all(axis=1))[:, np.newaxis]
             block = block._replace(gate=np.asarray(block.gate & known) if len(block.gate) else known)
         events: list[Event] = []
@@ -252,7 +227,7 @@ class HypothesisBank:
             if moved != self.moved:
                 self.follow(moved)
             part = Block(block.t[rows], block.u[rows], block.y[rows], block.gate[rows])
-            events += self._run_on(part, BankTrace(*(hypothesis[rows] for hypothesis in trace)))
+            events += self._run_on(part, BankTrace(*(values[rows] for values in trace)))
         return events
 
     def _run_on(self, block: Block, trace: BankTrace) -> list[Event]:
@@ -260,18 +235,18 @@ class HypothesisBank:
         at, events = 0, list[Event]()
         while at < len(block.t):
             at = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, at, trace)
-            if self._memory.integers[WAIT, 0] == 0:
+            if self._memory.integers[kernel.WAIT, 0] == 0:
                 events += self._decide(int(block.t[at - 1]))
         return events
 
     def _decide(self, now_us: int) -> Iterator[Event]:
         """Decide after a detection, when an identification is due, or when a named cause can be refined."""
-        integers = self._memory.integers
-        if integers[PHASE, 0] == REFINING:
+        phase = self._memory.integers[kernel.PHASE, 0]
+        if phase == kernel.REFINING:
             yield from self._settle(now_us)
             return
-        if integers[PHASE, 0] == WATCHING:
-            integers[PHASE, 0], integers[CHECKS, 0], integers[SINCE, 0] = PENDING, 0, now_us
+        if phase == kernel.WATCHING:
+            self._await_name(now_us)
             self._turn_round()
             yield ChangeDetected(now_us, self.onset(), self._shares())
         yield from self._look(now_us)
@@ -279,9 +254,9 @@ class HypothesisBank:
     def _look(self, now_us: int) -> Iterator[Event]:
         """Name the cause if it is certain, or if it has been looked for long enough."""
         integers, memory = self._memory.integers, self.settings.memory
-        integers[CHECKS, 0] += 1
-        integers[WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[SINCE, 0])
-        found, looked = self._shares(), integers[CHECKS, 0] / (LOOKS * MEMORIES)
+        integers[kernel.CHECKS, 0] += 1
+        integers[kernel.WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[kernel.SINCE, 0])
+        found, looked = self._shares(), integers[kernel.CHECKS, 0] / (LOOKS * MEMORIES)
         if looked >= 1 and not self._lasts():
             self._start(0)
             yield CauseEnded(now_us, since, HEALTHY)
@@ -290,7 +265,7 @@ class HypothesisBank:
         early = now_us - since < self._slowest_us
         sure, resort = found[0].probability >= self.sure, found[0].cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            integers[PHASE, 0], integers[WAIT, 0] = REFINING, round(MEMORIES * memory)
+            integers[kernel.PHASE, 0], integers[kernel.WAIT, 0] = kernel.REFINING, round(MEMORIES * memory)
             yield CauseIdentified(now_us, since, self.onset(), self.standing.whole_of(found), sure)
 
     def _turn_round(self) -> None:
@@ -306,7 +281,7 @@ class HypothesisBank:
 
     def _settle(self, now_us: int) -> Iterator[Event]:
         """Add the most likely cause to the active faults, with its size; from now on changes are relative to that."""
-        found, onset, since = self._shares(), self.onset(), int(self._memory.integers[SINCE, 0])
+        found, onset, since = self._shares(), self.onset(), int(self._memory.integers[kernel.SINCE, 0])
         best, lane = found[0], self._lane_of(found[0])
         over = self.standing.ended(best) if self._lasts() else [HEALTHY]
         if best.cause != HEALTHY and not over:
@@ -330,8 +305,10 @@ class HypothesisBank:
         """
         k = int(self._memory.sums[G, : len(self._hypotheses)].argmax())
         when = self._memory.when[:, k]
-        earliest = int(when[FIRST_MARK + MARKS - 1]) - self._slowest_us // 2
-        return Onset(int(when[ONSET]), earliest, int(max(when[LATE], when[ONSET])))
+        best, earliest = int(when[ONSET]), int(when[FIRST_MARK + MARKS - 1]) - self._slowest_us // 2
+        low = earliest if earliest > NEVER // 2 else None  # otherwise it lies before the first sample
+        best = best if low is None else max(best, low)
+        return Onset(best, low, max(int(when[LATE]), best))
 
     def _lane_of(self, best: Share) -> int:
         """The hypothesis of a cause with the most evidence."""
@@ -344,38 +321,25 @@ class HypothesisBank:
         M = self._memory
         self._build()
         M.x[:] = M.x[:, lane : lane + 1]
-        M.sums[:], M.when[:] = 0.0, M.integers[LAST, 0]
-        M.integers[PHASE, 0], M.integers[WAIT, 0], M.integers[CHECKS, 0] = WATCHING, 1, 0
-        if M.integers[LAST, 0] != NEVER:
-            M.integers[SETTLED, 0] = M.integers[LAST, 0] + int(self._predictors.axis[SETTLES, 0])
+        M.sums[:], M.when[:] = 0.0, M.integers[kernel.LAST, 0]
+        M.integers[kernel.PHASE, 0], M.integers[kernel.WAIT, 0], M.integers[kernel.CHECKS, 0] = (
+            kernel.WATCHING,
+            1,
+            0,
+        )
+        if M.integers[kernel.LAST, 0] != NEVER:
+            M.integers[kernel.SETTLED, 0] = M.integers[kernel.LAST, 0] + int(
+                self._predictors.axis[SETTLES, 0]
+            )
 
 
 def _copy(memory: Memory) -> Memory:
     return Memory(**{name: array.copy() for name, array in memory._asdict().items()})
 
 
-def _time_constant(model: AxisModel, s: Settings) -> float:
-    """Slowest time constant of the predictor [s].
-
-    Raises:
-        ValueError: the predictor is not stable.
-    """
-    found = slowest_time_constant(model, s.gain(len(model.drive.states)), s.interval_s)
-    if not math.isfinite(found):
-        raise ValueError("the predictor is not stable: hypotheses need a filter gain K")
-    return found
-
-
-def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
-    """Candidates that change the data and can be distinguished from each other."""
-    return distinguishable(model, settings, candidates(model, settings))
-
-
-def _block(t_us: NDArray[np.int64], u: Floats, y: Floats, gate: NDArray[np.bool_] | None) -> Block:
+def _block(t_us: Ints, u: Floats, y: Floats, gate: Bools | None) -> Block:
     t = np.ascontiguousarray(t_us, dtype=np.int64)
-    opened = (
-        np.empty((0, 1), np.bool_) if gate is None else np.ascontiguousarray(gate, np.bool_)[:, np.newaxis]
-    )
+    opened = np.ascontiguousarray([] if gate is None else gate, np.bool_)[:, np.newaxis]
     if t.ndim != 1 or np.shape(u) != t.shape or np.shape(y) != t.shape or len(opened) not in {0, len(t)}:
         raise ValueError(f"t, u, y of shapes {t.shape}, {np.shape(u)}, {np.shape(y)}: need (N,) each")
     return Block(t, np.ascontiguousarray(u, float), np.ascontiguousarray(y, float), opened)

@@ -7,33 +7,26 @@ known, and ends when its cause ends.  A further change of a cause with an open a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
-from monitor_core.detection.alarm import Alarm, Cause, direction_of
-from monitor_core.detection.detector import (
-    MIN_PROBABILITY,
-    AlarmEvent,
-    CauseNamed,
-    DetectedAgain,
-    DetectorName,
-    Ended,
-    Leading,
-    Onset,
-    Raised,
+from monitor_core.arrays import Floats
+from monitor_core.detection.alarm import MIN_PROBABILITY, Alarm, Cause, DetectorName, Leading, direction_of
+from monitor_core.detection.multimodel.candidates import (
+    Quantity,
+    causes_of,
+    default_hypotheses,
+    hypothesis_of,
+    quantity_of,
 )
-from monitor_core.detection.multimodel.candidates import hypothesis_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
-from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
-from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected, Event
-from monitor_core.detection.multimodel.naming import Share
-from monitor_core.detection.multimodel.quantities import Quantity, causes_of, quantity_of
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.kernel.state import NEVER
 from monitor_core.settings import Settings
 
 SCHEMA = 2
@@ -71,6 +64,18 @@ def guaranteed(hypotheses: int, samples: float) -> float:
     return math.log(max(hypotheses * samples, math.e))
 
 
+def least_delay(healthy: Floats, faulty: Floats, lam0: float, samples_between: float) -> float:
+    """Theoretical limit of the detection delay: samples from the onset until the information suffices (Lorden).
+
+    The first n at which  sum (yhat_faulty - yhat_healthy)^2 / (2 lam0),  averaged over records, reaches
+    log(samples_between), for one false alarm in ``samples_between`` samples; ``healthy`` and ``faulty`` (N, W) are
+    predictions from the onset on.  inf: not within N.
+    """
+    information = np.cumsum(((faulty - healthy) ** 2).mean(axis=1)) / (2 * lam0)
+    enough = information >= math.log(samples_between)
+    return float(enough.argmax() + 1) if enough.any() else math.inf
+
+
 def reason_unavailable(model: AxisModel, settings: Settings) -> str:
     """Why the detector is not available for an axis, in words; empty: it is."""
     if settings.unidentifiable:
@@ -89,7 +94,10 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
         ValueError: the detector is not available for it, or limits make no sense.
     """
     if not limits.own:
-        hypotheses = _default(_Axis(model, settings))
+        shared = f"{model} {settings}"
+        if shared not in _DEFAULTS:
+            _DEFAULTS[shared] = default_hypotheses(model, settings)
+        hypotheses = _DEFAULTS[shared]
         return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), limits.samples))
     found = [
         replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike)
@@ -99,34 +107,14 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
     return HypothesisBank(model, settings, found, h, allowance)
 
 
-class _Axis:
-    """Axes with the same model and settings share their hypotheses, which are computed once."""
-
-    def __init__(self, model: AxisModel, settings: Settings) -> None:
-        self.model, self.settings = model, settings
-        self._text = f"{model} {settings}"
-
-    def __hash__(self) -> int:
-        return hash(self._text)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Axis) and self._text == other._text
-
-
-@lru_cache(maxsize=256)
-def _default(axis: _Axis) -> tuple[Hypothesis, ...]:
-    return default_hypotheses(axis.model, axis.settings)
+_DEFAULTS: dict[str, tuple[Hypothesis, ...]] = {}
+"""Axes with the same model and settings share their hypotheses, which are computed once."""
 
 
 class MultiModelDetector:
     """The multi-model detector of one axis.
 
     The bank is created at first use, as the compiled kernel decides which hypotheses are distinguishable.
-
-    Args:
-        model: of the axis.
-        settings: of the axis.
-        limits: thresholds.
 
     Raises:
         ValueError: the detector is not available for the axis; limits of unknown causes.
@@ -161,9 +149,58 @@ class MultiModelDetector:
         """The cause with the largest g / h, and that ratio; none before the first sample."""
         return Leading(*self.bank.leading()) if self.made else Leading("", 0.0)
 
-    def interpret(self, event: Event, open_alarms: Sequence[Alarm]) -> list[AlarmEvent]:
-        """Alarm events that an event of the bank causes, given the open alarms."""
-        return list(interpret(event, open_alarms, self.quantity))
+    def interpret(self, event: Event, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        """The alarms that an event of the bank raises, changes or ends; the last form of each counts."""
+        if isinstance(event, ChangeDetected):
+            yield from self._change(event, open_alarms)
+        elif isinstance(event, CauseIdentified):
+            yield from self._name(event, open_alarms)
+        else:  # an unnamed alarm ends with the cause, as nothing else has changed
+            ends = (a for a in open_alarms if a.raised_us == event.since_us or a.parameter == event.cause)
+            yield from (a.ended(event.time_us) for a in ends)
+
+    def _change(self, event: ChangeDetected, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        cause = event.shares[0].cause
+        same = _named_alarm(open_alarms, cause)
+        if same is not None:
+            yield same.detected_again(event.time_us)
+        elif cause != HEALTHY:
+            yield self._raised(event.time_us, event)
+
+    def _name(self, event: CauseIdentified, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        share = event.shares[0]
+        if share.cause == HEALTHY:  # an open alarm is about to end
+            return
+        size, size_sd = self.quantity(share.cause).change(share.size, share.size_sd)
+        causes = _reported(event)
+        unnamed = next((a for a in open_alarms if a.raised_us == event.since_us), None)
+        same = _named_alarm(open_alarms, share.cause)
+        told = event.time_us, share.cause, size
+        if same is not None and (unnamed is None or same.key != unnamed.key):
+            if unnamed is not None:
+                yield unnamed.ended(event.time_us)
+            yield same.named(*told, size_sd=size_sd, causes=causes)
+        elif unnamed is not None:
+            yield unnamed.named(*told, size_sd=size_sd, causes=causes, **event.onset._asdict())
+        else:
+            alarm = self._raised(event.since_us, event)
+            named = replace(alarm, stage="named", updated_us=event.time_us, causes=causes)
+            yield replace(named, direction=direction_of(size))
+
+    def _raised(self, since_us: int, event: ChangeDetected | CauseIdentified) -> Alarm:
+        share = event.shares[0]
+        size, size_sd = self.quantity(share.cause).change(share.size, share.size_sd)
+        return Alarm(
+            parameter=share.cause,
+            direction=direction_of(share.size),
+            raised_us=since_us,
+            updated_us=since_us,
+            ended_us=None,
+            size=size,
+            size_sd=size_sd,
+            crossings=1,
+            **event.onset._asdict(),
+        )
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
         """Take over open alarms: their causes are active faults from now on."""
@@ -182,102 +219,10 @@ def _seen_by_bank(alarms: Iterable[Alarm]) -> list[tuple[object, ...]]:
     return sorted((a.raised_us, a.parameter, a.stage) for a in alarms)
 
 
-def interpret(
-    event: Event, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
-) -> Iterator[AlarmEvent]:
-    """As ``MultiModelDetector.interpret``: it needs nothing but the open alarms and the units of the causes."""
-    if isinstance(event, ChangeDetected):
-        yield from _change(event, open_alarms, quantity)
-    elif isinstance(event, CauseIdentified):
-        yield from _name(event, open_alarms, quantity)
-    else:  # an unnamed alarm ends with the cause, as nothing else has changed
-        for a in open_alarms:
-            if a.raised_us == event.since_us or a.parameter == event.cause:
-                yield Ended(a.key, event.time_us)
-
-
-def _change(
-    event: ChangeDetected, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
-) -> Iterator[AlarmEvent]:
-    share = event.shares[0]
-    same = _named_alarm(open_alarms, share.cause)
-    if same is not None:
-        yield DetectedAgain(same.key, event.time_us)
-    elif share.cause != HEALTHY:
-        yield Raised(_raised(event.time_us, event, quantity))
-
-
-def _name(
-    event: CauseIdentified, open_alarms: Sequence[Alarm], quantity: Callable[[str], Quantity]
-) -> Iterator[AlarmEvent]:
-    share = event.shares[0]
-    if share.cause == HEALTHY:  # an open alarm is about to end
-        return
-    unnamed = next((a for a in open_alarms if a.raised_us == event.since_us), None)
-    same = _named_alarm(open_alarms, share.cause)
-    if same is not None and (unnamed is None or same.key != unnamed.key):
-        if unnamed is not None:
-            yield Ended(unnamed.key, event.time_us)
-        yield _named(same, event, quantity, Onset.of_alarm(same))
-    elif unnamed is not None:
-        yield _named(unnamed, event, quantity, _onset(event))
-    else:
-        alarm = _raised(event.since_us, event, quantity)
-        alarm = replace(alarm, stage="named", updated_us=event.time_us, causes=_reported(event.shares))
-        yield Raised(replace(alarm, direction=direction_of(alarm.size)))
-
-
-def _raised(
-    since_us: int, event: ChangeDetected | CauseIdentified, quantity: Callable[[str], Quantity]
-) -> Alarm:
-    share, onset = event.shares[0], _onset(event)
-    size, size_sd = quantity(share.cause).change(share.size, share.size_sd)
-    return Alarm(
-        parameter=share.cause,
-        direction=direction_of(share.size),
-        onset_us=onset.time_us,
-        raised_us=since_us,
-        updated_us=since_us,
-        ended_us=None,
-        size=size,
-        size_sd=size_sd,
-        crossings=1,
-        onset_low_us=onset.low_us,
-        onset_high_us=onset.high_us,
-    )
-
-
-def _named(
-    alarm: Alarm, event: CauseIdentified, quantity: Callable[[str], Quantity], onset: Onset
-) -> CauseNamed:
-    share = event.shares[0]
-    size, size_sd = quantity(share.cause).change(share.size, share.size_sd)
-    return CauseNamed(
-        alarm=alarm.key,
-        time_us=event.time_us,
-        parameter=share.cause,
-        size=size,
-        size_sd=size_sd,
-        causes=_reported(event.shares),
-        doubt=alarm.doubt,
-        onset=onset,
-        kind=alarm.kind,
-    )
-
-
-def _reported(shares: Iterable[Share]) -> tuple[Cause, ...]:
-    return tuple(
-        Cause(s.cause, s.probability, s.alike) for s in shares if s.probability >= MIN_PROBABILITY and s.cause
-    )
+def _reported(event: CauseIdentified) -> tuple[Cause, ...]:
+    likely = (s for s in event.shares if s.probability >= MIN_PROBABILITY and s.cause)
+    return tuple(Cause(s.cause, s.probability, s.alike) for s in likely)
 
 
 def _named_alarm(open_alarms: Sequence[Alarm], cause: str) -> Alarm | None:
     return next((a for a in open_alarms if a.parameter == cause and a.stage == "named"), None)
-
-
-def _onset(event: ChangeDetected | CauseIdentified) -> Onset:
-    """Onset of a change; its lower end is unknown where it lies before the first sample."""
-    onset = event.onset
-    low = onset.earliest_us if onset.earliest_us > NEVER // 2 else None
-    best = onset.time_us if low is None else max(onset.time_us, low)
-    return Onset(best, low, max(onset.latest_us, best))

@@ -1,4 +1,4 @@
-"""Isolation and size: posterior probabilities of causes from the evidence of all hypotheses since a detection."""
+"""What a bank reports: changes, and their causes with probabilities and sizes, from the evidence of all hypotheses."""
 
 import math
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
+from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 
 _BEYOND = 1.5
@@ -25,6 +26,47 @@ class Share:
     size: float
     size_sd: float
     alike: tuple[str, ...] = ()
+
+
+# --- Events; times in us since 1970, since_us is the time of the ChangeDetected that an event belongs to --------------
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeDetected:
+    """A change was detected; its cause is not known yet."""
+
+    time_us: int
+    onset: Onset
+    shares: tuple[Share, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CauseIdentified:
+    """The cause is the first of ``shares``, with the total size of the active fault of that cause.
+
+    ``certain``: its share is large enough; otherwise the others must be reported, too.
+    """
+
+    time_us: int
+    since_us: int
+    onset: Onset
+    shares: tuple[Share, ...]
+    certain: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CauseEnded:
+    """A named cause has ended; HEALTHY: the change did not last."""
+
+    time_us: int
+    since_us: int
+    cause: str
+
+
+Event = ChangeDetected | CauseIdentified | CauseEnded
+
+
+# --- Isolation and size -----------------------------------------------------------------------------------------------
 
 
 class CausePosterior:

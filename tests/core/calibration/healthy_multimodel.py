@@ -1,4 +1,7 @@
-"""How often banks of hypotheses with these limits alarm on healthy axes: counted, with all of them at once."""
+"""How often banks of hypotheses with these limits alarm on healthy axes: counted, with all of them at once.
+
+And excursions of a given course of g.
+"""
 
 from collections.abc import Sequence
 
@@ -6,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank, default_hypotheses
+from monitor_core.calibration.multimodel_tails import ExcursionPeaks
+from monitor_core.detection.multimodel.candidates import default_hypotheses
+from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.kernel.compile import entry
 from tests.core.calibration.healthy_axes import Axes, Plant
@@ -15,6 +20,16 @@ Singles = NDArray[np.float32]
 CHUNK = 20_000
 _PIECE = 250
 """Samples over which no bank alarms, most often."""
+
+
+def excursions_of(g: Floats, place: Ints, origin: Ints, pieces: int = 1) -> ExcursionPeaks:
+    """Of a course g (N, H), cut into pieces, with the blocks of its motion and of its innovations (N,)."""
+    of = ExcursionPeaks(g.shape[1])
+    course = of.course()
+    for rows in np.array_split(np.arange(len(g)), pieces):
+        of.take(g[rows], int(rows[0]), place[rows], origin[rows], course)
+    of.samples = len(g)
+    return of
 
 
 def count(of: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples: int) -> tuple[Floats, int]:

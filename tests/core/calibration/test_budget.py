@@ -15,11 +15,9 @@ from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
-from monitor_core.calibration.false_alarm_tail import Tail, tails
-from monitor_core.calibration.healthy_records import Deviations
+from monitor_core.calibration.false_alarm_tail import Tail, log_mean_time, tails
+from monitor_core.calibration.healthy_records import OFFSET, Deviations, Scatter, scatter
 from monitor_core.calibration.healthy_statistics import allowance, shrink
-from monitor_core.calibration.run_length import log_mean_time
-from monitor_core.calibration.scatter import OFFSET, scatter
 from monitor_core.calibration.surrogate_records import Excursions
 from monitor_core.settings import Threshold
 
@@ -69,21 +67,16 @@ def calibrated(rng: np.random.Generator, colour: float, k: float, found: Excursi
     return Calibrated(own, rates(scattered, tail, own, rng))
 
 
+def from_one_record(rng: np.random.Generator) -> tuple[Scatter, tuple[Tail, ...]]:
+    scattered = shrink(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0), rng)
+    return scattered, tails(scattered, copies(1.0))
+
+
 def true_rate(own: tuple[Threshold, ...], sigma: float, long_run: float) -> float:
     """By the formula, with the true variances."""
-    tau = long_run / (2 * sigma**2)
-    rate = [
-        2
-        * math.exp(
-            -float(
-                log_mean_time(
-                    np.array(1.4 * t.alpha1 / sigma), np.array(t.alpha2 / sigma / tau), np.array(tau)
-                )
-            )
-        )
-        for t in own
-    ]
-    return sum(rate)
+    tau = np.array(long_run / (2 * sigma**2))
+    k, h = (np.array([getattr(t, name) for t in own]) / sigma for name in ("alpha1", "alpha2"))
+    return float(2 * np.exp(-log_mean_time(1.4 * k, h / tau, tau)).sum())
 
 
 @lru_cache
@@ -140,8 +133,7 @@ def test_parameters_that_err_together_make_the_rate_of_the_axis_less_certain(see
 def test_the_interval_is_for_axes_off_by_the_allowance_and_for_those_that_are_not(seed: int) -> None:
     """The upper bound is the same; the lower one that of tests with so much more nu."""
     rng = np.random.default_rng(seed)
-    scattered = shrink(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0), rng)
-    tail = tails(scattered, copies(1.0))
+    scattered, tail = from_one_record(rng)
     own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
     plain = rates(scattered, tail, own, rng)
     more = rates(scattered, tail, tuple(t._replace(allowance=0.5) for t in own), rng)
@@ -154,10 +146,9 @@ def test_the_interval_is_for_axes_off_by_the_allowance_and_for_those_that_are_no
 def test_a_year_has_a_wide_interval(seed: int) -> None:
     """In logarithm, in proportion to the logarithm of the budget."""
     rng = np.random.default_rng(seed)
-    scattered = shrink(scatter([deviations(forgotten(rng, LENGTH))], MEMORY, rng), copies(1.0), rng)
+    scattered, tail = from_one_record(rng)
     widths = []
     for budget in (1e2, 1e4, 1e8):
-        tail = tails(scattered, copies(1.0))
         own = thresholds(scattered, tail, np.zeros(P), budget * MEMORY, rng)
         r = rates(scattered, tail, own, rng)
         widths.append(math.log(r.upper / r.lower))
@@ -176,15 +167,6 @@ def test_nu_finds_the_smallest_fault_in_time() -> None:
         delta = (A / k - 2.9 - 0.25 * k + within * k) / (within - 1)
         chosen = best_nu(A, within)
         assert np.interp(chosen, k, delta) < 1.01 * delta.min()
-
-
-def test_a_tail_that_was_not_simulated_is_the_formula() -> None:
-    scattered = scatter(
-        [deviations(forgotten(np.random.default_rng(1), 40))], MEMORY, np.random.default_rng(2)
-    )
-    none = Excursions(np.ones(P), np.ones(P), np.zeros(P), NO_ERROR, ((np.zeros(0),) * P,) * 2, 1e6)
-    tail: Tail = tails(scattered, none)[0]
-    assert np.exp([way.best for way in tail.ways]) == pytest.approx(np.array([[MEMORY, 1.0]] * 2))
 
 
 def test_records_that_differ_get_an_allowance(seed: int) -> None:

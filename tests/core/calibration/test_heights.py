@@ -6,21 +6,15 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks
+from tests.core.calibration.healthy_multimodel import excursions_of
 
 PLACES = 500
-EVEN = np.ones((1, PLACES))
 
 
-def watched(g: Floats, pieces: int = 1, places: int = PLACES) -> ExcursionPeaks:
+def watched(g: Floats, pieces: int = 1) -> ExcursionPeaks:
     """Of a course g (N, H), cut into pieces, all over so many places."""
-    of = ExcursionPeaks(g.shape[1])
-    course, at = of.course(), 0
-    for piece in np.array_split(g, pieces):
-        here = np.arange(at, at + len(piece)) * places // len(g)
-        of.take(piece, at, here, places - here, course)
-        at += len(piece)
-    of.samples = len(g)
-    return of
+    here = np.arange(len(g)) * PLACES // len(g)
+    return excursions_of(g, here, PLACES - here, pieces)
 
 
 def walk(rng: np.random.Generator, samples: int, drift: float) -> Floats:
@@ -37,11 +31,6 @@ def excursions(g: Floats) -> Floats:
     away = np.concatenate([[False], g > 0, [False]])
     begins, ends = np.flatnonzero(~away[:-1] & away[1:]), np.flatnonzero(away[:-1] & ~away[1:])
     return np.array([g[a:b].max() for a, b in zip(begins, ends, strict=True)])
-
-
-def peaks(heights: Floats, place: Floats | None = None) -> Floats:
-    """g (N, 1) that goes straight up to each of these, and back."""
-    return np.stack([heights, np.zeros(len(heights))], axis=1).reshape(-1, 1)
 
 
 def test_excursions_are_those_found_by_hand(seed: int) -> None:
@@ -70,7 +59,8 @@ def test_excursions_are_those_found_by_hand(seed: int) -> None:
 
 def test_only_the_highest_are_kept_and_they_are_all_there(seed: int) -> None:
     heights = np.random.default_rng(seed).exponential(3.0, 20_000)
-    base, above, _ = watched(peaks(heights), pieces=40).highest(0)
+    g = np.stack([heights, np.zeros(len(heights))], axis=1).reshape(-1, 1)  # straight up to each, and back
+    base, above, _ = watched(g, pieces=40).highest(0)
     expected = np.sort(heights)[::-1]
     assert base == expected[TOP]
     np.testing.assert_allclose(base + above, expected[:TOP])

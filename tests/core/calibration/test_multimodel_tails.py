@@ -14,6 +14,7 @@ from monitor_core.calibration.multimodel_tails import (
     ExcursionPeaks,
     bank_tails,
 )
+from tests.core.calibration.healthy_multimodel import excursions_of
 
 PLACES, MANY = 500, 40
 FAR = 8.0
@@ -39,14 +40,9 @@ def watched(heights: Floats, places: int = PLACES, swapped: bool = False) -> Exc
     """
     N, H = heights.shape
     g = np.stack([heights, np.zeros((N, H))], axis=1).reshape(2 * N, H)
-    of = ExcursionPeaks(H)
-    place, any_place = (
-        np.arange(2 * N) * places // (2 * N),
-        np.random.default_rng(N).integers(0, places, 2 * N),
-    )
-    of.take(g, 0, *((any_place, place) if swapped else (place, any_place)), of.course())
-    of.samples = 2 * N
-    return of
+    place = np.arange(2 * N) * places // (2 * N)
+    any_place = np.random.default_rng(N).integers(0, places, 2 * N)
+    return excursions_of(g, *((any_place, place) if swapped else (place, any_place)))
 
 
 def pareto(rng: np.random.Generator, shape: float, number: int, hypotheses: int) -> Floats:

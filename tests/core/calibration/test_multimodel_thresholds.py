@@ -12,14 +12,13 @@ from scipy.stats import poisson
 from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
 from monitor_core.calibration.fault_trials import Fault, run_trials
-from monitor_core.calibration.multimodel_fault_trials import run_multimodel_trials
 from monitor_core.calibration.multimodel_healthy import PARTS, allowances
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, bank_of, guaranteed
-from monitor_core.detection.multimodel.multimodel_events import ChangeDetected
+from monitor_core.detection.multimodel.naming import ChangeDetected
 from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import Axes, Plant, plant, record
 
@@ -91,7 +90,7 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     healthy = record(of, seed, RECORD // 5)
     own = bank_limits(of.model, of.settings, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
     faults = [Fault("kT", 0.3), Fault("1/Ja", -0.3), Fault("fm", 1e-9)]
-    by_bank = run_multimodel_trials(of.model, of.settings, own, healthy, faults, 20, 6.0)
+    by_bank, _ = run_trials(of.model, of.settings, healthy, faults, 20, 6.0, own)
     paper, onsets = run_trials(of.model, of.settings, healthy, faults, 20, 6.0)
     assert len(by_bank[0].delay_s) == onsets
     for one, other in zip(by_bank[:2], paper, strict=False):
@@ -106,7 +105,7 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
         assert directions == {"up" if one.fault.size > 0 else "down"}
     assert by_bank[2].found_within(6.0) < 0.5
     with pytest.raises(ValueError, match="too short"):
-        run_multimodel_trials(of.model, of.settings, own, healthy.select(slice(0, 1000)), faults, 20, 6.0)
+        run_trials(of.model, of.settings, healthy.select(slice(0, 1000)), faults, 20, 6.0, own)
 
 
 def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.surrogate_records import PartSums, excess_covariance
+from monitor_core.calibration.surrogate_records import excess_covariance, own_error, part_sums
 
 P, PARTS, COPIES, SAMPLES = 2, 30, 64, 200
 REPEATED = 5
@@ -16,11 +16,11 @@ def told(
 ) -> Floats:
     """Variances (2, p) of copies whose parameters (p,) differ by so much in mean and log sigma."""
     differ = rng.standard_normal((2, P, COPIES)) * np.stack([off, louder])[:, :, np.newaxis]
-    found = PartSums()
+    parts = []
     for _ in range(PARTS):
         d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(differ[1]) + differ[0]
-        found.add(d + of_parts[:, np.newaxis] * rng.standard_normal((P, 1)))
-    return np.diag(found.own_error()).reshape(2, P)
+        parts.append(part_sums(d + of_parts[:, np.newaxis] * rng.standard_normal((P, 1))))
+    return np.diag(own_error(parts)).reshape(2, P)
 
 
 @pytest.mark.parametrize(("row", "size"), [(0, 0.05), (0, 0.3), (1, 0.05)], ids=["off", "far off", "louder"])
@@ -49,11 +49,11 @@ def test_parts_that_differ_make_none_and_hide_none(seed: int) -> None:
 def test_errors_that_go_together_are_seen_to(seed: int) -> None:
     """Copies that are off and louder by the same chance."""
     rng = np.random.default_rng(seed)
-    of_copy, found = rng.standard_normal(COPIES), PartSums()
+    of_copy, parts = rng.standard_normal(COPIES), []
     for _ in range(PARTS):
         d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(0.1 * of_copy) - 0.2 * of_copy
-        found.add(d)
-    error = found.own_error()
+        parts.append(part_sums(d))
+    error = own_error(parts)
     sd = np.sqrt(np.diag(error))
     together = error / np.outer(sd, sd)
     assert (together[:P, P:] < -0.85).all()

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.false_alarm_tail import ENOUGH, LEAST_H, LEVEL_SD, TAU_SD, fit_peaks
-from monitor_core.calibration.run_length import log_mean_time, log_single
+from monitor_core.calibration.false_alarm_tail import (
+    ENOUGH,
+    LEAST_H,
+    LEVEL_SD,
+    TAU_SD,
+    fit_peaks,
+    log_mean_time,
+    log_single,
+)
 from monitor_core.kernel.compile import entry
 
 MEMORY = 50.0

@@ -8,6 +8,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import log_share
+from tests.core.calibration.healthy_multimodel import excursions_of
 
 N, SIZES = 400_000, (0.25, 0.35, 0.5, 0.7)
 
@@ -30,11 +31,8 @@ def course(llr: Floats, h: Floats | None = None) -> tuple[Floats, int]:
 
 
 def heights(g: Floats) -> ExcursionPeaks:
-    of = ExcursionPeaks(g.shape[1])
-    place = np.zeros(len(g), np.int64)
-    of.take(g, 0, place, place, of.course())
-    of.samples = len(g)
-    return of
+    nowhere = np.zeros(len(g), np.int64)
+    return excursions_of(g, nowhere, nowhere)
 
 
 @pytest.mark.parametrize("alike", [True, False], ids=["one noise", "each its own"])

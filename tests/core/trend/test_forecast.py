@@ -1,12 +1,13 @@
-"""When a limit is reached, and how often the truth lies in the interval."""
+"""When a limit is reached, how often the truth lies in the interval, and the band that is drawn with it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from monitor_core.trend.limit_forecast import Forecast, forecast
-from monitor_core.trend.trend import trend_of
+from monitor_core.trend.limit_forecast import Forecast, forecast, quantiles
+from monitor_core.trend.trend import Mixture, Trend, trend_of
 from tests.core.trend.courses_of_months import HOUR_US, SIZE, START_US, months
 
 DAY_US = 24 * HOUR_US
@@ -14,10 +15,15 @@ PER_HOUR = 0.015 / 240
 """Half way from 0.06 to 0.09 in ten days."""
 
 
-def told(rng: np.random.Generator, limit: float, upper: bool, per_hour: float, hours: int = 240) -> Forecast:
-    trend = trend_of(months(rng, hours, lambda t: SIZE + per_hour * t, 0.0007, 0.001), SIZE, 3600.0)
-    assert trend is not None
-    return forecast(trend, limit, upper)
+def trend(rng: np.random.Generator, per_hour: float = PER_HOUR) -> Trend:
+    """Of a drift over ten days."""
+    found = trend_of(months(rng, 240, lambda t: SIZE + per_hour * t, 0.0007, 0.001), SIZE, 3600.0)
+    assert found is not None
+    return found
+
+
+def told(rng: np.random.Generator, limit: float, upper: bool, per_hour: float) -> Forecast:
+    return forecast(trend(rng, per_hour), limit, upper)
 
 
 def test_a_drift_reaches_its_limit_in_the_interval(seed: int) -> None:
@@ -68,3 +74,28 @@ def test_units_do_not_move_it(factor: float) -> None:
     assert other.low_us == pytest.approx(one.low_us, abs=60e6)
     assert one.high_us is not None
     assert other.high_us == pytest.approx(one.high_us, abs=600e6)
+
+
+def share_below(m: Mixture, t: float, level: float) -> float:
+    mean, sd = m.at_times(np.array([t]))
+    return float(m.p @ norm.cdf((level - mean[0]) / sd[0]))
+
+
+def test_each_line_has_its_share_of_the_courses_below_it(seed: int) -> None:
+    m = trend(np.random.default_rng(seed)).mixture
+    t = np.array([m.begin, 0.5 * (m.begin + m.end), m.end, m.end + 86400 * 3])
+    for p, line in zip((0.05, 0.5, 0.95), quantiles(m, t, (0.05, 0.5, 0.95)), strict=True):
+        assert [share_below(m, *at) for at in zip(t.tolist(), line.tolist(), strict=True)] == pytest.approx(
+            [p] * 4, abs=2e-4
+        )
+
+
+def test_the_interval_of_a_forecast_is_between_where_the_edges_reach_the_limit(seed: int) -> None:
+    of = trend(np.random.default_rng(seed))
+    limit = 1.4 * SIZE
+    found, m = forecast(of, limit, upper=True), of.mixture
+    assert found.state in ("ahead", "open")
+    at = (found.low_us - m.zero_us) / 1e6
+    (upper,) = quantiles(m, np.array([at]), (0.95,))
+    reached = float(upper[0]) - of.level
+    assert reached == pytest.approx(limit - of.level, rel=0.02)

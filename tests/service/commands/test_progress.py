@@ -24,7 +24,7 @@ def test_what_came_of_it_and_how_far_it_was() -> None:
             seen.set()
 
     with Background(work) as beside:
-        assert beside.result(progress) == 7
+        assert beside(progress) == 7
     assert told[-1] == 0.5
 
 
@@ -33,7 +33,7 @@ def test_what_it_raises_is_raised() -> None:
         raise ValueError("nothing was tested")
 
     with Background(work) as beside, pytest.raises(ValueError, match="nothing was tested"):
-        beside.result(lambda _: None)
+        beside(lambda _: None)
 
 
 def test_it_ends_when_the_caller_fails() -> None:

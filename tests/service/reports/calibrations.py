@@ -11,9 +11,9 @@ import numpy as np
 
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.fault_trials import Fault, TrialResult
+from monitor_core.calibration.healthy_records import Scatter
 from monitor_core.calibration.multimodel_thresholds import BankLimits
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
-from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.settings import Threshold
 from service.config import load

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from monitor_core.detection import Alarm, Crossing, Direction, Evidence, Name, Recovered
-from monitor_core.detection.cusum.cusum_detector import interpret
-from monitor_core.detection.cusum.cusum_events import CusumEvent
+from monitor_core.detection.cusum.cusum_detector import CusumDetector
+from monitor_core.detection.cusum.evidence import CusumEvent
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AlarmTracker
 
@@ -20,7 +20,7 @@ class Book(AlarmTracker):
     """Open alarms, fed with events of the CUSUM tests."""
 
     def take(self, event: CusumEvent) -> list[Alarm]:
-        return self.apply(interpret(event, self.open))
+        return [change.alarm for change in self.update([event], CusumDetector.interpret)]
 
 
 def crossing(parameter: str, time_us: int, direction: Direction = "up") -> Crossing:

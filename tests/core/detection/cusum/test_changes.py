@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.change_time import SURE, Change, find_change
+from monitor_core.detection.onset import SURE, Change, find_change
 
 N, RUNS = 40, 300
 

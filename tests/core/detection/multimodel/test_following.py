@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.fault_trials import Fault
-from monitor_core.calibration.multimodel_fault_trials import run_multimodel_trials
+from monitor_core.calibration.fault_trials import Fault, run_trials
 from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.hypothesis import FOLLOWED
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
-from monitor_core.detection.multimodel.multimodel_events import CauseIdentified, ChangeDetected
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.simulated_axis import simulate_linear
@@ -150,7 +149,7 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
         limits.append(bank_limits(OF.model, OF.settings, [one], 12_000.0, rng, 100_000).own)
         if moved is told is shift:
             faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
-            caught = run_multimodel_trials(OF.model, OF.settings, limits[0], one, faults, 6, 5.0)
+            caught, _ = run_trials(OF.model, OF.settings, one, faults, 6, 5.0, limits[0])
     h = [float(np.median([one.h for one in own])) for own in limits]
     allowed = [sum(one.allowance for one in own if one.cause == "fm") for own in limits]
     for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):

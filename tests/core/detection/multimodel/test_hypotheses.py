@@ -189,7 +189,7 @@ def test_a_closed_gate_tests_nothing(seed: int) -> None:
     case = CASES[0]
     rec, bank = record(seed, case, SAMPLES), lively(case, np.inf)
     gate = np.arange(SAMPLES) < SAMPLES // 2
-    _, trace = bank.run_traced(*rec, gate)
+    _, trace = bank.run_traced(*rec, gate=gate)
     assert np.isfinite(trace.llr[SAMPLES // 2 - 5]).any()
     assert np.isnan(trace.llr[gate.argmin() :]).all()
     assert np.isfinite(trace.eps[gate.argmin() :]).all()

@@ -1,5 +1,6 @@
 """The multi-model detector as the detector of an axis: from samples to alarms, saved, restored, adopted, looking on."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,14 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm, Cause, Name
-from monitor_core.detection.multimodel.candidates import OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN
+from monitor_core.detection.alarm import Onset
+from monitor_core.detection.multimodel.candidates import (
+    OUTPUT_NOISE,
+    TORQUE_OFFSET,
+    TORQUE_SIGN,
+    causes_of,
+    quantity_of,
+)
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.multimodel_detector import (
     Limit,
@@ -15,17 +23,8 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     bank_of,
     guaranteed,
-    interpret,
 )
-from monitor_core.detection.multimodel.multimodel_events import (
-    CauseEnded,
-    CauseIdentified,
-    ChangeDetected,
-    Event,
-    Onset,
-)
-from monitor_core.detection.multimodel.naming import Share
-from monitor_core.detection.multimodel.quantities import causes_of, quantity_of
+from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified, ChangeDetected, Event, Share
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
@@ -38,10 +37,7 @@ from tests.core.figures import settings_of
 MODEL = reference_model()
 DAY = Limits(86400 / INTERVAL_S)
 ONSET = Onset(4, 3, 5)
-
-
-def quantity(cause: str):  # type: ignore[no-untyped-def]
-    return quantity_of(MODEL, Settings.paper(INTERVAL_S), cause)
+DETECTOR = MultiModelDetector(MODEL, Settings.paper(INTERVAL_S), DAY)
 
 
 def share(cause: str, size: float = 0.2, probability: float = 1.0) -> Share:
@@ -60,7 +56,7 @@ class Book(AlarmTracker):
     """Open alarms, fed with events of the bank."""
 
     def take(self, event: Event) -> list[Alarm]:
-        return self.apply(interpret(event, self.open, quantity))
+        return [change.alarm for change in self.update([event], DETECTOR.interpret)]
 
 
 def told(book: Book) -> list[tuple[int, str, str, str]]:
@@ -167,28 +163,33 @@ def part(rec: Experiment, start: int, end: int | None = None) -> Experiment:
     return Experiment(rec.t_us[start:end], rec.u[start:end], rec.y[start:end])
 
 
+def unchanged(rec: Experiment) -> Experiment:
+    return rec
+
+
 def swapped(rec: Experiment) -> Experiment:
     return rec._replace(u=np.where(np.arange(len(rec.u)) < FAULT_AT, rec.u, -rec.u))
 
 
-def test_a_parameter_and_a_sensor_are_named_with_onset_and_size(seed: int) -> None:
-    right = []
+@pytest.mark.parametrize(
+    ("fault", "change", "name"),
+    [({"kT": 0.7}, unchanged, ("kT", "down")), ({}, swapped, (TORQUE_SIGN, "up"))],
+    ids=["parameter", "sensor"],
+)
+def test_a_cause_is_named_with_its_size(
+    fault: dict[str, float], change: Callable[[Experiment], Experiment], name: tuple[str, str], seed: int
+) -> None:
+    right = 0
     for k in range(seed, seed + 5):
         watched = monitor(k)
-        watched.update(SampleBlock(*experiment(k, {"kT": 0.7}, samples=2600)))
-        right.append([(e.parameter, e.direction, e.stage) for e in watched.open_alarms])
-        if right[-1] == [("kT", "down", "named")]:
-            (e,) = watched.open_alarms
-            assert e.size == pytest.approx(-0.3, abs=0.1)
-            assert e.causes[0].alike == ("torque scale", "output scale")
-    assert right.count([("kT", "down", "named")]) >= 3
-    names = []
-    for k in range(seed, seed + 5):
-        watched = monitor(k)
-        watched.update(SampleBlock(*swapped(experiment(k, samples=2600))))
-        names.append([e.parameter for e in watched.open_alarms])
-    print(names)
-    assert names.count([TORQUE_SIGN]) >= 3
+        watched.update(SampleBlock(*change(experiment(k, fault, samples=2600))))
+        found = watched.open_alarms
+        if [(e.parameter, e.direction, e.stage) for e in found] == [(*name, "named")]:
+            right += 1
+            if fault:
+                assert found[0].size == pytest.approx(-0.3, abs=0.1)
+                assert found[0].causes[0].alike == ("torque scale", "output scale")
+    assert right >= 3
 
 
 def test_each_detector_alarms_where_it_is_the_source_and_shows_its_evidence_elsewhere(seed: int) -> None:
