@@ -12,7 +12,7 @@ from structlog.testing import capture_logs
 from monitor_core.monitoring import FEWEST_LANES
 from service.pipeline.kernel_cache import VARIABLE
 from service.pipeline.warming import HYPOTHESES, CacheFiller
-from tests.bench.costs import memory_mb
+from tests.bench.measure import memory_mb
 from tests.end_to_end.processes import daemon, demo_config, robot, wait_for
 
 pytestmark = pytest.mark.soak
