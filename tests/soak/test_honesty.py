@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.structure import Output
-from tests.core.honesty import Honesty, honesty, settings_for
+from tests.core.test_honesty import Honesty, honesty, settings_for
 
 pytestmark = pytest.mark.soak
 
