@@ -15,7 +15,6 @@ from tests.real.fit_irb import FITTED, all_fitted, correlation_factor, goodness,
 from tests.real.irb import (
     FAULTS,
     Fault,
-    Record,
     model_and_settings,
     with_coulomb_friction,
 )
@@ -23,14 +22,14 @@ from tests.real.irb import (
 pytestmark = pytest.mark.records
 
 
-def start_of_fault(irb_record: Record) -> int:
+def start_of_fault(irb_record: SampleBlock) -> int:
     return len(irb_record.u) // 2
 
 
-def run(irb_record: Record) -> tuple[list[Alarm], Floats, AxisMonitor]:
+def run(irb_record: SampleBlock) -> tuple[list[Alarm], Floats, AxisMonitor]:
     """Episodes, largest g / size by direction and parameter, and the monitor after the record."""
     monitor = AxisMonitor(*model_and_settings())
-    episodes, trace = alarm_versions(monitor, SampleBlock(*irb_record))
+    episodes, trace = alarm_versions(monitor, irb_record)
     return episodes, trace.g.max(axis=0) / monitor.model.scale, monitor
 
 
@@ -41,7 +40,7 @@ def test_the_daemon_supervises_by_default() -> None:
     assert any(settings.K)
 
 
-def test_healthy_record_is_quiet(irb_record: Record) -> None:
+def test_healthy_record_is_quiet(irb_record: SampleBlock) -> None:
     episodes, g, monitor = run(irb_record)
     assert episodes == []
     assert g.max() < 5  # a quarter of the threshold
@@ -52,9 +51,9 @@ def test_healthy_record_is_quiet(irb_record: Record) -> None:
     assert 4.6 < status.innovation_variance < monitor.settings.lam0 / 4
 
 
-def test_reported_standard_deviations_are_those_of_the_estimates(irb_record: Record) -> None:
+def test_reported_standard_deviations_are_those_of_the_estimates(irb_record: SampleBlock) -> None:
     model, settings = model_and_settings()
-    _, trace = AxisMonitor(model, settings).update_traced(SampleBlock(*irb_record))
+    _, trace = AxisMonitor(model, settings).update_traced(irb_record)
     late = slice(round(1 / settings.interval_s), None)
     reported = np.vectorize(lambda P_ii: standard_deviation(settings, P_ii))(trace.P[late])
     spread = np.sqrt(np.mean(((trace.theta[late] - model.theta0) / reported) ** 2, axis=0))
@@ -63,7 +62,7 @@ def test_reported_standard_deviations_are_those_of_the_estimates(irb_record: Rec
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_in_the_second_half_is_named(irb_record: Record, fault: Fault) -> None:
+def test_a_fault_in_the_second_half_is_named(irb_record: SampleBlock, fault: Fault) -> None:
     start = start_of_fault(irb_record)
     episodes, g, monitor = run(fault.put_into(irb_record, start))
     assert raised(episodes) == {fault.alarm}
@@ -82,7 +81,7 @@ def raised(episodes: Sequence[Alarm]) -> set[tuple[str, str]]:
     return {(episode.parameter, episode.direction) for episode in episodes}
 
 
-def test_nominal_values_are_the_best_for_this_very_predictor(irb_record: Record) -> None:
+def test_nominal_values_are_the_best_for_this_very_predictor(irb_record: SampleBlock) -> None:
     """A Gauss-Newton step from the configured values stays well within the uncertainty of each."""
     model, settings = model_and_settings()
     eps, psi = prediction_errors(all_fitted(model), settings, irb_record)
@@ -92,21 +91,21 @@ def test_nominal_values_are_the_best_for_this_very_predictor(irb_record: Record)
     assert dict(zip(FITTED, step / sd, strict=True)) == pytest.approx(dict.fromkeys(FITTED, 0.0), abs=0.1)
 
 
-def test_fit_is_that_of_the_published_model_or_better(irb_record: Record) -> None:
+def test_fit_is_that_of_the_published_model_or_better(irb_record: SampleBlock) -> None:
     """Published: 79 % in simulation with 13 starting values; all 13 fitted to this record reach 88.6 %."""
     model, settings = model_and_settings()
     assert goodness(model, replace(settings, K=()), irb_record) == pytest.approx(0.8825, abs=0.002)
     assert goodness(model, settings, irb_record) == pytest.approx(0.8957, abs=0.002)
 
 
-def test_configured_variance_is_that_of_the_record(irb_record: Record) -> None:
+def test_configured_variance_is_that_of_the_record(irb_record: SampleBlock) -> None:
     model, settings = model_and_settings()
     errors = prediction_errors(model, settings, irb_record)
     variance = errors.eps.var() * correlation_factor(errors, settings.interval_s).max()
     assert settings.lam0 == pytest.approx(variance, rel=0.01)
 
 
-def test_a_change_of_coulomb_friction_is_seen_as_one_of_viscous_friction(irb_record: Record) -> None:
+def test_a_change_of_coulomb_friction_is_seen_as_one_of_viscous_friction(irb_record: SampleBlock) -> None:
     start = start_of_fault(irb_record)
     episodes, _, monitor = run(with_coulomb_friction(irb_record, 0.1, start))
     assert raised(episodes) == {("fm", "up")}

@@ -19,7 +19,7 @@ from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
-from tests.real.irb import FAULTS, Fault, Record, configuration, with_torque_constant
+from tests.real.irb import FAULTS, Fault, configuration, with_torque_constant
 
 pytestmark = pytest.mark.records
 WITHIN_S = 2.5
@@ -51,22 +51,22 @@ def monitor(found: Calibration, source: str) -> AxisMonitor:
     return AxisMonitor(model, settings, MultiModelDetector(model, settings, limits(found)), "multimodel")
 
 
-def test_the_healthy_record_is_quiet(found: Calibration, irb_record: Record) -> None:
+def test_the_healthy_record_is_quiet(found: Calibration, irb_record: SampleBlock) -> None:
     watched = monitor(found, "cusum")
-    episodes, trace = watched.update_traced(SampleBlock(*irb_record))
+    episodes, trace = watched.update_traced(irb_record)
     assert episodes == []
     assert (trace.g.max(axis=(0, 1)) < 0.5 * watched.batch.thresholds[:, 0]).all()
-    assert monitor(found, "multimodel").update(SampleBlock(*irb_record)) == []
+    assert monitor(found, "multimodel").update(irb_record) == []
 
 
 @pytest.mark.parametrize("source", ["cusum", "multimodel"])
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
 def test_a_fault_in_the_second_half_is_named_in_time(
-    fault: Fault, source: str, found: Calibration, irb_record: Record
+    fault: Fault, source: str, found: Calibration, irb_record: SampleBlock
 ) -> None:
     """At first sight the bank's name may be another one; after three memories it is right."""
     watched, start = monitor(found, source), len(irb_record.u) // 2
-    episodes = [change.alarm for change in watched.update(SampleBlock(*fault.put_into(irb_record, start)))]
+    episodes = [change.alarm for change in watched.update(fault.put_into(irb_record, start))]
     delay_s = (episodes[0].raised_us - int(irb_record.t_us[start])) * 1e-6
     print(f"irb, {source}, {fault}: {delay_s:.2f} s")
     assert 0 < delay_s < WITHIN_S
@@ -77,11 +77,11 @@ def test_a_fault_in_the_second_half_is_named_in_time(
 
 
 def test_a_torque_constant_is_told_from_a_scaled_output_when_there_is_evidence(
-    found: Calibration, irb_record: Record
+    found: Calibration, irb_record: SampleBlock
 ) -> None:
     start = len(irb_record.u) // 2
     bank = bank_of(found.result.model, found.result.settings, limits(found))
-    events = bank.run(*with_torque_constant(irb_record, 1.2, start))
+    events = bank.run(*with_torque_constant(irb_record, 1.2, start)[:3])
     named = [e for e in events if isinstance(e, CauseIdentified)]
     assert isinstance(events[0], ChangeDetected)
     assert {share.cause for share in named[0].shares[:2]} == {"kT", "output scale"}
