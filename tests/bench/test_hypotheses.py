@@ -184,22 +184,17 @@ def test_where_others_are_monitored(
     both(model_of(monitored, values), [name], SEEDS, seed, say)
 
 
-@pytest.mark.parametrize("irregular", [False, True], ids=["regular", "irregular"])
-def test_what_a_sample_costs(irregular: bool, seed: int, say: Say) -> None:
+def test_what_a_sample_costs(seed: int, say: Say) -> None:
     model, s, samples = reference_model(), settings_of("speed", seed), 20_000
     t_us, u, y = experiment(seed, samples=samples)
-    t_us = t_us + np.arange(samples) * 7 if irregular else t_us
-    whole = bank_of("speed", math.inf, seed)
-    banks = {
-        n: HypothesisBank(model, s, (whole.hypotheses * 2)[: n - 2], h=math.inf) for n in (8, 24, 48, 96)
-    }
-    times = in_turns({n: _run(bank, t_us, u, y) for n, bank in banks.items()}, 7)
-    rows = [(n, f"{1e6 * time / samples:.2f}") for n, time in times.items()]
-    say(
-        f"A multi-model detector, {'every interval another' if irregular else 'equal intervals'}",
-        ("lanes", "us/sample"),
-        rows,
-    )
+    whole, rows = bank_of("speed", math.inf, seed), []
+    for lanes in (8, 24, 48, 96):
+        bank = HypothesisBank(model, s, (whole.hypotheses * 2)[: lanes - 2], h=math.inf)
+        times = {"regular": t_us, "irregular": t_us + np.arange(samples) * 7}
+        found = in_turns({name: _run(bank, t, u, y) for name, t in times.items()}, 7)
+        rows.append((lanes, *(f"{1e6 * time / samples:.2f}" for time in found.values())))
+    header = ("lanes", "equal intervals", "every interval another")
+    say("A multi-model detector: us/sample", header, rows)
 
 
 def test_what_a_sample_costs_in_the_blocks_of_the_daemon(seed: int, say: Say) -> None:

@@ -56,23 +56,11 @@ BUDGET_S = 600.0
 """Twelve seconds cannot promise much more."""
 
 
-class Half(NamedTuple):
-    """One half of the record: the text that selects it, and where it begins, s."""
-
-    text: str
-    start_s: float
-
-
-def halves(path: Path) -> tuple[Half, Half]:
-    """Both."""
-    return Half(f"{path}@0:{HALF_S}", 0.0), Half(f"{path}@{HALF_S}:", HALF_S)
-
-
-def identified(folder: Path, half: Half) -> Path:
+def identified(folder: Path, half: str) -> Path:
     """A folder with nominal.toml found in that half, as ``axiswatch identify`` does."""
     (folder / "cart.mo").write_text(ONE_MASS, encoding="utf-8")
     config = configured(folder, AXIS)
-    task = prepare(config, config.axes[0], [half.text], [], Request(start="values"))
+    task = prepare(config, config.axes[0], [half], [], Request(start="values"))
     found = task.run(Provenance("", "", ""))
     assert not found.rejection
     (folder / "nominal.toml").write_text(as_toml(found), encoding="utf-8")
@@ -92,10 +80,10 @@ def configured(folder: Path, text: str) -> Config:
     return load(path, {})
 
 
-def calibrated(config: Config, half: Half, budget_s: float = BUDGET_S) -> Calibration:
-    """Thresholds from that half, as ``axiswatch calibrate`` finds them."""
+def calibrated(config: Config, half: str, budget_s: float) -> Calibration:
+    """Thresholds from that half, a text that selects it, as ``axiswatch calibrate`` finds them."""
     request = CalibrationOptions(budget_s, None, (0.15,), 10, copies=2_000_000, bank_copies=500_000)
-    return calibrate_axis(config, config.axes[0], [half.text], request, Provenance("", "", ""))
+    return calibrate_axis(config, config.axes[0], [half], request, Provenance("", "", ""))
 
 
 def samples(config: Config, found: Calibration, text: str) -> SampleBlock:
@@ -117,17 +105,11 @@ def faulty(found: Calibration, one: SampleBlock, change: Mapping[str, float], st
     return one._replace(u=u)
 
 
-def said(found: Calibration, one: SampleBlock) -> tuple[list[Alarm], AxisMonitor]:
-    """All that the monitor reports of it, and the monitor."""
+def said(found: Calibration, one: SampleBlock) -> tuple[list[Alarm], float]:
+    """All that the monitor reports of it, and the largest g over its threshold, of any test."""
     monitor = AxisMonitor(found.result.model, found.result.settings)
-    return alarm_versions(monitor, one)[0], monitor
-
-
-def peak_of_g(found: Calibration, one: SampleBlock) -> float:
-    """Largest g over its threshold, of any test."""
-    monitor = AxisMonitor(found.result.model, found.result.settings)
-    _, trace = monitor.update_traced(one)
-    return float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))
+    alarms, trace = alarm_versions(monitor, one)
+    return alarms, float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))
 
 
 BEGINS_S = (4.0, 6.0, 8.0)
@@ -141,7 +123,7 @@ class Halves(NamedTuple):
     found: Calibration
     other: SampleBlock
     folder: Path
-    own: Half
+    own: str
 
 
 @pytest.fixture(scope="module", params=[0, 1], ids=["second from first", "first from second"])
@@ -161,18 +143,17 @@ def half_of_five_minutes(
 
 def learned_from(which: int, budget_s: float, records_dir: Path, tmp: pytest.TempPathFactory) -> Halves:
     """Thresholds from one half, to watch the other."""
-    both = halves(records_dir / "emps" / "DATA_EMPS.mat")
-    own, other = both[which], both[1 - which]
+    path = records_dir / "emps" / "DATA_EMPS.mat"
+    own, other = [f"{path}@0:{HALF_S}", f"{path}@{HALF_S}:"][:: -1 if which else 1]
     folder = identified(tmp.mktemp("emps"), own)
     config = watched(folder, WATCHED)
     found = calibrated(config, own, budget_s)
     print(f"EMPS: {found.result.tests.promise}; {found.result.settings.thresholds}")
-    return Halves(found, samples(config, found, other.text), folder, own)
+    return Halves(found, samples(config, found, other), folder, own)
 
 
 def test_the_other_half_is_quiet(half: Halves) -> None:
-    episodes, _ = said(half.found, half.other)
-    peak = peak_of_g(half.found, half.other)
+    episodes, peak = said(half.found, half.other)
     print(f"EMPS: largest g {peak:.2f} of its threshold")
     assert episodes == []
     assert peak < 0.5

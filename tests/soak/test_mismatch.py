@@ -216,8 +216,8 @@ def test_twenty_plants(seed: int, tmp_path: Path) -> None:
         good = [a for a in told[name] if a is not None and right(name, a)]
         delay, size = (np.median([getattr(a, of) for a in good]) for of in ("named_s", "size"))
         print(
-            f"{name} x {factor}: named right within {seconds:.0f} s of motion in {len(good)} of {len(told[name])}, after"
-            f" {delay:.0f} s, size {100 * size:+.0f} % (medians)"
+            f"{name} x {factor}: named right within {seconds:.0f} s of motion in {len(good)} of {len(told[name])},"
+            f" after {delay:.0f} s, size {100 * size:+.0f} % (medians)"
         )
     assert not noisy
     assert not refused
