@@ -29,7 +29,7 @@ from monitor_core.modeling.standard_drives import five_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from tests.core.alarm_versions import alarm_versions
+from tests.core.naming import alarm_versions
 
 INTERVAL_S = 0.005
 SUBSTEPS = 10

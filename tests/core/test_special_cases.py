@@ -19,9 +19,9 @@ from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
-from tests.core.alarm_versions import alarm_versions
 from tests.core.cases import BY_NAME, CASES, Case, record
 from tests.core.laws import fates, restored
+from tests.core.naming import alarm_versions
 
 SPEED = reference_model()
 

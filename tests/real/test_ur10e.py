@@ -27,7 +27,7 @@ from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.base_table import Reading
 from service.ingest.identification_records import Loaded
-from tests.core.alarm_versions import alarm_versions
+from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
 
 pytestmark = pytest.mark.records
