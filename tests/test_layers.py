@@ -131,10 +131,7 @@ def test_imports_go_one_way() -> None:
     assert {(a, b) for a, b in edges if rank[a] < rank[b]} == set()
 
 
-HEAVY = {
-    "monitor_core.modeling.modelica": "loads pymoca",
-    "monitor_core.modeling.symbolic": "loads sympy",
-}
+HEAVY = {"monitor_core.modeling.modelica": "loads pymoca", "monitor_core.modeling.symbolic": "loads sympy"}
 """Not on a face, since not every program that uses the package needs what these load."""
 
 

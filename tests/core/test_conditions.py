@@ -15,16 +15,8 @@ from scipy.stats import binom
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.operating_conditions import Conditions, Follow, Operating, Term
-from monitor_core.excitation.reference_experiment import (
-    FAULT_AT,
-    NOISE,
-    Experiment,
-    experiments,
-    faulty,
-)
-from monitor_core.excitation.reference_experiment import (
-    SAMPLES as RECORD,
-)
+from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experiment, experiments, faulty
+from monitor_core.excitation.reference_experiment import SAMPLES as RECORD
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

@@ -50,9 +50,7 @@ def test_there_are_laws_and_each_run_of_them_differs() -> None:
 
 
 MANY = settings(
-    deadline=None,
-    max_examples=1000,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+    deadline=None, max_examples=1000, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
 
 
