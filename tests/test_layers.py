@@ -10,25 +10,19 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
+from tests.conftest import ROOT
 
 # --- monitor_core: arrays in, arrays out --------------------------------------------------------------
 
-PURE = {"numpy", "scipy", "numba", "llvmlite", "operator", "monitor_core"} | {
-    *(
-        "__future__",
-        "ast",
-        "abc",
-        "collections",
-        "contextlib",
-        "copy",
-        "dataclasses",
-        "difflib",
-        "enum",
-        "fractions",
-    ),
-    *("functools", "heapq", "importlib", "itertools", "json", "math", "re", "types", "typing"),
-}
+PURE = set(
+    re.findall(
+        r"\w+",
+        """
+        numpy scipy numba llvmlite operator monitor_core __future__ ast abc collections contextlib copy dataclasses
+        difflib enum fractions functools heapq importlib itertools json math re types typing
+        """,
+    )
+)
 SYMBOLIC = {"sympy", "pymoca"}  # in monitor_core/modeling only
 IMPURE_CALLS = {"open", "print", "input", "exec", "eval", "__import__", "breakpoint"}
 
@@ -55,21 +49,18 @@ LEAK = re.compile(r"(?<![\w.~$})-])/(?:" + _HOMES_OF_USERS + ")/|" + "|".join(ma
 
 # --- one direction: each package imports only from those above it in its list ---------------------------
 
-LAYERS = (
-    *(
-        "monitor_core.arrays",
-        "monitor_core.wording",
-        "monitor_core.samples",
-        "monitor_core.kernel",
-        "monitor_core.drive",
-    ),
-    *("monitor_core.modeling", "monitor_core.excitation"),
-    *("monitor_core.settings", "monitor_core.trend"),
-    *("monitor_core.detection", "monitor_core.monitoring", "monitor_core.identification"),
-    *("monitor_core.calibration", "monitor_core"),
-    *("service", "service.texts", "service.can", "service.config", "service.ingest"),
-    *("service.store", "service.pipeline"),
-    *("service.web", "service.reports", "service.simulation", "service.commands"),
+LAYERS = re.findall(
+    r"\S+",
+    """
+    monitor_core.arrays monitor_core.wording monitor_core.samples monitor_core.kernel monitor_core.drive
+    monitor_core.modeling monitor_core.excitation
+    monitor_core.settings monitor_core.trend
+    monitor_core.detection monitor_core.monitoring monitor_core.identification
+    monitor_core.calibration monitor_core
+    service service.texts service.can service.config service.ingest
+    service.store service.pipeline
+    service.web service.reports service.simulation service.commands
+    """,
 )
 
 
@@ -140,10 +131,7 @@ def test_imports_go_one_way() -> None:
     assert {(a, b) for a, b in edges if rank[a] < rank[b]} == set()
 
 
-HEAVY = {
-    "monitor_core.modeling.modelica": "loads pymoca",
-    "monitor_core.modeling.symbolic": "loads sympy",
-}
+HEAVY = {"monitor_core.modeling.modelica": "loads pymoca", "monitor_core.modeling.symbolic": "loads sympy"}
 """Not on a face, since not every program that uses the package needs what these load."""
 
 

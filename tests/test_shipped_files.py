@@ -14,10 +14,9 @@ from pymoca import ast
 
 from monitor_core.modeling.modelica.library import library
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / "config"
-DASHBOARD = CONFIG / "grafana" / "axiswatch.json"
 Need = Callable[[str], str]
 
 
@@ -50,45 +49,37 @@ def test_promtool_accepts(check: tuple[str | Path, ...], need: Need) -> None:
     run(need("promtool"), *check)
 
 
-def expressions() -> list[tuple[str, str]]:
-    panels = json.loads(DASHBOARD.read_text(encoding="utf-8"))["panels"]
-    return [(panel["title"], target["expr"]) for panel in panels for target in panel.get("targets", [])]
+PANELS: list[dict[str, Any]] = json.loads(
+    (CONFIG / "grafana" / "axiswatch.json").read_text(encoding="utf-8")
+)["panels"]
+EXPRESSIONS = [target["expr"] for panel in PANELS for target in panel.get("targets", [])]
+ALERTS = (CONFIG / "prometheus" / "alerts.yml").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("title", "expression"), expressions())
-def test_dashboard_asks_for_metrics_that_exist(title: str, expression: str) -> None:
-    used = re.findall(r"(axiswatch_\w+)(?:\{([^}]*)\})?", expression)
-    assert used, title
+@pytest.mark.parametrize("text", [*EXPRESSIONS, ALERTS])
+def test_dashboard_and_alerts_ask_for_metrics_that_exist(text: str) -> None:
+    used = re.findall(r"(axiswatch_\w+)(?:\{([^}]*)\})?", text)
+    assert used
     for metric, selector in used:
         assert set(re.findall(r"(\w+)=", selector)) <= METRICS[metric]
-
-
-def test_alerts_ask_for_metrics_that_exist() -> None:
-    rules = (CONFIG / "prometheus" / "alerts.yml").read_text(encoding="utf-8")
-    used = re.findall(r"(axiswatch_\w+)(?:\{([^}]*)\})?", rules)
-    assert {"axiswatch_alarm_active", "axiswatch_limit_alarm_active"} <= dict(used).keys()
-    for metric, selector in used:
-        assert set(re.findall(r"(\w+)=", selector)) <= METRICS[metric]
+    if text is ALERTS:
+        assert {"axiswatch_alarm_active", "axiswatch_limit_alarm_active"} <= dict(used).keys()
 
 
 @pytest.mark.prometheus
 def test_dashboard_expressions_are_promql(need: Need, tmp_path: Path) -> None:
-    filled = [
-        re.sub(r"\$\w+", "x", expression.replace("$__rate_interval", "1m")) for _, expression in expressions()
-    ]
+    filled = [re.sub(r"\$\w+", "x", e.replace("$__rate_interval", "1m")) for e in EXPRESSIONS]
     rules = [{"record": f"panel:{number}", "expr": expression} for number, expression in enumerate(filled)]
     file = tmp_path / "rules.yml"
-    file.write_text(
-        json.dumps({"groups": [{"name": "dashboard", "rules": rules}]}), encoding="utf-8"
-    )  # JSON is YAML
+    groups = {"groups": [{"name": "dashboard", "rules": rules}]}
+    file.write_text(json.dumps(groups), encoding="utf-8")  # JSON is YAML
     run(need("promtool"), "check", "rules", file)
 
 
 def test_dashboard_panels_are_laid_out() -> None:
-    panels: list[dict[str, Any]] = json.loads(DASHBOARD.read_text(encoding="utf-8"))["panels"]
-    assert len({panel["id"] for panel in panels}) == len(panels)
+    assert len({panel["id"] for panel in PANELS}) == len(PANELS)
     taken: set[tuple[int, int]] = set()
-    for panel in panels:
+    for panel in PANELS:
         place = panel["gridPos"]
         cells = {
             (x, y)
@@ -110,15 +101,11 @@ def test_unit_lets_the_program_compile_and_see_the_bus() -> None:
 
 def test_image_keeps_its_compiled_kernel_where_no_volume_hides_it() -> None:
     lines = (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()
-    cache = next(
-        word.split("=", 1)[1] for line in lines for word in line.split() if "NUMBA_CACHE_DIR=" in word
-    )
+    cache = next(word.split("=")[1] for word in " ".join(lines).split() if "NUMBA_CACHE_DIR=" in word)
     volumes = [line.split()[1] for line in lines if line.startswith("VOLUME")]
     assert volumes == ["/var/lib/axiswatch"]
     assert not Path(cache).is_relative_to(volumes[0])
-    made = next(
-        i for i, line in enumerate(lines) if f"-o axiswatch -g axiswatch {volumes[0]} {cache}" in line
-    )
+    (made,) = (i for i, line in enumerate(lines) if f"-o axiswatch -g axiswatch {volumes[0]} {cache}" in line)
     assert made < lines.index("USER axiswatch") < lines.index("RUN axiswatch warm")
 
 

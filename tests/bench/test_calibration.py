@@ -1,4 +1,4 @@
-"""What it costs to calibrate an axis on ten minutes, beside the bare recursion over as many samples."""
+"""What it costs to calibrate an axis on ten minutes."""
 
 from __future__ import annotations
 
@@ -6,16 +6,11 @@ from itertools import pairwise
 from pathlib import Path
 from time import perf_counter, process_time
 
-import numpy as np
 import pytest
 
-from monitor_core.calibration.calibration_procedure import OBSERVED_SHARE, WITHIN_MEMORIES, CalibrationOptions
-from monitor_core.calibration.surrogate_records import LANES, SAMPLES
-from monitor_core.monitoring import AxisBatch
+from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from service.commands.calibrate import calibrate_axis
 from service.config import load
-from service.config.axis_settings import axis_model, axis_settings
-from service.ingest.calibration_records import read
 from service.reports.formats import Provenance
 from tests.bench.measure import Say
 from tests.service.identification.conftest import write_record, write_robot
@@ -25,8 +20,6 @@ pytestmark = pytest.mark.bench
 SECONDS, ONSETS = 600, 100
 SIZES = (0.05, 0.1, 0.2, 0.3, 0.5)
 BUDGET_S = 86400.0
-TURNS = 1000
-"""Samples of each of LANES axes at once, of the recursion alone."""
 
 
 def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
@@ -53,34 +46,9 @@ def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
     ]
     whole, wall = (end - start for start, end in zip(ends["start"], ends["the rest"], strict=True))
     rows.append(("all", f"{whole:.1f}", f"{wall:.1f}"))
-    bare = _recursion_s(str(record), tmp_path) * _samples()
-    rows.append((f"the recursion alone, {_samples() / 1e6:.0f} million samples", f"{bare:.1f}", ""))
     say(
         f"Calibrating on {SECONDS / 60:.0f} minutes at 200 Hz: 3 parameters, {len(SIZES)} sizes up and down, {ONSETS}"
-        f" onsets each; {whole / bare:.1f} times the recursion alone",
+        " onsets each",
         ("part", "CPU s", "s"),
         rows,
     )
-
-
-def _samples() -> float:
-    """That the monitors of copies and of faulty records see."""
-    axis_s = WITHIN_MEMORIES * OBSERVED_SHARE  # the memory is a second
-    return SAMPLES + 3 * 2 * len(SIZES) * ONSETS * axis_s * 200
-
-
-def _recursion_s(text: str, folder: Path) -> float:
-    """CPU time of a sample, of axes side by side."""
-    config = load(folder / "robot.toml", {})
-    axis = config.axes[0]
-    model = axis_model(axis.config)
-    (one,), _ = read([text], config, axis, model)
-    bank, found = AxisBatch([model] * LANES, [axis_settings(axis, model)] * LANES), []
-    for k in range(0, 12 * TURNS, TURNS):
-        part = one.select(slice(k, k + TURNS))
-        t_us = np.repeat(part.t_us[:, np.newaxis], LANES, axis=1)
-        u, y = (np.repeat(v, LANES).reshape(TURNS, LANES) for v in (part.u, part.y))
-        start = process_time()
-        bank.run(t_us, u, y)
-        found.append((process_time() - start) / u.size)
-    return float(np.median(found))

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.costs import cpu, memory_mb
-from tests.bench.measure import Say
+from tests.bench.measure import Say, cpu, memory_mb
 from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
 
 pytestmark = pytest.mark.bench

@@ -1,34 +1,47 @@
-"""The multi-model detector and the paper's detector on the reference experiment, beside the limit; the costs."""
+"""The multi-model detector and the paper's detector on the reference experiment, beside the limit; the costs.
+
+The paper's has thresholds for a rate of false alarms, and names its alarms in two stages.
+"""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration.budget import rates, thresholds
+from monitor_core.calibration.healthy_records import deviations
+from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.excitation.reference_experiment import experiment
+from monitor_core.excitation.reference_experiment import FAULT_AT, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model
+from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
+from monitor_core.settings import Settings
 from tests.bench.measure import Say, in_turns
-from tests.core.figures import settings_of
+from tests.core.figures import AT_ONCE, settings_of
 from tests.core.hypothesis_figures import (
     DAY,
+    WITHIN_S,
     Delays,
+    One,
     bank_of,
     delays,
     false_alarms,
     limit_s,
     model_of,
+    records,
     settings_for,
+    summed_up,
     within,
 )
-from tests.core.paper_figures import calibrated, paper_delays
 
 pytestmark = pytest.mark.bench
 
@@ -41,6 +54,10 @@ HEADER = (
     "fault", "detector", "limit s", "delay s", "90 %", "/ limit", "missed", "right at alarm", "right named",
     "named s", "early",
 )  # fmt: skip
+HEALTHY = 120_000
+"""Samples of the record from which thresholds come: ten minutes."""
+WITHIN = 3.0
+"""Memories in which the smallest fault is to be found."""
 
 
 def h_for_a_day(model: AxisModel, seed: int) -> tuple[float, str]:
@@ -52,6 +69,66 @@ def h_for_a_day(model: AxisModel, seed: int) -> tuple[float, str]:
         h,
         f"{alarms} false alarms in {tested * INTERVAL_S / 3600:.1f} h at h = {MEASURED_AT:g}, so h = {h:.1f}",
     )
+
+
+def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) -> tuple[Settings, str]:
+    """With the thresholds that most likely alarm once in so many samples of the healthy axis; and how that is known."""
+    rng = np.random.default_rng([seed, 1])
+    t_us, u, y = records(model, [seed], samples=HEALTHY)
+    one = [SampleBlock(t_us, u[:, 0], y[:, 0], name="healthy")]
+    known = healthy_statistics(model, settings, one, deviations(model, settings, one), between, WITHIN, rng)
+    asked = between
+    for _ in range(4):  # what is asked for is kept with certainty, and more than that is most likely
+        same = np.random.default_rng(seed)
+        own = thresholds(known.scatter, known.tails, np.zeros(len(model.scale)), asked, same)
+        found = rates(known.scatter, known.tails, own, np.random.default_rng(seed))
+        asked *= found.total * between
+    times = [INTERVAL_S / 3600 / rate for rate in (found.total, found.upper, found.lower)]
+    alphas = ", ".join(
+        f"{t.alpha1:.2f} and {t.alpha2 / size:.1f}"
+        for t, size in zip(own, np.abs(model.theta0) / model.scale, strict=True)
+    )
+    words = (
+        f"one false alarm in {times[0]:.0f} h ({times[1]:.0f} to {times[2]:.0f} h), by calibration on ten minutes and"
+        f" extrapolated {found.beyond:.0f} times: alpha_1 and alpha_2 {alphas}"
+    )
+    return replace(settings, thresholds=own, run_on=False), words
+
+
+def paper_delays(
+    model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
+) -> Delays:
+    """The first alarm, its first name, and the one that it gets three memory lengths later."""
+    (right,) = fault
+    found = [
+        one
+        for k in range(0, len(seeds), AT_ONCE)
+        for one in _outcomes(model, settings, fault, seeds[k : k + AT_ONCE])
+    ]
+    return summed_up(found, right)
+
+
+def _outcomes(
+    model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
+) -> list[One]:
+    t_us, u, y = records(model, seeds, fault)
+    W = len(seeds)
+    bank = AxisBatch([model] * W, [settings] * W)
+    monitors = [AxisMonitor.of_lane(bank, a) for a in range(W)]
+    found = [One() for _ in range(W)]
+    for a, event in bank.run(np.repeat(t_us[:, np.newaxis], W, axis=1), u, y):
+        for _, e in monitors[a].apply([event]):
+            delay = (e.raised_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
+            if found[a].early or delay > WITHIN_S:
+                continue
+            if delay <= 0:
+                found[a] = One(early=True)
+            elif not found[a].cause:
+                found[a] = One(alarm=delay, cause=e.parameter)
+            if e.stage == "named" and not found[a].name and not found[a].early:
+                when = (e.updated_us - int(t_us[FAULT_AT])) * 1e-6 + INTERVAL_S
+                found[a] = found[a]._replace(named=when, name=e.parameter)
+    return found
 
 
 def row(detector: str, fault: Mapping[str, float], limit: float, found: Delays) -> list[object]:
@@ -107,22 +184,17 @@ def test_where_others_are_monitored(
     both(model_of(monitored, values), [name], SEEDS, seed, say)
 
 
-@pytest.mark.parametrize("irregular", [False, True], ids=["regular", "irregular"])
-def test_what_a_sample_costs(irregular: bool, seed: int, say: Say) -> None:
+def test_what_a_sample_costs(seed: int, say: Say) -> None:
     model, s, samples = reference_model(), settings_of("speed", seed), 20_000
     t_us, u, y = experiment(seed, samples=samples)
-    t_us = t_us + np.arange(samples) * 7 if irregular else t_us
-    whole = bank_of("speed", math.inf, seed)
-    banks = {
-        n: HypothesisBank(model, s, (whole.hypotheses * 2)[: n - 2], h=math.inf) for n in (8, 24, 48, 96)
-    }
-    times = in_turns({n: _run(bank, t_us, u, y) for n, bank in banks.items()}, 7)
-    rows = [(n, f"{1e6 * time / samples:.2f}") for n, time in times.items()]
-    say(
-        f"A multi-model detector, {'every interval another' if irregular else 'equal intervals'}",
-        ("lanes", "us/sample"),
-        rows,
-    )
+    whole, rows = bank_of("speed", math.inf, seed), []
+    for lanes in (8, 24, 48, 96):
+        bank = HypothesisBank(model, s, (whole.hypotheses * 2)[: lanes - 2], h=math.inf)
+        times = {"regular": t_us, "irregular": t_us + np.arange(samples) * 7}
+        found = in_turns({name: _run(bank, t, u, y) for name, t in times.items()}, 7)
+        rows.append((lanes, *(f"{1e6 * time / samples:.2f}" for time in found.values())))
+    header = ("lanes", "equal intervals", "every interval another")
+    say("A multi-model detector: us/sample", header, rows)
 
 
 def test_what_a_sample_costs_in_the_blocks_of_the_daemon(seed: int, say: Say) -> None:

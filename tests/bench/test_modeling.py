@@ -50,8 +50,8 @@ def file_of(masses: int, folder: Path) -> Path:
     return path
 
 
-def stages(path: Path) -> dict[str, float]:
-    """Seconds of each stage from the text to the constants of one axis."""
+def stages(path: Path) -> list[float]:
+    """Seconds to read the text, to eliminate, and to the constants of one axis."""
     clock = [perf_counter()]
     flat = read([Source(path.name, path.read_text(encoding="utf-8"))])
     clock.append(perf_counter())
@@ -61,7 +61,7 @@ def stages(path: Path) -> dict[str, float]:
     model = AxisModel(drive, values, (f"1/{drive.parameters[0].name}",))
     Assembly(drive, model.monitored).model_constants(model, 1.0)
     clock.append(perf_counter())
-    return dict(zip(("read", "eliminate", "arrays"), _differences(clock), strict=True))
+    return [end - begin for begin, end in pairwise(clock)]
 
 
 def fresh(path: Path) -> tuple[float, float]:
@@ -76,27 +76,14 @@ def test_from_a_file_to_the_kernels_arrays(tmp_path: Path, say: Say) -> None:
     for masses in (*SHIPPED, *LONG):
         path = file_of(masses, tmp_path)
         alone = sorted(fresh(path) for _ in range(ROUNDS))[ROUNDS // 2]
-        best = min((stages(path) for _ in range(ROUNDS)), key=lambda part: sum(part.values()))
-        rows.append((masses, *alone, TARGET_S.get(masses, "-"), sum(best.values()), *best.values()))
+        best = min((stages(path) for _ in range(ROUNDS)), key=sum)
+        commands = [command(path, *arguments) for arguments in ((), ("--json",))]
+        rows.append((masses, *alone, TARGET_S.get(masses, "-"), sum(best), *best, *commands))
     header = (
-        "masses",
-        "fresh process",
-        "without imports",
-        "target",
-        "warm process",
-        "read",
-        "eliminate",
-        "arrays",
-    )
-    say("from a Modelica file to the kernel's arrays: s", header, rows)
-
-
-def test_the_command_with_a_hundred_masses(tmp_path: Path, say: Say) -> None:
-    rows = []
-    for masses in (5, *LONG):
-        path = file_of(masses, tmp_path)
-        rows.append((masses, *(command(path, *arguments) for arguments in ((), ("--json",)))))
-    say("axiswatch model: s", ("masses", "text", "--json"), rows)
+        "masses", "fresh process", "without imports", "target", "warm process", "read", "eliminate", "arrays",
+        "axiswatch model", "with --json",
+    )  # fmt: skip
+    say("from a Modelica file to the kernel's arrays, and what the command says of it: s", header, rows)
 
 
 def command(path: Path, *arguments: str) -> float:
@@ -104,7 +91,3 @@ def command(path: Path, *arguments: str) -> float:
     result = run_program("model", path, *arguments, patience_s=PATIENCE_S)
     assert result.returncode == 0, result.stderr
     return perf_counter() - start
-
-
-def _differences(clock: list[float]) -> list[float]:
-    return [end - begin for begin, end in pairwise(clock)]

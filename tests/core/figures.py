@@ -50,34 +50,25 @@ def steady_p_of(model: AxisModel, settings: Settings, records: Experiment) -> tu
 
 
 def side_by_side(
-    model: AxisModel, settings: Settings, rec: Experiment, shift: Floats | None = None
+    model: AxisModel, settings: Settings, rec: Experiment, shift: Floats | None = None, start: float = 1.0
 ) -> tuple[AxisBatch, list[tuple[int, BatchEvent]], Trace]:
-    """A bank of equal axes on records (N, W) of the same times, all with the same ``shift`` (N, p)."""
+    """A bank of equal axes on records (N, W) of the same times, all with the same ``shift`` (N, p).
+
+    They are monitored from theta = ``start`` times nominal.
+    """
     W = rec.u.shape[1]
     bank = AxisBatch([model] * W, [settings] * W)
+    bank.state.theta[:] *= start
     moved = None if shift is None else np.repeat(shift[..., np.newaxis], W, axis=2)
     times = np.repeat(rec.t_us[:, np.newaxis], W, axis=1)
     return bank, *bank.run_traced(times, rec.u, rec.y, shift=moved)
 
 
-def run_bank(
-    model: AxisModel,
-    settings: Settings,
-    seeds: Sequence[int],
-    fault: Mapping[str, float] | None = None,
-    start: float = 1.0,
-) -> Trace:
-    """The reference experiment of each seed, monitored from theta = ``start`` times nominal."""
-    rec = experiments(seeds, fault, output=model.drive.output)
-    bank = AxisBatch([model] * len(seeds), [settings] * len(seeds))
-    bank.state.theta[:] *= start
-    return bank.run_traced(np.repeat(rec.t_us[:, np.newaxis], len(seeds), axis=1), rec.u, rec.y)[1]
-
-
 def homecoming(output: Output, seeds: Sequence[int], seed: int) -> Floats:
     """Figure 5: mean of the last 500 of 2000 estimates over nominal, (p, seeds); the start is 20 % above."""
     model = reference_model(output)
-    trace = run_bank(model, settings_of(output, seed), seeds, start=1.2)
+    records = experiments(seeds, output=output)
+    _, _, trace = side_by_side(model, settings_of(output, seed), records, start=1.2)
     return np.asarray(trace.theta[-500:].mean(axis=0) / model.theta0[:, np.newaxis])
 
 
@@ -102,7 +93,8 @@ def outcome(seeds: Sequence[int], parameter: str | None, settings: Settings, fac
     fault = {parameter: factor} if parameter else None
     which = model.monitored.index(parameter) if parameter else -1
     parts = [seeds[k : k + AT_ONCE] for k in range(0, len(seeds), AT_ONCE)]
-    rows = [per_seed(run_bank(model, settings, part, fault), model, settings, which) for part in parts]
+    traces = (side_by_side(model, settings, experiments(part, fault))[2] for part in parts)
+    rows = [per_seed(trace, model, settings, which) for trace in traces]
     all_seeds = Seeds(*(np.concatenate(column, axis=-1) for column in zip(*rows, strict=True)))
     first, delay = all_seeds.first, all_seeds.delay_s
     return Outcome(

@@ -1,4 +1,4 @@
-"""Faults of the reference experiment, and all that is said of them."""
+"""All that is said of a fault: every version of every alarm, and of the faults of the reference experiment."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,8 +7,10 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
+from monitor_core.kernel.block import Trace
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor
+from monitor_core.samples import SampleBlock
 from tests.core.figures import settings_of
 
 MODEL = reference_model()
@@ -33,3 +35,13 @@ def histories(
 
 def first_named(said: Sequence[Alarm]) -> Alarm | None:
     return next((e for e in said if e.stage == "named"), None)
+
+
+def alarm_versions(monitor: AxisMonitor, samples: SampleBlock) -> tuple[list[Alarm], Trace]:
+    """As ``update_traced`` of a monitor that alarms by its CUSUM tests, with the alarm after each of its events."""
+    shift = None if samples.shift is None else samples.shift[..., None]
+    gate = None if samples.gate is None else samples.gate[..., None]
+    t_us, u, y = samples.t_us[:, None], samples.u[:, None], samples.y[:, None]
+    events, trace = monitor.batch.run_traced(t_us, u, y, shift=shift, gate=gate)
+    versions = [change.alarm for _, event in events for change in monitor.apply([event])]
+    return versions, Trace(*(field[..., 0] for field in trace))

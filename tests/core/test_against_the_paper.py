@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from monitor_core.detection import DIRECTIONS, Crossing
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import gains_after
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import NOISE, Experiment
@@ -24,7 +25,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 from tests.core.cases import BY_NAME, CASES, Case, H, as_columns, record
 from tests.core.chains import Sensor, chain, values
-from tests.core.oracle.paper import Log, Paper
+from tests.core.oracle.paper import Paper
 from tests.core.oracle.prediction import prediction
 from tests.core.supervised import lively_then_still, moved
 
@@ -165,11 +166,9 @@ SITUATIONS: dict[str, Callable[[int], Situation]] = {
 def situation(request: pytest.FixtureRequest, seed: int) -> tuple[Situation, Paper]:
     """With what the transcription, which is slow, makes of it."""
     one = SITUATIONS[request.param](seed)
-    paper = Paper(one.case.model, one.settings)
-    if not one.settings.P0:
-        paper = Paper(
-            one.case.model, one.settings, AxisBatch([one.case.model], [one.settings]).state.P[:, :, 0]
-        )
+    model, settings = one.case.model, one.settings
+    start = None if settings.P0 else AxisBatch([model], [settings]).state.P[:, :, 0]
+    paper = Paper(model, settings, start)
     paper.run(*one.rec)
     return one, paper
 
@@ -182,9 +181,9 @@ def apart(kernel: NDArray[np.float64], paper: list[NDArray[np.float64]] | list[f
     return float(np.nanmax(np.abs(kernel - reference) / np.where(scale > 0, scale, 1)))
 
 
-def worst(trace: Trace, log: Log) -> dict[str, float]:
-    """Of a bank of one axis."""
-    one = Trace(*(field[..., 0] for field in trace))
+def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
+    """Of a bank of one axis; all of P and the running lambda_0 are those at the end."""
+    one, log = Trace(*(field[..., 0] for field in trace)), paper.log
     moved = ~np.isnan(np.array(log.psi)[:, 0])
     return {
         "eps": apart(one.eps, log.eps),
@@ -192,26 +191,20 @@ def worst(trace: Trace, log: Log) -> dict[str, float]:
         "theta": apart(one.theta, log.theta),
         "P": apart(one.P, [np.diag(P) for P in log.P]),
         "g": apart(one.g, log.g),
-    }
-
-
-def between(bank: AxisBatch, trace: Trace, paper: Paper) -> dict[str, float]:
-    """As ``worst``, with all of P and the running lambda_0 at the end."""
-    return worst(trace, paper.log) | {
         "all of P": float(np.abs(bank.state.P[:, :, 0] / paper.P - 1).max()),
         "lambda_0": abs(float(bank.state.lam0_running[0]) / paper.running - 1),
     }
 
 
-def by_rounding(paper: Callable[[], Paper], rec: Experiment, log: Log) -> float:
+def by_rounding(model: AxisModel, paper: Paper, rec: Experiment) -> float:
     """How far the transcription itself moves when every input is changed in its last place, at most of three times."""
     rng, most = np.random.default_rng(1), 0.0
     for _ in range(3):
-        other = paper()
-        other.run(
-            rec.t_us, *(np.nextafter(field, rng.choice([-np.inf, np.inf], field.shape)) for field in rec[1:])
+        nearby = (np.nextafter(field, rng.choice([-np.inf, np.inf], field.shape)) for field in rec[1:])
+        log = Paper(model, paper.s).run(rec.t_us, *nearby)
+        most = max(
+            most, *(apart(np.array(a), b) for a, b in ((log.theta, paper.log.theta), (log.g, paper.log.g)))
         )
-        most = max(most, apart(np.array(other.log.theta), log.theta), apart(np.array(other.log.g), log.g))
     return most
 
 
@@ -226,9 +219,7 @@ def test_kernel_equals_the_transcription(
     events, trace = bank.run_traced(*as_columns(one.rec))
     differences, tolerance = between(bank, trace, paper), one.tolerance
     if max(differences.values()) > tolerance:  # one record in hundreds is that sensitive
-        tolerance = max(
-            tolerance, 10 * by_rounding(lambda: Paper(one.case.model, paper.s), one.rec, paper.log)
-        )
+        tolerance = max(tolerance, 10 * by_rounding(one.case.model, paper, one.rec))
     assert max(differences.values()) < tolerance, (one.case.name, differences)
     found = [
         (DIRECTIONS.index(e.direction), one.case.monitored.index(e.parameter), e.time_us, e.onset_us)

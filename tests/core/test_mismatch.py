@@ -12,8 +12,20 @@ from monitor_core.drive.kalman import filter_gain, gains_after
 from monitor_core.drive.operating_conditions import Conditions, Follow, Term
 from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.settings import Settings, Threshold
-from tests.core.mismatch_plant import COLD, INTERVAL_S, NOMINAL, STEP, TORQUE_RMS, WARMER, MismatchPlant, R
-from tests.core.mismatch_watch import FAULTS, Watch, after_fault, right
+from tests.core.mismatch import (
+    COLD,
+    FAULTS,
+    INTERVAL_S,
+    NOMINAL,
+    STEP,
+    TORQUE_RMS,
+    WARMER,
+    MismatchPlant,
+    R,
+    Watch,
+    after_fault,
+    right,
+)
 
 FOUND = {
     "Jm": 0.01551645314,

@@ -12,22 +12,17 @@ V = dict(zip(NAMES, (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.
 
 def test_matrices_as_printed_in_the_paper() -> None:
     A, B, C = AxisModel(three_mass("speed"), V, ("kT",)).matrices()
-    assert (
-        pytest.approx(
-            np.array(
-                [
-                    [0, 0, 0.5, -1, 0],
-                    [0, 0, 0, 1, -1],
-                    [-7 * 0.5 / 2, 0, -(19 + 13 * 0.25) / 2, 13 * 0.5 / 2, 0],
-                    [7 / 3, -11 / 3, 13 * 0.5 / 3, -(13 + 17) / 3, 17 / 3],
-                    [0, 11 / 5, 0, 17 / 5, -17 / 5],
-                ]
-            )
-        )
-        == A
-    )
-    assert pytest.approx(np.array([[0, 0, 0]] * 2 + [[31 / 2, -23 / 2, 29 / 2]] + [[0, 0, 0]] * 2)) == B
-    assert pytest.approx(np.array([[0, 0, 1, 0, 0]])) == C
+    expected: list[list[float]] = [
+        [0, 0, 0.5, -1, 0],
+        [0, 0, 0, 1, -1],
+        [-7 * 0.5 / 2, 0, -(19 + 13 * 0.25) / 2, 13 * 0.5 / 2, 0],
+        [7 / 3, -11 / 3, 13 * 0.5 / 3, -(13 + 17) / 3, 17 / 3],
+        [0, 11 / 5, 0, 17 / 5, -17 / 5],
+    ]
+    np.testing.assert_allclose(A, np.array(expected), rtol=1e-12)
+    zero = [0.0, 0.0, 0.0]
+    np.testing.assert_allclose(B, np.array([zero, zero, [31 / 2, -23 / 2, 29 / 2], zero, zero]), rtol=1e-12)
+    np.testing.assert_allclose(C, [[0, 0, 1, 0, 0]])
 
 
 def test_angle_output_adds_an_integrator_of_the_motor_speed() -> None:

@@ -1,15 +1,27 @@
-"""The plant that tests and demo run against, its excitation, and the reference experiment."""
+"""The plant that tests and demo run against, its excitation, and the reference experiment.
+
+Also of inputs that depend on the motion at a flange that is not the sensor's: gravity, Coulomb friction of the arm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import Output
+from monitor_core.drive.structure import Matrix, Output
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiment, faulty
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
+from monitor_core.monitoring import AxisBatch
+from tests.core.cases import BY_NAME, H
+from tests.core.chains import Sensor, chain, values
 
-H = 0.005
 FRICTION = {**REFERENCE_VALUES, "fc": 0.5, "tau0": 0.1}
 
 
@@ -49,10 +61,10 @@ def test_wrong_parameters_leave_the_axis_as_it_was() -> None:
 @pytest.mark.parametrize("output", ["speed", "angle"])
 def test_many_records_side_by_side_are_those_of_single_axes(output: Output, seed: int) -> None:
     u = np.random.default_rng(seed).standard_normal((50, 3))
-    values = {**REFERENCE_VALUES, "tau0": 0.1}
-    y, end = simulate_linear(three_mass(output), values, u, H)
+    given = {**REFERENCE_VALUES, "tau0": 0.1}
+    y, end = simulate_linear(three_mass(output), given, u, H)
     for a in range(3):
-        axis = SimulatedAxis(values)
+        axis = SimulatedAxis(given)
         motion = [(0.0, 0.0)] + [axis.step(torque, H) for torque in u[:, a]]
         expected = [angle if output == "angle" else speed for angle, speed in motion]
         assert y[:, a] == pytest.approx(expected[:-1], abs=1e-12)
@@ -101,3 +113,85 @@ def test_faults_by_factor() -> None:
     assert faulty({"Ja": 6.0, "fm": 1.0}, {"1/Ja": 1.2, "fm": 0.5}) == pytest.approx({"Ja": 5.0, "fm": 0.5})
     with pytest.raises(KeyError, match="Jx"):
         faulty({"Ja": 6.0}, {"Jx": 1.2})
+
+
+WHICH: tuple[Matrix, ...] = ("A", "B", "C", "rest")
+
+
+@pytest.mark.parametrize("output", ["angle", "speed"])
+def test_a_chain_of_three_masses_is_that_of_the_library(output: Output) -> None:
+    names = {"J1": "Jm", "J2": "Jg", "J3": "Ja", "k1": "kg", "k2": "ka", "d1": "dg", "d2": "da", "f": "fm"}
+    given = {**values(3, gravity=False), "fa": 0.0}
+    library = {names.get(name, name): v for name, v in given.items() if name != "fa"}
+    ours = AxisModel(chain(3, output, gravity=False), given, ())
+    theirs = AxisModel(three_mass(output), library, ())
+    for which in WHICH:
+        found, expected = (m.drive.matrix(which, m.nominal) for m in (ours, theirs))
+        assert pytest.approx(expected, rel=1e-14) == found[:, : expected.shape[1]], which
+
+
+def by_ode(given: dict[str, float], u: NDArray[np.float64], speed_scale: float) -> NDArray[np.float64]:
+    """Motor angle and speed of a chain of two masses after each interval: Newton's law for each, by an ODE solver."""
+    v, w, out = given, np.zeros(4), []
+    for torque in u:
+
+        def slope(_: float, w: NDArray[np.float64], torque: float = torque) -> list[float]:
+            motor, arm, motor_speed, arm_speed = w
+            spring = v["k1"] * (v["r"] * motor - arm) + v["d1"] * (v["r"] * motor_speed - arm_speed)
+            # Of the arm's own motion there is only what the motor tells; weight and friction take it to be rigid.
+            weight = v["gc"] * np.cos(v["r"] * motor) + v["gs"] * np.sin(v["r"] * motor)
+            arm_friction = v["fa"] * np.tanh(v["r"] * motor_speed / speed_scale)
+            friction = v["f"] * motor_speed + v["fc"] * np.tanh(motor_speed / speed_scale)
+            on_motor = v["kT"] * torque + v["tau0"] - friction - v["r"] * spring
+            return [motor_speed, arm_speed, on_motor / v["J1"], (spring - arm_friction - weight) / v["J2"]]
+
+        w = solve_ivp(slope, (0, H), w, rtol=1e-10, atol=1e-12, method="DOP853").y[:, -1]
+        out.append((w[0], w[2]))
+    return np.array(out)
+
+
+@pytest.mark.parametrize("sensor", ["motor", "gear"])
+def test_the_plant_converges_to_newtons_law(sensor: Sensor, seed: int) -> None:
+    u = 3 * np.random.default_rng(seed).standard_normal(100)
+
+    def off(given: dict[str, float], substeps: int) -> NDArray[np.float64]:
+        axis, exact = SimulatedAxis(given, 0.5, substeps, chain(2, "angle", sensor)), by_ode(given, u, 0.5)
+        motion = np.array([axis.step(torque, H) for torque in u]) / (given["r"] if sensor == "gear" else 1.0)
+        return np.asarray(np.abs(motion - exact).max(axis=0) / np.abs(exact).max(axis=0))
+
+    errors = [off(values(2), substeps) for substeps in (1, 5, 50)]
+    assert (errors[1] < 0.1).all()
+    assert (errors[1] < errors[0] / 2).all()
+    assert (errors[2] < errors[1] / 5).all()
+    assert (
+        off({**values(2), **dict.fromkeys(("fc", "fa", "gc", "gs"), 0.0)}, 1) < 1e-8
+    ).all()  # linear: exact
+
+
+def test_the_plant_comes_to_rest_where_the_torque_bears_the_weight() -> None:
+    given = {**values(2), "fc": 0.0, "fa": 0.0, "f": 0.1}
+    axis = SimulatedAxis(given, drive=chain(2, "angle"))
+    for _ in range(8000):
+        angle, speed = axis.step(0.6, H)
+    r = given["r"]
+    weight = r * (given["gc"] * np.cos(r * angle) + given["gs"] * np.sin(r * angle))
+    assert abs(r * angle) > 0.05
+    assert abs(speed) < 1e-9
+    assert weight == pytest.approx(0.6 + given["tau0"], rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["fc", "fa", "gc", "gs"])
+def test_a_linear_simulation_refuses_each_of_them(name: str, seed: int) -> None:
+    drive, u = chain(2, "angle"), np.random.default_rng(seed).standard_normal((50, 1))
+    linear = {**values(2), "fc": 0.0, "fa": 0.0, "gc": 0.0, "gs": 0.0}
+    axis = SimulatedAxis(linear, drive=drive)
+    moved = [0.0] + [axis.step(torque, H)[0] for torque in u[:, 0]]
+    assert simulate_linear(drive, linear, u, H)[0][:, 0] == pytest.approx(moved[:-1], abs=1e-12)
+    with pytest.raises(ValueError, match="Coulomb friction and gravity are not linear: use SimulatedAxis"):
+        simulate_linear(drive, {**linear, name: 0.1}, u, H)
+
+
+def test_a_state_that_is_not_the_speed_at_the_sensor_is_refused() -> None:
+    model = AxisModel(replace(chain(2, "angle"), speed_state=2), values(2), ("gc",))
+    with pytest.raises(ValueError, match="Coulomb friction needs the speed at the sensor, which w2 is not"):
+        AxisBatch([model], [BY_NAME["gravity"].settings()])

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.real.irb import Record, read
+from monitor_core.samples import SampleBlock
+from tests.real.irb import read
 
 
 @pytest.fixture(scope="session")
@@ -15,5 +16,5 @@ def irb_path(records_dir: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def irb_record(irb_path: Path) -> Record:
+def irb_record(irb_path: Path) -> SampleBlock:
     return read(irb_path)

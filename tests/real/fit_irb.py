@@ -21,15 +21,15 @@ from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.cases import as_columns
 from tests.core.figures import steady_p_of
-from tests.real.irb import Record, model_and_settings, noises, read
+from tests.real.irb import model_and_settings, noises, read
 
 FITTED = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0")
 SETTLED = 1e-5
 """The fit has settled when no parameter moves by more than this part of itself."""
 CORRELATION_S = 0.1
 """Autocorrelation of the prediction errors counts up to here."""
-LAGS = (1, 5, 20, 50, 100)
 
 
 class Errors(NamedTuple):
@@ -39,16 +39,15 @@ class Errors(NamedTuple):
     psi: Floats
 
 
-def prediction_errors(model: AxisModel, settings: Settings, record: Record) -> Errors:
+def prediction_errors(model: AxisModel, settings: Settings, record: SampleBlock) -> Errors:
     """The errors of the monitor's predictor with theta at nominal: the run that looks for P(0) never ends."""
     frozen = replace(settings, lam=1 - 1e-6, P0=())
-    _, trace = AxisMonitor(model, frozen).update_traced(SampleBlock(*record))
-    eps, psi = trace.eps, trace.psi
-    learned = np.isfinite(eps)
-    return Errors(eps[learned], psi[learned])
+    _, trace = AxisMonitor(model, frozen).update_traced(record)
+    learned = np.isfinite(trace.eps)
+    return Errors(trace.eps[learned], trace.psi[learned])
 
 
-def fit(model: AxisModel, settings: Settings, noise: tuple[float, float], record: Record) -> AxisModel:
+def fit(model: AxisModel, settings: Settings, noise: tuple[float, float], record: SampleBlock) -> AxisModel:
     """The model that predicts the record best with the gain K that belongs to it."""
     while True:
         before, model = model, fit_with_gain(model, replace(settings, K=gain(model, settings, noise)), record)
@@ -56,7 +55,7 @@ def fit(model: AxisModel, settings: Settings, noise: tuple[float, float], record
             return model
 
 
-def fit_with_gain(model: AxisModel, settings: Settings, record: Record) -> AxisModel:
+def fit_with_gain(model: AxisModel, settings: Settings, record: SampleBlock) -> AxisModel:
     """The model that predicts the record best with the gain K of the settings."""
     sizes = model.scale
 
@@ -92,7 +91,7 @@ def correlation_factor(errors: Errors, interval_s: float) -> Floats:
     return factor
 
 
-def goodness(model: AxisModel, settings: Settings, record: Record) -> float:
+def goodness(model: AxisModel, settings: Settings, record: SampleBlock) -> float:
     """1 - |y - yhat| / |y - mean y|: 1 is perfect, 0 as good as the mean."""
     eps = prediction_errors(model, settings, record).eps
     y = record.y[-len(eps) :]
@@ -117,7 +116,7 @@ def autocorrelation(eps: Floats, lag: int) -> float:
     return float(eps[lag:] @ eps[:-lag] / (eps @ eps))
 
 
-def report(fitted: AxisModel, settings: Settings, record: Record) -> Mapping[str, object]:
+def report(fitted: AxisModel, settings: Settings, record: SampleBlock) -> Mapping[str, object]:
     """What goes into the configuration, and how good it is."""
     watched = replace(fitted, monitored=("kT", "1/Ja", "fm"), scales={})
     errors, ten = prediction_errors(watched, settings, record), prediction_errors(fitted, settings, record)
@@ -125,7 +124,7 @@ def report(fitted: AxisModel, settings: Settings, record: Record) -> Mapping[str
     covariance = errors.eps.var() * np.linalg.inv(ten.psi.T @ ten.psi) * factor.max()
     sd = np.sqrt(np.diag(covariance))
     fm, fc = FITTED.index("fm"), FITTED.index("fc")
-    columns = Experiment(record.t_us, record.u[:, np.newaxis], record.y[:, np.newaxis])
+    columns = as_columns(Experiment(*record[:3]))
     names = dict(zip(watched.monitored, steady_p_of(watched, settings, columns), strict=True))
     return {
         **{n: f"{v:.6g}   # +- {d:.2g}" for n, v, d in zip(FITTED, fitted.theta0, sd, strict=True)},

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 from service.config import Config, load
 from service.config.axis_settings import axis_model, axis_settings
@@ -21,25 +21,15 @@ CONFIG = Path(__file__).resolve().parents[2] / "config" / "irb.toml"
 AXIS = "irb.axis1"
 
 
-class Record(NamedTuple):
-    """Fields (N,): time [us], torque [N m], speed [rad/s]."""
-
-    t_us: NDArray[np.int64]
-    u: Floats
-    y: Floats
-
-
 def configuration() -> Config:
     """The configuration as shipped."""
     return load(CONFIG, {})
 
 
-def read(path: Path) -> Record:
+def read(path: Path) -> SampleBlock:
     """A record, through the program's own reader."""
-    blocks = [
-        step.samples[AXIS] for step in read_record(path, configuration()).steps() if AXIS in step.samples
-    ]
-    return Record(*(np.concatenate([block[i] for block in blocks]) for i in range(3)))
+    steps = read_record(path, configuration()).steps()
+    return concatenate([step.samples[AXIS] for step in steps if AXIS in step.samples])
 
 
 def model_and_settings() -> tuple[AxisModel, Settings]:
@@ -57,25 +47,25 @@ def noises() -> tuple[float, float]:
     return estimator.torque_noise, estimator.output_noise
 
 
-def with_torque_constant(record: Record, factor: float, start: int) -> Record:
+def with_torque_constant(record: SampleBlock, factor: float, start: int) -> SampleBlock:
     """From sample ``start`` on the torque constant is that of before times ``factor``."""
     u = record.u.copy()
     u[start:] /= factor
     return record._replace(u=u)
 
 
-def with_viscous_friction(record: Record, change: float, start: int) -> Record:
+def with_viscous_friction(record: SampleBlock, change: float, start: int) -> SampleBlock:
     """From sample ``start`` on the viscous friction [N m s/rad] is higher by ``change``."""
     return _with_load(record, change * record.y, start)
 
 
-def with_coulomb_friction(record: Record, change: float, start: int) -> Record:
+def with_coulomb_friction(record: SampleBlock, change: float, start: int) -> SampleBlock:
     """From sample ``start`` on the Coulomb friction [N m] is higher by ``change``."""
     speed_scale = model_and_settings()[1].speed_scale
     return _with_load(record, change * np.tanh(record.y / speed_scale), start)
 
 
-def _with_load(record: Record, load: Floats, start: int) -> Record:
+def _with_load(record: SampleBlock, load: Floats, start: int) -> SampleBlock:
     """The torque held over an interval has to overcome the mean of the load (N,) over that interval."""
     mean = np.append((load[:-1] + load[1:]) / 2, load[-1])
     u = record.u.copy()
@@ -90,7 +80,7 @@ class Fault(NamedTuple):
     viscous: float
     alarm: tuple[str, str]
 
-    def put_into(self, record: Record, start: int) -> Record:
+    def put_into(self, record: SampleBlock, start: int) -> SampleBlock:
         return with_viscous_friction(
             with_torque_constant(record, self.torque_constant, start), self.viscous, start
         )

@@ -14,7 +14,7 @@ from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import Motion, Predictor
 from monitor_core.identification.records import Record, between
 from monitor_core.modeling.standard_drives import three_mass
-from tests.real import irb
+from monitor_core.samples import SampleBlock
 
 pytestmark = pytest.mark.records
 
@@ -40,9 +40,9 @@ FRICTION = ("fm", "fc")
 
 
 @pytest.fixture(scope="module")
-def record(irb_record: irb.Record) -> Record:
-    t_us, u, y = irb_record
-    return Record((t_us - t_us[0]) * 1e-6, u, y, "speed", "robot_arm.mat")
+def record(irb_record: SampleBlock) -> Record:
+    t_us = irb_record.t_us
+    return Record((t_us - t_us[0]) * 1e-6, irb_record.u, irb_record.y, "speed", "robot_arm.mat")
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The daemon over minutes, and from an empty kernel cache."""
+"""The daemon over minutes, killed many times, and from an empty kernel cache."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from structlog.testing import capture_logs
 from monitor_core.monitoring import FEWEST_LANES
 from service.pipeline.kernel_cache import VARIABLE
 from service.pipeline.warming import HYPOTHESES, CacheFiller
-from tests.bench.costs import memory_mb
+from tests.bench.measure import memory_mb
 from tests.end_to_end.processes import daemon, demo_config, robot, wait_for
+from tests.end_to_end.test_daemon import killed
 
 pytestmark = pytest.mark.soak
 
@@ -48,3 +49,9 @@ def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pyt
         monkeypatch.setattr(sys, "executable", "/no/such/program")
         assert CacheFiller().fill([1, FEWEST_LANES, HYPOTHESES])
     assert logs == []
+
+
+def test_no_shown_alarm_is_lost(tmp_path: Path, seed: int) -> None:
+    """kill -9 fifty times while alarms are raised, and as often while the daemon starts."""
+    shown = killed(tmp_path, seed, kills=50, fault_after_s=20, while_starting=True)
+    assert any(alarm["parameter"] == "fm" for alarm in shown.values())

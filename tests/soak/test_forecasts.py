@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from monitor_core.arrays import Floats
-from monitor_core.trend.limit_forecast import Forecast, forecast
+from monitor_core.trend.limit_forecast import forecast
 from monitor_core.trend.trend import trend_of
 from tests.core.trend.courses_of_months import HOUR_US, SIZE, START_US, months
 
@@ -27,51 +25,37 @@ class Scatter(NamedTuple):
     for_h: float
 
 
-Course = Callable[[np.random.Generator, int, float], tuple[Callable[[Floats], Floats], float]]
-"""By the hours of a history, and those from its end to the limit: the course, and the hour at which it reaches it."""
+def told(rng: np.random.Generator, scatter: Scatter, late: bool) -> bool:
+    """Whether the interval holds the truth: after five to thirty days, the limit 0.3 to 2 times as far ahead.
 
-
-def begins_late(
-    rng: np.random.Generator, hours: int, ahead_h: float
-) -> tuple[Callable[[Floats], Floats], float]:
-    """Steady, then a drift that reaches the limit ``ahead_h`` after the end."""
-    since = rng.uniform(0.2, 0.6) * hours
-    slope = (LIMIT - SIZE) / (hours - since + ahead_h)
-    return lambda t: SIZE + slope * np.maximum(t - since, 0.0), hours + ahead_h
-
-
-def drifts(_: np.random.Generator, hours: int, ahead_h: float) -> tuple[Callable[[Floats], Floats], float]:
-    """A drift from the beginning."""
-    return lambda t: SIZE + (LIMIT - SIZE) * t / (hours + ahead_h), hours + ahead_h
-
-
-def told(rng: np.random.Generator, scatter: Scatter, course: Course) -> bool:
-    """Five to thirty days, and the limit 0.3 to 2 times as far ahead: whether the interval holds the truth."""
+    A drift from the beginning; or ``late``, after a steady part.
+    """
     hours = round(np.exp(rng.uniform(np.log(125), np.log(720))))
-    of, truth_h = course(rng, hours, rng.uniform(0.3, 2.0) * hours)
-    trend = trend_of(months(rng, hours, of, *scatter), SIZE, 3600.0)
+    truth_h = hours * (1 + rng.uniform(0.3, 2.0))
+    since = rng.uniform(0.2, 0.6) * hours if late else 0.0
+    slope = (LIMIT - SIZE) / (truth_h - since)
+    trend = trend_of(
+        months(rng, hours, lambda t: SIZE + slope * np.maximum(t - since, 0.0), *scatter), SIZE, 3600.0
+    )
     assert trend is not None
-    return holds(forecast(trend, LIMIT, True), START_US + round(truth_h * HOUR_US))
-
-
-def holds(f: Forecast, truth_us: int) -> bool:
+    f, truth_us = forecast(trend, LIMIT, True), START_US + round(truth_h * HOUR_US)
     return f.low_us <= truth_us and (f.high_us is None or truth_us <= f.high_us)
 
 
 @pytest.mark.parametrize(
-    ("scatter", "course"),
+    ("scatter", "late"),
     [
-        (Scatter(0.0007, 0.001, 5.0), drifts),
-        (Scatter(0.0005, 0.0012, 24.0), drifts),
-        (Scatter(0.0003, 0.0012, 48.0), drifts),
-        (Scatter(0.0007, 0.001, 5.0), begins_late),
+        (Scatter(0.0007, 0.001, 5.0), False),
+        (Scatter(0.0005, 0.0012, 24.0), False),
+        (Scatter(0.0003, 0.0012, 48.0), False),
+        (Scatter(0.0007, 0.001, 5.0), True),
     ],
     ids=["5 h", "24 h", "48 h", "begins late"],
 )
-def test_the_interval_holds_the_truth_in_nine_of_ten(scatter: Scatter, course: Course, seed: int) -> None:
+def test_the_interval_holds_the_truth_in_nine_of_ten(scatter: Scatter, late: bool, seed: int) -> None:
     """Measured, 600 each: 0.963, 0.943, 0.920, 0.962.  Where the scatter is white it is wider than it needs to be."""
     rng = np.random.default_rng(seed)
-    share = np.mean([told(rng, scatter, course) for _ in range(HISTORIES)])
+    share = np.mean([told(rng, scatter, late) for _ in range(HISTORIES)])
     print(f"{scatter}: {share:.3f}")
     assert 0.86 < share < 0.995
 

@@ -1,4 +1,4 @@
-"""Every law that hypothesis looks for exceptions to, with 2000 examples or more."""
+"""Every law that hypothesis looks for exceptions to, with 2000 examples or more; elimination with longer drives."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import is_hypothesis_test, settings
+from hypothesis import HealthCheck, given, is_hypothesis_test, settings
+from hypothesis import strategies as st
+
+from tests.conftest import ROOT
+from tests.core.modeling import test_elimination_laws as elimination
+from tests.core.modeling.random_drives import drives
 
 pytestmark = pytest.mark.soak
 
-ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = 2000
 LEAST_EACH = 80
 """Examples of a law in one run (the fewest of all)."""
@@ -43,3 +47,33 @@ def test_there_are_laws_and_each_run_of_them_differs() -> None:
     repeats = settings.get_current_profile_name() == "ci"
     assert not repeats, "CI=true lets hypothesis repeat the same examples: unset it"
     assert len(LAWS) >= 5
+
+
+MANY = settings(
+    deadline=None, max_examples=1000, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+)
+
+
+def with_others(test: Callable[..., None], **drawn: st.SearchStrategy[object]) -> Callable[[], None]:
+    """The same law with other examples."""
+    return MANY(given(**drawn)(test.hypothesis.inner_test))  # type: ignore[attr-defined]
+
+
+LONGER = {
+    "exact": with_others(
+        elimination.test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal,
+        drive=drives(most=9),
+        points=elimination.POINTS,
+    ),
+    "frequency response": with_others(
+        elimination.test_frequency_response_in_floating_point,
+        drive=drives(most=6),
+        frequency=st.floats(0.1, 30),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LONGER)
+def test_elimination_of_longer_drives(name: str) -> None:
+    """Of up to nine masses, 1000 examples each."""
+    LONGER[name]()

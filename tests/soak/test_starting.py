@@ -28,32 +28,26 @@ MASSES = {"two": 2, "three": 3, "five": 5}
 @pytest.mark.parametrize("way", ["scratch", "given"])
 @pytest.mark.parametrize("name", ["three", "five"])
 def test_fits_end_at_the_optimum(
-    name: str,
-    way: Way,
-    output: Output,
-    noise: float,
-    seeds: int,
-    seed: int,
-    capsys: pytest.CaptureFixture[str],
+    name: str, way: Way, output: Output, noise: float, seeds: int, seed: int
 ) -> None:
     case, what = CASES[name], f"{name} masses {WORDS[way]}, {output} with {noise:g} of the noise"
-    good = _count(what, lambda k: case.away(seed + k, way, noise, output), seeds, capsys)
+    good = _count(what, lambda k: case.away(seed + k, way, noise, output), seeds)
     assert good >= at_least(seeds, case.of_hundred)
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_as_many_masses_as_there_are(name: str, seed: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_as_many_masses_as_there_are(name: str, seed: int) -> None:
     """With the noise of the reference experiment; up to six masses are tried."""
     case = CASES[name]
 
     def wrong(k: int) -> float:
         return 1.0 + abs(grow([case.record(seed + k)], 6).recommended - MASSES[name])
 
-    good = _count(f"growing to {name} masses", wrong, FEWER, capsys)
+    good = _count(f"growing to {name} masses", wrong, FEWER)
     assert good >= at_least(FEWER, 90)
 
 
-def _count(what: str, away: Callable[[int], float], seeds: int, capsys: pytest.CaptureFixture[str]) -> int:
+def _count(what: str, away: Callable[[int], float], seeds: int) -> int:
     """How many seeds end at the optimum, printed."""
     ratios, seconds = list[float](), list[float]()
     for k in range(seeds):
@@ -62,9 +56,8 @@ def _count(what: str, away: Callable[[int], float], seeds: int, capsys: pytest.C
         seconds.append(time.process_time() - began)
     good = sum(ratio <= AT_OPTIMUM for ratio in ratios)
     others = sorted(round(ratio, 3) for ratio in ratios if ratio > AT_OPTIMUM)
-    with capsys.disabled():
-        print(
-            f"\n{what}: {good} of {seeds}; {np.mean(seconds):.2f} s each, the longest {max(seconds):.1f} s"
-            + (f"; the others end at {others} times the cost" if others else "")
-        )
+    print(
+        f"\n{what}: {good} of {seeds}; {np.mean(seconds):.2f} s each, the longest {max(seconds):.1f} s; others end at"
+        f" {others} times the cost"
+    )
     return good

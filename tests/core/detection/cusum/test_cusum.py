@@ -17,8 +17,8 @@ from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisBatch, AxisMonitor, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from tests.core.alarm_versions import alarm_versions
 from tests.core.figures import settings_of
+from tests.core.naming import alarm_versions
 
 MODEL = reference_model()
 H_US = 5000

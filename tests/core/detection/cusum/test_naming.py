@@ -20,9 +20,8 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
-from tests.core.alarm_versions import alarm_versions
 from tests.core.figures import settings_of
-from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, SEEDS, first_named, histories
+from tests.core.naming import FAULTS, H_US, MODEL, SAMPLES, SEEDS, alarm_versions, first_named, histories
 
 
 def test_causes_onsets_and_sizes_of_the_reference_experiment(seed: int) -> None:
