@@ -1,13 +1,17 @@
-"""Gain K of the innovations form, from the noise of torque and output."""
+"""The predictor: gain K of the innovations form, from the noise of torque and output, and the range of theta where it is stable."""
 
 import math
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import DISTURBANCE_TIME
+from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
 from monitor_core.kernel.tables import GAINS, TORQUE
 
 _MARGIN = 1e-6
@@ -168,3 +172,87 @@ def _no_filter(torque_noise: float, output_noise: float) -> str:
         f"no stable Kalman filter for torque_noise = {torque_noise} and output_noise = {output_noise}: "
         "with the angle as output, or without friction, the torque noise must be greater than zero"
     )
+
+
+# --- Range of theta: within its bounds, and where the predictor is stable (D_M of Ljung and Soderstrom) ---------------
+
+
+_STABLE = 1e-6
+_FAR = 1e3
+"""Sizes: in place of a bound that is infinite."""
+_BISECTIONS = 30
+
+
+def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
+    """Bounds of theta (2, p), reduced as far as the predictor with filter gain K (n,) needs it.
+
+    Where it is unstable at the nominal values themselves the bounds are not changed.
+    """
+    nominal, scales, bounds = (
+        tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds)
+    )
+    gain = tuple(float(k) for k in np.ravel(K))
+    values = (nominal, scales, bounds)
+    return _known(model.drive, values, model.monitored, model.relative, gain, interval_s).copy()
+
+
+@lru_cache(maxsize=4096)
+def _known(
+    drive: Drive,
+    values: tuple[Any, Any, Any],
+    monitored: tuple[str, ...],
+    relative: bool,
+    gain: tuple[float, ...],
+    interval_s: float,
+) -> Floats:
+    nominal, scales, bounds = (dict(part) for part in values)
+    return _drawn_in(
+        AxisModel(drive, nominal, monitored, scales, bounds, relative),
+        np.array(gain),
+        interval_s,
+    )
+
+
+def _drawn_in(model: AxisModel, K: Floats, interval_s: float) -> Floats:
+    theta0, limits, p = model.theta0, model.limits, len(model.theta0)
+    if not _stable(model, theta0[np.newaxis], K, interval_s)[0]:
+        return limits
+    far = np.clip(limits, theta0 - _FAR * model.scale, theta0 + _FAR * model.scale)
+    ends = np.tile(theta0, (2, p, 1))
+    ends[:, range(p), range(p)] = far
+    good = _stable(model, ends.reshape(-1, p), K, interval_s).reshape(2, p)
+    out = limits.copy()
+    for side, i in np.argwhere(~good).tolist():
+        out[side, i] = _last_stable(model, i, far[side, i], K, interval_s)
+    return out
+
+
+def _last_stable(model: AxisModel, i: int, unstable: float, K: Floats, interval_s: float) -> float:
+    """By bisection between the nominal value and an unstable one."""
+    stable, theta = float(model.theta0[i]), model.theta0[np.newaxis].copy()
+    for _ in range(_BISECTIONS):
+        theta[0, i] = (stable + unstable) / 2
+        if _stable(model, theta, K, interval_s)[0]:
+            stable = float(theta[0, i])
+        else:
+            unstable = float(theta[0, i])
+    return stable
+
+
+def _stable(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> NDArray[np.bool_]:
+    return np.asarray(_radii(model, thetas, K, interval_s) < 1 - _STABLE)
+
+
+def _radii(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> Floats:
+    """Spectral radius of (I - K C) Ad at each theta (points, p); K (n,)."""
+    d = model.balance()
+    A, C = (
+        np.array([model.matrices(theta)[0] for theta in thetas]),
+        np.array([model.matrices(theta)[2] for theta in thetas]) * d,
+    )
+    Ad = sla.expm(A / d[:, np.newaxis] * d * interval_s)
+    if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
+        Ad[:, :, s], C = 0.0, C / interval_s
+    closed = Ad - (K / d)[:, np.newaxis] * (C @ Ad)
+    closed = np.where(np.isfinite(closed), closed, 1e300)
+    return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=1))

@@ -20,10 +20,11 @@ from monitor_core.identification.black_boxes.frequency_response import (
     Complexes,
     FrequencyResponse,
     by_gradient,
+    local_response,
     on_circle,
     root_of,
+    spectral_response,
 )
-from monitor_core.identification.black_boxes.spectra import local_response, spectral_response
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
 from monitor_core.identification.problem import Problem

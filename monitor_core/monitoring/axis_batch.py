@@ -12,7 +12,7 @@ from monitor_core.detection.cusum.cusum_events import BatchEvent, Crossing, Reco
 from monitor_core.detection.cusum.evidence_builder import EvidenceBuilder
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.stability import stable_limits
+from monitor_core.drive.kalman import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
 from monitor_core.kernel.evidence import KEPT, NAMING, EvidenceColumns, kept_numbers, noted_numbers

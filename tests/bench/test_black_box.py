@@ -14,10 +14,12 @@ import pytest
 from scipy.linalg import lstsq
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.black_boxes.arx import fit_arx
-from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse, circular
-from monitor_core.identification.black_boxes.least_squares import Lags, regressors
-from monitor_core.identification.black_boxes.spectra import local_response
+from monitor_core.identification.black_boxes.arx import Lags, fit_arx, regressors
+from monitor_core.identification.black_boxes.frequency_response import (
+    FrequencyResponse,
+    circular,
+    local_response,
+)
 from monitor_core.identification.black_boxes.subspace import fit_subspace
 from monitor_core.identification.records import Record
 from tests.bench.measure import Say, in_turns

@@ -17,15 +17,11 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive
-from monitor_core.excitation.design import Command, Experiment, Task, plan
-from monitor_core.excitation.experiment_sentences import warnings
-from monitor_core.excitation.motion_limits import Limits, fitted
+from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
+from monitor_core.excitation.motions import ExcitationError, Limits, Schedule, fitted
 from monitor_core.excitation.multisine_signals import Multisine, crest_factor, lines_in
-from monitor_core.excitation.open_loop import ExcitationError
-from monitor_core.excitation.optimal import information, optimal_powers
 from monitor_core.excitation.planned_drive import Controller, Motion, Plant
-from monitor_core.excitation.prediction import Estimation, told_apart
-from monitor_core.excitation.record_phases import Schedule
+from monitor_core.excitation.prediction import Estimation, information, optimal_powers, told_apart
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass, two_mass
 from tests.core.chains import chain, values

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.kalman import filter_gain, slowest_time_constant
-from monitor_core.drive.stability import stable_limits
+from monitor_core.drive.kalman import filter_gain, slowest_time_constant, stable_limits
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import NOISE, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass

@@ -10,11 +10,10 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, split_name
 from monitor_core.identification.greybox.comparison import fits, simulated_fits
-from monitor_core.identification.greybox.covariance import Information, information
 from monitor_core.identification.greybox.criterion import Fitted, Progress, settled, solve, without_gross
 from monitor_core.identification.greybox.estimate import Estimate, sentences
 from monitor_core.identification.greybox.levenberg_marquardt import End
-from monitor_core.identification.greybox.residuals import independence, whiteness
+from monitor_core.identification.greybox.residuals import Information, independence, information, whiteness
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record

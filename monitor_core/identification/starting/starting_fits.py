@@ -11,8 +11,7 @@ from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import value_of
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting.chains import Slots, chain_of_modes
-from monitor_core.identification.starting.growing_chains import longer, stems
-from monitor_core.identification.starting.modes import black_boxes, modal
+from monitor_core.identification.starting.modes import black_boxes, longer, modal, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,

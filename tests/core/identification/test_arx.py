@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.signal import freqz
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.black_boxes.arx import Arx, fit_arx
-from monitor_core.identification.black_boxes.least_squares import Lags, gram, regressors
+from monitor_core.identification.black_boxes.arx import Arx, Lags, fit_arx, gram, regressors
 from monitor_core.identification.records import Record
 from tests.core.identification.systems import (
     INTERVAL_S,

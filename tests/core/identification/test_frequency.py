@@ -10,8 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.excitation import multisine
-from monitor_core.identification.black_boxes.frequency_response import DECIBEL, Complexes, FrequencyResponse
-from monitor_core.identification.black_boxes.spectra import local_response, spectral_response
+from monitor_core.identification.black_boxes.frequency_response import (
+    DECIBEL,
+    Complexes,
+    FrequencyResponse,
+    local_response,
+    spectral_response,
+)
 from monitor_core.identification.records import Record
 from tests.core.identification.systems import (
     INTERVAL_S,

@@ -11,8 +11,7 @@ from scipy.stats import chi2
 
 from monitor_core.identification.bode import band, drive_response
 from monitor_core.identification.greybox import colour_of, compare, traces_of
-from monitor_core.identification.identification_procedure import Start
-from monitor_core.identification.identification_result import ParameterRow
+from monitor_core.identification.identification_procedure import ParameterRow, Start
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records import Record
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
