@@ -12,12 +12,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import (
-    DELAY,
-    Drive,
-    Parameter,
-    split_name,
-)
+from monitor_core.drive.structure import DELAY, Drive, Parameter, split_name
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 

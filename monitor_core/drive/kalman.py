@@ -1,4 +1,4 @@
-"""The predictor: gain K of the innovations form, from the noise of torque and output, and the range of theta where it is stable."""
+"""The predictor of an axis: gain K from the noise of torque and output, and the theta for which it is stable."""
 
 import math
 from functools import lru_cache
@@ -207,9 +207,7 @@ def _known(
 ) -> Floats:
     nominal, scales, bounds = (dict(part) for part in values)
     return _drawn_in(
-        AxisModel(drive, nominal, monitored, scales, bounds, relative),
-        np.array(gain),
-        interval_s,
+        AxisModel(drive, nominal, monitored, scales, bounds, relative), np.array(gain), interval_s
     )
 
 

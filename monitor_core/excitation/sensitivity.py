@@ -42,10 +42,9 @@ class Linear(NamedTuple):
     C: Floats
 
 
-def usual_torque(seed: int | np.random.Generator, rms: float, seconds: float = SECONDS) -> Floats:
+def usual_torque(seed: int | np.random.Generator, rms: float) -> Floats:
     """The reference experiment's torque (N,): multisine from 0 to 30 Hz at 200 Hz, with that rms value in N m."""
-    N = round(seconds / INTERVAL_S)
-    return multisine(np.random.default_rng(seed), N, INTERVAL_S, BAND_HZ, rms)
+    return multisine(np.random.default_rng(seed), round(SECONDS / INTERVAL_S), INTERVAL_S, BAND_HZ, rms)
 
 
 def sensitivities(
@@ -260,8 +259,6 @@ def _check_motion(quantity: str, rms: float, S: Floats) -> None:
 def _output_rms(
     ss: StateSpace, nominal: Mapping[str, float], experiment: TorqueExperiment, speed_scale: float
 ) -> float:
-    from monitor_core.modeling.simulated_axis import SimulatedAxis
-
     drive = drive_of(ss)
     axis = SimulatedAxis(nominal, speed_scale, substeps=1, drive=drive)
     moved = [axis.step(value, experiment.interval_s) for value in experiment.torque.tolist()]

@@ -29,7 +29,7 @@ from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Bools, Record
-from monitor_core.identification.records.uniform_grid import decimate, resample
+from monitor_core.identification.records.uniform_grid import grid_interval, resample
 from monitor_core.kernel.tables import TORQUE
 
 _POINTS = 300
@@ -120,9 +120,9 @@ def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
     """ARX model; samples much faster than the band are decimated, as the order of the model counts samples."""
     h = max(record.interval_s for record in records)
     every = max(1, int(1 / (_FASTER * f[-1] * h)))
-    thinned = [decimate(record, every) for record in records] if every > 1 else list(records)
+    thinned = [resample(r, every * grid_interval(r)) if every > 1 else r for r in records]
     samples = sum(len(record) for record in thinned)
-    model = fit_arx(thinned, "aic", largest=max(1, min(_LARGEST, samples // 20)))
+    model = fit_arx(thinned, largest=max(1, min(_LARGEST, samples // 20)))
     found = model.response(f)
     return replace(found, name=f"{found.name}, every {1e3 * every * h:.3g} ms") if every > 1 else found
 

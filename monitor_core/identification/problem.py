@@ -13,7 +13,7 @@ from monitor_core.drive.structure import Drive, split_name
 Predictor = Literal["output-error", "innovations"]
 Loss = Literal["squares", "huber"]
 Motion = Literal["measured", "simulated"]
-Initial = Literal["free", "rest", "first"]
+Initial = Literal["free", "first"]
 Level = Literal["torque", "slow", "time_constant"]
 
 
@@ -78,8 +78,8 @@ class Problem:
         bounds: of free parameters, by name; "delay" is one.
         motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
             friction there follows the speed of the predictor), or "simulated": all on the predictor's state.
-        initial: state at the first sample: "free"; "rest": standing still, where is estimated if the angle is
-            measured; or "first": moving rigidly with the first output, noise and all, as the monitor starts.
+        initial: state at the first sample: "free", or "first": moving rigidly with the first output, noise and all,
+            as the monitor starts.
         varying: parameters that are not constant, theta(t) = theta + sum_j b_j s_j(t), each with the names of the
             records' signals s_j; the b_j are estimated.
         slopes: where the b_j start, by name, "fm per temperature"; 0 if not given.

@@ -32,7 +32,7 @@ RECORDS = 8
 FITS: dict[str, Callable[[Record], FrequencyResponse]] = {
     "ARX 20": lambda r: fit_arx([r], 20).response(FREQUENCIES),
     "ARX 40": lambda r: fit_arx([r], 40).response(FREQUENCIES),
-    "ARX by BIC": lambda r: fit_arx([r], "bic").response(FREQUENCIES),
+    "ARX by AIC": lambda r: fit_arx([r]).response(FREQUENCIES),
     "subspace, order 5": lambda r: _subspace(r, 5),
     "local polynomials": lambda r: local_response([r], FREQUENCIES),
 }

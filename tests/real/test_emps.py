@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from monitor_core.identification.greybox import Estimate, Problem, compare, fit
+from monitor_core.identification.greybox import Estimate, Problem, fit, traces_of
 from monitor_core.identification.records import Record
 from tests.real.drives import loaded, one_mass
 
@@ -75,7 +75,7 @@ def test_simulated_position(record: Record, found: Estimate) -> None:
     Two integrators let every error of the force grow.
     """
     ours, published = (
-        compare(problem(values), [record])[0].simulation
+        traces_of(problem(values), [record])[0].fit_simulation
         for values in ({n: found.values[n] for n in FREE}, PUBLISHED)
     )
     print(f"EMPS: position in free run {ours:.2f} %, by the published values {published:.2f} %")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
@@ -28,7 +28,7 @@ from monitor_core.identification.records.uniform_grid import Regular, on_grid
 from monitor_core.kernel.compile import entry
 
 _LARGEST = 200
-"""Order up to which a criterion looks, unless told."""
+"""Order up to which AIC is looked at, unless told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Arx:
 
 def fit_arx(
     records: Sequence[Record] | Sequence[Regular],
-    order: int | Criterion = "aic",
+    order: int | None = None,
     *,
     largest: int | None = None,
 ) -> Arx:
@@ -69,15 +69,15 @@ def fit_arx(
 
     Args:
         records: with one interval; where a sample is missing, the rows that need it are left out.
-        order: n, or the criterion that chooses it.
-        largest: order up to which the criterion looks; default 200 or a tenth of the samples.
+        order: n; None: that of least AIC.
+        largest: order up to which AIC is looked at; default 200 or a tenth of the samples.
 
     Raises:
         ValueError: an order below 1, irregular samples, or fewer rows than parameters.
     """
     series = on_grid(records)
     known = sum(int(record.known.sum()) for record in series)
-    n = order if isinstance(order, int) else largest or max(1, min(_LARGEST, known // 10))
+    n = (largest or max(1, min(_LARGEST, known // 10))) if order is None else order
     if n < 1:
         raise ValueError(f"order {n}: need 1 at least")
     constants = len(series)
@@ -91,7 +91,7 @@ def fit_arx(
             f"{found.rows} rows without a missing sample for {columns.size - 1} parameters of an ARX model of order"
             f" {n}: a longer record, fewer gaps or a lower order is needed"
         )
-    if not isinstance(order, int) and (best := least_order(found.R, found.rows, constants, order)) < n:
+    if order is None and (best := least_order(found.R, found.rows, constants)) < n:
         return fit_arx(series, best)
     return _model(found, columns, n, series[0].interval_s)
 
@@ -117,8 +117,6 @@ _HIDDEN = 1e-12
 """Of the largest singular value: a direction in which the columns, scaled to length one, do not extend."""
 _AT_ONCE = 4096
 """Rows of the tall matrix in memory."""
-
-Criterion = Literal["aic", "bic"]
 
 ONES = 2
 """Signal 2 + k is 1 in record k and 0 in the others; 0 and 1 are y and u."""
@@ -166,8 +164,8 @@ def solve(R: Floats, p: int) -> Solution:
     return Solution(root @ (U[:, seen].T @ R[:p, -1]), root)
 
 
-def least_order(R: Floats, N: int, before: int, criterion: Criterion) -> int:
-    """The order n of least  N log(RSS / N) + p (2 or log N),  RSS of every order read off the last column of R (c, c).
+def least_order(R: Floats, N: int, before: int) -> int:
+    """The order n of least  N log(RSS / N) + 2 p  (Akaike), RSS of every order read off the last column of R (c, c).
 
     Its columns are those ``before``, which every order has, two for each order, and the right-hand side; N rows.
     """
@@ -176,8 +174,7 @@ def least_order(R: Floats, N: int, before: int, criterion: Criterion) -> int:
     p = 2 * orders + before
     # A record without noise: the residual is rounding, and more parameters would fit only that.
     rss = np.maximum(below[p], 1e-20 * below[0])
-    cost = N * np.log(rss / N) + p * (2.0 if criterion == "aic" else np.log(N))
-    return int(orders[np.argmin(cost)])
+    return int(orders[np.argmin(N * np.log(rss / N) + p * 2.0)])
 
 
 def _parts(records: Sequence[Regular], blocks: Sequence[Lags]) -> Iterator[tuple[Floats, int, int]]:

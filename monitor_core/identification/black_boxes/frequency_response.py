@@ -36,9 +36,6 @@ class FrequencyResponse:
         sd_db: (F,) standard deviation of 20 log10 |G|, dB; infinite: not known at all.
         sd_phase: (F,) standard deviation of the phase, rad.
         name: as in a legend.
-
-    Raises:
-        ValueError: arrays of different length.
     """
 
     frequency_hz: Floats
@@ -46,11 +43,6 @@ class FrequencyResponse:
     sd_db: Floats
     sd_phase: Floats
     name: str = ""
-
-    def __post_init__(self) -> None:
-        for values in (self.G, self.sd_db, self.sd_phase):
-            if values.shape != self.frequency_hz.shape:
-                raise ValueError(f"{values.shape} values for {self.frequency_hz.shape} frequencies")
 
     @property
     def db(self) -> Floats:

@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY, split_name
-from monitor_core.identification.greybox.criterion import choose_disturbance, fit_starts
+from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.residuals import scores_covariance
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record
-
-
-class Comparison(NamedTuple):
-    """NRMSE of one record, per cent."""
-
-    one_step: float
-    simulation: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,22 +50,6 @@ def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
         for p in (ahead, Predictor(_free_run(problem), records, None))
     ]
     return tuple(Trace(r.name, r.t, r.y, *both) for r, *both in zip(records, *outputs, strict=True))
-
-
-def compare(problem: Problem, records: Sequence[Record]) -> tuple[Comparison, ...]:
-    """How well a problem's values, such as those of ``Estimate.problem``, predict and simulate records.
-
-    Only the initial states are fitted.  One step ahead K is that of the problem's noise at these records' interval,
-    where it names none of the white torque noise that predicts the first of them best, found to a factor of ten;
-    friction and gravity in the simulation follow the simulated motion.
-
-    Raises:
-        ValueError: no record, another output than the drive's, no sample measured.
-    """
-    held = replace(problem, free=tuple(problem.varying))
-    ahead = Predictor(held, records, choose_disturbance(held, records))
-    one_step = fits(ahead, ahead.errors(fit_starts(ahead)))
-    return tuple(Comparison(a, b) for a, b in zip(one_step, simulated_fits(problem, records), strict=True))
 
 
 def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, ...]:

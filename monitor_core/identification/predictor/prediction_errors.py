@@ -77,9 +77,8 @@ class Predictor:
 
     @property
     def own(self) -> int:
-        """Number of entries of the vector for each record: its initial state, or the angle where it rests."""
-        initial = self.problem.initial
-        return self.n if initial == "free" else int(initial == "rest" and self.drive.output == "angle")
+        """Number of entries of the vector for each record: its initial state, or none."""
+        return self.n if self.problem.initial == "free" else 0
 
     def columns(self, i: int) -> np.ndarray:
         """Indices in the vector of the columns of psi of record i."""
@@ -91,9 +90,7 @@ class Predictor:
         """Start of the vector: nominal values, all at rest."""
         xi = self.layout.start()
         rest = self._rest(self._linear(self.layout.point(xi), self._signal_mean))
-        free = self.problem.initial == "free"
-        own = [rest * s.first if free else np.full(self.own, s.first) for s in self.series]
-        return np.concatenate([xi, *own])
+        return np.concatenate([xi, *(rest[: self.own] * s.first for s in self.series)])
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Bounds of the vector."""
@@ -189,16 +186,14 @@ class Predictor:
         return np.asarray(np.logical_or.reduce([self._torque, *acts]))
 
     def _start(self, xi: Floats, i: int, system: Linear) -> tuple[Floats, Floats]:
-        columns, shared, initial = self.columns(i), self.layout.shared, self.problem.initial
-        Z0, own = np.zeros((self.n, columns.size)), xi[columns[shared:]]
-        if initial == "free":
+        columns, shared = self.columns(i), self.layout.shared
+        Z0 = np.zeros((self.n, columns.size))
+        if self.own:
             Z0[:, shared:] = np.eye(self.n)
-            return own.copy(), Z0
-        # At rest own is the angle, and empty where the output is a speed.
-        output = self.series[i].first if initial == "first" else float(own.sum())
-        Z0[:, : system.drest.shape[1]] = system.drest * output
-        Z0[:, shared:] = self._rest(system)[:, None]
-        return self._rest(system) * output, Z0
+            return xi[columns[shared:]], Z0
+        first = self.series[i].first
+        Z0[:, : system.drest.shape[1]] = system.drest * first
+        return self._rest(system) * first, Z0
 
     def _rest(self, system: Linear) -> Floats:
         """The state of rigid motion with output 1; that of a mean speed is here the mean itself."""
@@ -227,13 +222,11 @@ class Predictor:
         late = late_s if self.layout.free_delay or late_s else None
         if self.drive.mean_state >= 0:
             X, dX = hold_mean(system, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
-        elif late is None:
-            return hold(system, intervals_s)
         else:
-            X, dX = hold_late(system, torque, intervals_s, late)
-        if late is None:
-            return X, dX
-        return X, dX if self.layout.free_delay else dX[:, :-1]
+            X, dX = (
+                hold(system, intervals_s) if late is None else hold_late(system, torque, intervals_s, late)
+            )
+        return X, dX if late is None or self.layout.free_delay else dX[:, :-1]
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""

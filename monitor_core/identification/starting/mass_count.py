@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.identification.greybox import Estimate, Problem, compare
+from monitor_core.identification.greybox import Estimate, Problem, traces_of
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
 from monitor_core.identification.starting.modes import Stem, longer, rigid
@@ -65,7 +65,7 @@ def grow(
 
 
 def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> Grown:
-    aside = tuple(model.one_step for model in compare(found.problem, validation)) if validation else ()
+    aside = tuple(trace.fit for trace in traces_of(found.problem, validation)) if validation else ()
     chain_found = Slots(found.problem).chain(found.problem.nominal)
     return Grown(masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0])))
 

@@ -91,7 +91,7 @@ def test_gradients_of_every_case(name: str, motion: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("output", ["speed", "angle"])
-@pytest.mark.parametrize("initial", ["free", "rest", "first"])
+@pytest.mark.parametrize("initial", ["free", "first"])
 def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> None:
     """K follows theta, the noise levels and their time constant; two records."""
     case = Case("", output, ("Jm", "1/Ja", "kg", "da", "r", "fc"))  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.records import Record
-from monitor_core.identification.records.uniform_grid import PASS, decimate, is_regular, mean_torque, resample
+from monitor_core.identification.records.uniform_grid import PASS, mean_torque, resample
 from tests.core.identification.record_cases import records
 
 
@@ -72,7 +72,7 @@ def test_what_is_above_the_band_does_not_come_back(
     frequency = min(above * 0.5 / (factor * h), 0.49 / h)
     t = h * np.arange(6000, dtype=float)
     y = np.sin(2 * np.pi * frequency * t + rng.uniform(0, 6))
-    new = decimate(Record(t, t, y, "speed"), factor)
+    new = resample(Record(t, t, y, "speed"), factor * h)
     assert abs(new.y[new.measured]).max() < 1.5e-3
 
 
@@ -82,7 +82,7 @@ def test_missing_samples_stay_missing_and_spoil_no_others(rng: np.random.Generat
     whole = sampled(tones, 0.0, rng)
     start = int(rng.integers(2000, 6000))
     hole = np.arange(start, start + 4 * factor)
-    new, intact = decimate(whole.without(hole), factor), decimate(whole, factor)
+    new, intact = (resample(r, factor * 0.001) for r in (whole.without(hole), whole))
     lost = intact.measured & ~new.measured
     near = (new.t > whole.t[hole[0] - 1] - factor * 0.001) & (new.t < whole.t[hole[-1] + 1] + factor * 0.001)
     inside = (new.t >= whole.t[hole[0]]) & (new.t <= whole.t[hole[-1]])
@@ -107,17 +107,10 @@ def test_as_it_is() -> None:
         np.arange(100, dtype=float) ** 2,
         "speed",
     )
-    assert decimate(r, 1) is r
     again = resample(r, 0.001)
     assert again.measured.all()
     assert again.y == pytest.approx(r.y, abs=1e-9)
     assert again.u == pytest.approx(r.u)
-
-
-def test_lost_samples_are_still_on_the_grid() -> None:
-    t = 0.001 * np.delete(np.arange(1000, dtype=float), [5, 100, 101])
-    assert is_regular(Record(t, t, t, "speed"))
-    assert not is_regular(Record(t**2 + t, t, t, "speed"))
 
 
 def test_what_cannot_be_resampled() -> None:
@@ -127,5 +120,3 @@ def test_what_cannot_be_resampled() -> None:
         resample(r, 0.0005)
     with pytest.raises(ValueError, match=r"a record of 0.099 s has no two samples 0.1 s apart"):
         resample(r, 0.1)
-    with pytest.raises(ValueError, match=r"not on a regular grid .* can be resampled, not decimated"):
-        decimate(Record(t**2 + t, t, t, "speed"), 2)
