@@ -64,7 +64,7 @@ def _steady(
     g = G / output_noise
     g[:, : _torque(model).sum()] *= torque_noise
     try:
-        return Ad, prediction_variance(Ad, C, g @ g.T), g @ g.T, C[0], d
+        return Ad, prediction_variance(Ad, C[0], g @ g.T), g @ g.T, C[0], d
     except ValueError:
         raise ValueError(_no_filter(torque_noise, output_noise)) from None
 
@@ -92,14 +92,13 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
 
         P = Ad (P - P C' (C P C' + I)^-1 C P) Ad' + Q
 
-    C is (n,) or (1, n).
+    C is (n,).
 
     Raises:
         ValueError: there is no stable filter.
     """
     # The doubling algorithm (Chu, Fan, Lin, Wang 2004): step k is 2^k steps of the recursion.  G is C'C summed up.
-    C = np.atleast_2d(C)
-    A, G, P, unit = Ad.T, C.T @ C, Q, np.eye(len(Ad))
+    A, G, P, unit = Ad.T, np.outer(C, C), Q, np.eye(len(Ad))
     for _ in range(_DOUBLINGS):
         AW = np.linalg.solve((unit + G @ P).T, A.T).T
         before, A, G, P = P, AW @ A, G + AW @ G @ A.T, P + A.T @ P @ np.linalg.solve(unit + G @ P, A)
@@ -108,9 +107,11 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
             break
         if abs(P - before).max() <= _SETTLED * abs(P).max():
             break
-    if not (np.isfinite(P).all() and _radius(Ad, C, _joint_gain(P, C)) < 1 - _MARGIN):
-        raise ValueError("no stable filter")
-    return P
+    if np.isfinite(P).all():
+        closed = Ad - np.outer(P @ C / (C @ P @ C + 1), C @ Ad)
+        if np.abs(np.linalg.eigvals(closed)).max() < 1 - _MARGIN:
+            return P
+    raise ValueError("no stable filter")
 
 
 def held_disturbance(interval_s: float, time_constant_s: float) -> float:
@@ -158,15 +159,6 @@ def _torque(model: AxisModel) -> np.ndarray:
     return np.array([kind == TORQUE for kind in model.drive.inputs])
 
 
-def _radius(Ad: Floats, C: Floats, K: Floats) -> float:
-    return float(np.abs(np.linalg.eigvals(Ad - K @ (C @ Ad))).max())
-
-
-def _joint_gain(P: Floats, C: Floats) -> Floats:
-    """P C' (C P C' + I)^-1 (n, q), of C (q, n)."""
-    return np.asarray(np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T)
-
-
 def _no_filter(torque_noise: float, output_noise: float) -> str:
     return (
         f"no stable Kalman filter for torque_noise = {torque_noise} and output_noise = {output_noise}: "
@@ -188,18 +180,15 @@ def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
 
     Where it is unstable at the nominal values themselves the bounds are not changed.
     """
-    nominal, scales, bounds = (
-        tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds)
-    )
-    gain = tuple(float(k) for k in np.ravel(K))
-    values = (nominal, scales, bounds)
+    values = tuple(tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds))
+    gain = tuple(np.ravel(K).tolist())
     return _known(model.drive, values, model.monitored, model.relative, gain, interval_s).copy()
 
 
 @lru_cache(maxsize=4096)
 def _known(
     drive: Drive,
-    values: tuple[Any, Any, Any],
+    values: tuple[Any, ...],
     monitored: tuple[str, ...],
     relative: bool,
     gain: tuple[float, ...],
@@ -238,11 +227,7 @@ def _last_stable(model: AxisModel, i: int, unstable: float, K: Floats, interval_
 
 
 def _stable(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> NDArray[np.bool_]:
-    return np.asarray(_radii(model, thetas, K, interval_s) < 1 - _STABLE)
-
-
-def _radii(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> Floats:
-    """Spectral radius of (I - K C) Ad at each theta (points, p); K (n,)."""
+    """Whether (I - K C) Ad is stable at each theta (points, p); K (n,)."""
     d = model.balance()
     A, C = (
         np.array([model.matrices(theta)[0] for theta in thetas]),
@@ -253,4 +238,4 @@ def _radii(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> Fl
         Ad[:, :, s], C = 0.0, C / interval_s
     closed = Ad - (K / d)[:, np.newaxis] * (C @ Ad)
     closed = np.where(np.isfinite(closed), closed, 1e300)
-    return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=1))
+    return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=1) < 1 - _STABLE)

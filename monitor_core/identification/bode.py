@@ -200,12 +200,9 @@ def drive_response(
 
     Raises:
         KeyError: a name that the drive does not have, or a value that is missing.
-        ValueError: a value that makes no sense; a frequency beyond half the sampling frequency; a covariance of
-            another size.
+        ValueError: a value that makes no sense; a frequency beyond half the sampling frequency.
     """
     covariance = np.zeros((len(names), len(names))) if covariance is None else covariance
-    if covariance.shape != (len(names), len(names)):
-        raise ValueError(f"covariance {covariance.shape} for {len(names)} names")
     model = AxisModel(drive, values, ())
     free = [p for p in names if p != DELAY and " per " not in p]
     system = Structure(drive, free, model.balance()).at(model.nominal)

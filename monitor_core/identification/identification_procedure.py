@@ -12,7 +12,7 @@ import numpy as np
 from monitor_core.drive.structure import DELAY, split_name
 from monitor_core.identification.bode import Bode, bode_of
 from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit, traces_of
-from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
+from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
 from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting import Growth, fit_from, fit_from_scratch, grow, masses_of
@@ -248,11 +248,7 @@ def identify(
 
 
 def _best(problem: Problem, records: Sequence[Record], start: Start, report: Progress) -> Estimate:
-    """The fit of least cost.
-
-    Raises:
-        ValueError: there is none.
-    """
+    """The fit of least cost."""
 
     def searching(done: int, most: int) -> None:
         report("search for starting values", done, most)
@@ -286,12 +282,13 @@ def _growth(
     problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: Progress
 ) -> Growth:
     """Chains of one, two, .. masses, with the friction of the drive."""
-    acting = _acting_inputs(problem)
-    if acting & {COSINE, SINE}:
+    drive = problem.drive
+    kinds = {drive.inputs[k] for k in acting(drive, problem.nominal, problem.free)}
+    if kinds & {COSINE, SINE}:
         raise IdentificationError(
             "--masses compares masses in a row without gravity, which acts on this drive"
         )
-    friction = {"fm": True, "fc": COULOMB in acting, "tau0": ONE in acting}
+    friction = {"fm": True, "fc": COULOMB in kinds, "tau0": ONE in kinds}
     try:
         return grow(
             records,
@@ -303,10 +300,3 @@ def _growth(
         )
     except ValueError as error:
         raise IdentificationError(f"--masses: {error}") from None
-
-
-def _acting_inputs(problem: Problem) -> set[int]:
-    """Kinds of the inputs that act on the drive."""
-    values = {name: value or float(name in problem.free) for name, value in problem.nominal.items()}
-    acts = np.flatnonzero(problem.drive.matrix("B", values).any(axis=0))
-    return {problem.drive.inputs[int(column)] for column in acts}

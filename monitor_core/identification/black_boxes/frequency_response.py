@@ -112,6 +112,8 @@ def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Compl
 # --- From any excitation: averaged spectra, and local polynomials -----------------------------------------------------
 
 
+_LINES, _DEGREE = 21, 2
+"""Lines of the longest record in the band around each frequency, and degree of the polynomials there."""
 _HIDDEN = 1e-10
 """Of the strongest line of the record: polynomials told apart by less are not told at all."""
 
@@ -178,8 +180,6 @@ def local_response(
     records: Sequence[Record] | Sequence[Regular],
     frequency_hz: ArrayLike,
     *,
-    lines: int = 21,
-    degree: int = 2,
     name: str = "local polynomials",
 ) -> FrequencyResponse:
     """G at any frequencies; NaN where the lines nearby are not excited.
@@ -187,24 +187,18 @@ def local_response(
     Args:
         records: with one interval, without missing samples; the polynomial of G is common, transients are not.
         frequency_hz: (F,) Hz.
-        lines: of the longest record, in the band around each frequency.
-        degree: of the polynomials.
         name: as in a legend.
 
     Raises:
         ValueError: a missing sample, too few lines, a frequency beyond half the sampling frequency.
     """
     series = on_grid(records)
-    if degree < 0 or lines <= 2 * (degree + 1):
-        raise ValueError(
-            f"{lines} lines for two polynomials of degree {degree}: need {2 * degree + 3} at least"
-        )
     f, _ = on_circle(frequency_hz, series[0].interval_s)
     spectra = [_spectrum(record) for record in series]
     longest = max(spectra, key=lambda s: s.frequency_hz.size).frequency_hz
-    if longest.size < lines:
-        raise ValueError(f"{longest.size} lines in the longest record: {lines} are wanted at a time")
-    fits = [_fit(spectra, _band(longest, value, lines), value, degree) for value in f.tolist()]
+    if longest.size < _LINES:
+        raise ValueError(f"{longest.size} lines in the longest record: {_LINES} are wanted at a time")
+    fits = [_fit(spectra, _band(longest, value), value) for value in f.tolist()]
     G, variance = (np.array(column) for column in zip(*fits, strict=True))
     return circular(f, G, variance, name)
 
@@ -223,21 +217,19 @@ def _spectrum(record: Regular) -> Spectrum:
     return Spectrum(np.arange(1, (N + 1) // 2) / (N * record.interval_s), y, u)
 
 
-def _band(frequency: Floats, at: float, lines: int) -> tuple[float, float]:
+def _band(frequency: Floats, at: float) -> tuple[float, float]:
     """From half a line below the first to half a line above the last of the nearest lines."""
-    first = int(np.clip(np.searchsorted(frequency, at) - lines // 2, 0, frequency.size - lines))
+    first = int(np.clip(np.searchsorted(frequency, at) - _LINES // 2, 0, frequency.size - _LINES))
     half = frequency[0] / 2
-    return float(frequency[first] - half), float(frequency[first + lines - 1] + half)
+    return float(frequency[first] - half), float(frequency[first + _LINES - 1] + half)
 
 
-def _fit(
-    spectra: Sequence[Spectrum], band: tuple[float, float], at: float, degree: int
-) -> tuple[complex, float]:
+def _fit(spectra: Sequence[Spectrum], band: tuple[float, float], at: float) -> tuple[complex, float]:
     """G and its variance: y on the powers of frequency times u, and on those alone for each record."""
     used = [(s, np.flatnonzero((s.frequency_hz >= band[0]) & (s.frequency_hz <= band[1]))) for s in spectra]
-    used = [(s, k) for s, k in used if k.size > degree + 1]
+    used = [(s, k) for s, k in used if k.size > _DEGREE + 1]
     powers = [
-        ((s.frequency_hz[k] - at) / (band[1] - band[0]))[:, None] ** np.arange(degree + 1) for s, k in used
+        ((s.frequency_hz[k] - at) / (band[1] - band[0]))[:, None] ** np.arange(_DEGREE + 1) for s, k in used
     ]
     y, u = np.concatenate([s.y[k] for s, k in used]), np.concatenate([s.u[k] for s, k in used])
     X, T = np.vstack(powers) * u[:, None], block_diag(*powers)

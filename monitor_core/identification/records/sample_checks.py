@@ -310,13 +310,12 @@ def _stuck(record: Record) -> Iterator[Finding]:
 def _says_stuck(record: Record, t: Floats, found: Runs) -> Finding:
     longest = int(np.argmax(found.length))
     share = float(found.length.sum() / len(record))
-    times = "once" if found.start.size == 1 else f"{found.start.size} times"
     return Finding(
         "stuck",
         "refuse" if share > _MOSTLY else "warn",
-        f"the {record.quantity} stays the same to the last digit {times} while the axis moves, longest for "
-        f"{found.length[longest]} samples from {t[found.start[longest]] - record.t[0]:.3f} s on: a stuck sensor or a "
-        "lost connection",
+        f"the {record.quantity} stays the same to the last digit {_times(found.start.size)} while the axis moves, "
+        f"longest for {found.length[longest]} samples from {t[found.start[longest]] - record.t[0]:.3f} s on: a stuck "
+        "sensor or a lost connection",
         float(found.length[longest]),
     )
 

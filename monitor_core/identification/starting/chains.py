@@ -266,11 +266,7 @@ def _lossless(
 
 
 def _taken_apart(A: Floats, b: Floats, c: Floats) -> Chain:
-    """The chain of a lossless drive.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """The chain of a lossless drive; ValueError: it is none."""
     poles, V = np.linalg.eig(A)
     a = (c @ V) * np.linalg.solve(V, b.astype(complex))
     largest = np.abs(poles).max()

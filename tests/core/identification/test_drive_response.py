@@ -139,9 +139,3 @@ def test_what_is_not_told_makes_the_band_infinite() -> None:
     )
     assert np.isfinite(told.sd_db).all()
     assert (told.sd_db > 0).all()
-
-
-def test_mistakes_are_told() -> None:
-    drive = three_mass("speed")
-    with pytest.raises(ValueError, match=r"covariance \(1, 1\) for 2 names"):
-        drive_response(drive, REFERENCE_VALUES, INTERVAL_S, [1.0], names=("Jm", "fm"), covariance=np.eye(1))

@@ -167,7 +167,5 @@ def test_mistakes_are_told(seed: int) -> None:
     record = white(np.random.default_rng(seed), 500, 0.1)
     with pytest.raises(ValueError, match="1 segments of 400 samples"):
         spectral_response([record], 400)
-    with pytest.raises(ValueError, match="need 7 at least"):
-        local_response([record], [1.0], lines=6)
-    with pytest.raises(ValueError, match="249 lines in the longest record: 301 are wanted"):
-        local_response([record], [1.0], lines=301)
+    with pytest.raises(ValueError, match="19 lines in the longest record: 21 are wanted"):
+        local_response([record.select(slice(0, 40))], [1.0])
