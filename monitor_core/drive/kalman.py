@@ -12,7 +12,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
-from monitor_core.kernel.tables import GAINS, TORQUE
+from monitor_core.kernel.tables import GAINS
 
 _MARGIN = 1e-6
 """A double eigenvalue 1, which has no filter, comes out of the Riccati solver as 1 - 1e-8."""
@@ -62,11 +62,14 @@ def _steady(
     Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
     # In units of the output noise, R = 1, the Riccati equation is scaled best.
     g = G / output_noise
-    g[:, : _torque(model).sum()] *= torque_noise
+    g[:, : model.drive.of_torque.sum()] *= torque_noise
     try:
         return Ad, prediction_variance(Ad, C[0], g @ g.T), g @ g.T, C[0], d
     except ValueError:
-        raise ValueError(_no_filter(torque_noise, output_noise)) from None
+        raise ValueError(
+            f"no stable Kalman filter for torque_noise = {torque_noise} and output_noise = {output_noise}: "
+            "with the angle as output, or without friction, the torque noise must be greater than zero"
+        ) from None
 
 
 def gains_after(
@@ -136,7 +139,7 @@ def _balanced(
     """Ad (n, n), the input matrix of the noise (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
     A, B, C = model.matrices()
     d = model.balance()
-    enters = B[:, _torque(model)]
+    enters = B[:, model.drive.of_torque]
     if disturbance:
         if DISTURBANCE_TIME not in model.nominal:
             raise ValueError(f"the drive {model.drive.name!r} has no torque disturbance")
@@ -153,17 +156,6 @@ def _kept(model: AxisModel, K: Floats) -> Floats:
     if (s := model.drive.mean_state) >= 0:
         K[s] = 0.0
     return K
-
-
-def _torque(model: AxisModel) -> np.ndarray:
-    return np.array([kind == TORQUE for kind in model.drive.inputs])
-
-
-def _no_filter(torque_noise: float, output_noise: float) -> str:
-    return (
-        f"no stable Kalman filter for torque_noise = {torque_noise} and output_noise = {output_noise}: "
-        "with the angle as output, or without friction, the torque noise must be greater than zero"
-    )
 
 
 # --- Range of theta: within its bounds, and where the predictor is stable (D_M of Ljung and Soderstrom) ---------------

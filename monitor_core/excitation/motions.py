@@ -80,6 +80,9 @@ _DRIFT = 10.0
 """So much worse than a motion off the middle is one that leaves it further with every period."""
 _STEP = 0.02
 """For the slopes, in rms values of the signal."""
+_LINEAR, _NONLINEAR = (np.inf, np.inf, 0.0), (0.2, 0.5, 0.03)
+"""The range in which the linearised drive is used and the largest pulse, in rms values of the signal, and the weight
+against pulses: friction damps them, and keeps the drive from running away."""
 
 
 class ExcitationError(ValueError):
@@ -115,13 +118,16 @@ class OpenLoop:
 
         wanted = size * self.schedule.window() * self.schedule.repeated(self.signal)
         step_size = size * self.signal.rms
-        c, largest = self._start(), np.array([np.inf, *[self._highest * step_size] * 4])
+        reach, highest, reluctance = _LINEAR if self.plant.is_linear else _NONLINEAR
+        # At first no pulses, and the offset that the drive needs at rest.
+        c = np.append(self.plant.countered(np.zeros(1), np.zeros(1)), np.zeros(4))
+        largest = np.array([np.inf, *[highest * step_size] * 4])
         best: tuple[float, Motion] | None = None
         for _ in range(_CORRECTIONS):
             tried = c + _STEP * step_size * np.vstack([np.zeros(5), np.eye(5)])
             with np.errstate(all="ignore"):
                 motion = self.plant.moved(wanted[:, None] + self._corrections @ tried.T)
-            misses = np.vstack([self._misses(motion, size), self._reluctance * tried.T[1:] / step_size])
+            misses = np.vstack([self._misses(motion, size), reluctance * tried.T[1:] / step_size])
             if not np.isfinite(misses).all():
                 break
             worst = float(np.linalg.norm(misses[:, 0]))
@@ -131,34 +137,14 @@ class OpenLoop:
                 break
             slopes = (misses[:, 1:] - misses[:, :1]) / _STEP
             room = (
-                np.minimum(largest - c, self._reach * step_size),
-                np.maximum(-largest - c, -self._reach * step_size),
+                np.minimum(largest - c, reach * step_size),
+                np.maximum(-largest - c, -reach * step_size),
             )
             c = (
                 c
                 + step_size * lsq_linear(slopes, -misses[:, 0], (room[1] / step_size, room[0] / step_size)).x
             )
         return self._checked(best)
-
-    def _start(self) -> Floats:
-        """Initial corrections: no pulses, and the offset that the drive needs at rest (5,)."""
-        at_rest = np.zeros(1)
-        return np.array([self.plant.countered(at_rest, at_rest)[0], 0.0, 0.0, 0.0, 0.0])
-
-    @property
-    def _reach(self) -> float:
-        """Range in which the linearised drive is used, in rms values of the signal."""
-        return np.inf if self.plant.is_linear else 0.2
-
-    @property
-    def _highest(self) -> float:
-        """Largest pulse, in rms values of the signal."""
-        return np.inf if self.plant.is_linear else 0.5
-
-    @property
-    def _reluctance(self) -> float:
-        """Weight against pulses: friction damps them, and keeps the drive from running away."""
-        return 0.0 if self.plant.is_linear else 0.03
 
     def _misses(self, motion: Motion, size: float) -> Floats:
         """Errors of the mean angle, of its drift, and of the end from rest at zero.

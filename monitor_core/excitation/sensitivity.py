@@ -20,7 +20,6 @@ from monitor_core.drive.structure import Drive, split_name
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.kernel.fixed_predictor import simulate_known
-from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.numbers import drive_of, nominal_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
@@ -96,7 +95,7 @@ def sensitivity_responses(
         KeyError, ValueError: as ``sensitivities``.
     """
     system, slopes = _linearised(drive, values, names, scales or {})
-    torque = np.array([kind == TORQUE for kind in drive.inputs], dtype=float)[:, np.newaxis]
+    torque = drive.of_torque[:, np.newaxis].astype(float)
     n = len(system.A)
     X, dX = _held(system, slopes, interval_s)
     Ad, Bd = X[:, :n], X[:, n:]

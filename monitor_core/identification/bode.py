@@ -30,7 +30,6 @@ from monitor_core.identification.predictor.held_drive import Linear, Structure, 
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Bools, Record
 from monitor_core.identification.records.uniform_grid import grid_interval, resample
-from monitor_core.kernel.tables import TORQUE
 
 _POINTS = 300
 _PERIODS = 4.0
@@ -207,7 +206,7 @@ def drive_response(
     free = [p for p in names if p != DELAY and " per " not in p]
     system = Structure(drive, free, model.balance()).at(model.nominal)
     f, _ = on_circle(frequency_hz, interval_s)
-    torque, (whole, late) = np.array([kind == TORQUE for kind in drive.inputs]), divmod(delay_s, interval_s)
+    torque, (whole, late) = drive.of_torque, divmod(delay_s, interval_s)
     G, slopes = held_response(system, torque, interval_s, f, late)
     dG = np.zeros((f.size, len(names)), dtype=np.complex128)
     for i, parameter in enumerate(names):

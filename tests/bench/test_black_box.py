@@ -65,7 +65,7 @@ def test_arx_of_high_order(seed: int, say: Say) -> None:
     fits: dict[str, Callable[[], object]] = {
         "order 200 (400 parameters)": lambda: fit_arx([record], 200),
         "order 400 (800 parameters)": lambda: fit_arx([record], 400),
-        "order by AIC up to 400": lambda: fit_arx([record], "aic", largest=400),
+        "order by AIC up to 400": lambda: fit_arx([record], largest=400),
         "order 100": lambda: fit_arx([record], 100),
         "order 100, LAPACK on the tall matrix": lambda: _tall(record, 100),
     }

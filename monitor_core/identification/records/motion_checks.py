@@ -14,7 +14,6 @@ from monitor_core.drive.structure import Drive, Output
 from monitor_core.identification.records.record import Finding, Known, Record, segments
 from monitor_core.identification.records.sample_checks import signals, strange, times
 from monitor_core.identification.records.uniform_grid import mean_torque
-from monitor_core.kernel.tables import TORQUE
 
 _BACK = 3.0
 """The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
@@ -157,9 +156,7 @@ def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
     Raises:
         KeyError, ValueError: a value is missing or makes no sense.
     """
-    values = drive.complete(values)
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
-    torque = B[:, [kind == TORQUE for kind in drive.inputs]].sum(axis=1)
+    A, torque, C = _from_torque(drive, values)
     poles = abs(np.linalg.eigvals(A))
     s = 1e-4j * poles[poles > 1e-6 * poles.max()].min()
     G = complex(C[0] @ np.linalg.solve(s * np.eye(len(A)) - A, torque))
@@ -172,14 +169,19 @@ def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
     Raises:
         KeyError, ValueError: a value is missing or makes no sense.
     """
-    values = drive.complete(values)
-    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
-    torque = B[:, [kind == TORQUE for kind in drive.inputs]].sum(axis=1, keepdims=True)
+    A, torque, C = _from_torque(drive, values)
     n = len(A)
-    pencil = np.block([[A, torque], [C, np.zeros((1, 1))]]), np.diag([1.0] * n + [0.0])
+    pencil = np.block([[A, torque[:, None]], [C, np.zeros((1, 1))]]), np.diag([1.0] * n + [0.0])
     zeros = np.asarray(eigvals(*pencil), np.complex128)
     swinging = abs(zeros[np.isfinite(zeros) & (zeros.imag > 1e-6 * abs(zeros))])
     return float(2 * np.pi / swinging.min()) if swinging.size else None
+
+
+def _from_torque(drive: Drive, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
+    """A, the column of B (n,) of the torque, C."""
+    values = drive.complete(values)
+    A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
+    return A, B[:, drive.of_torque].sum(axis=1), C
 
 
 def known_of(drive: Drive, values: Mapping[str, float], parameters: int, speed_scale: float = 1.0) -> Known:

@@ -4,9 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
+from monitor_core.drive.kalman import filter_gain
 from monitor_core.identification.greybox import Disturbance, Estimate, Problem, fit, traces_of
+from monitor_core.identification.greybox.criterion import choose_disturbance, outliers
+from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.records import Record
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
@@ -244,3 +248,101 @@ def test_mistakes() -> None:
         fit(reference_problem(bounds={"Jm": (1.0, 2.0)}), [rec])
     with pytest.raises(ValueError, match="unstable at the start"):
         fit(reference_problem(nominal={**REFERENCE_VALUES, "fm": -50.0}), [reference_record(0, 2000)])
+
+
+# --- A slow torque disturbance: its level and time constant are found, and with them the drive ------------------------
+
+
+def test_levels_time_constant_and_drive_are_found(seed: int) -> None:
+    """d of 0.4 N m and 0.3 s, white torque noise of 0.1 N m, output noise of 0.5 rad/s."""
+    N, h, T, slow, white, output = 6000, 0.005, 0.3, 0.4, 0.1, 0.5
+    rng, clean = np.random.default_rng(seed), reference_record(seed, N, noise=0.0)
+    a = np.exp(-h / T)
+    d = lfilter([1], [1, -a], slow * np.sqrt(1 - a**2) * rng.standard_normal(N))
+    torque = clean.u + d + white * rng.standard_normal(N)
+    y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, torque[:, None], h)
+    rec = Record(clean.t, clean.u, y[:, 0] + output * rng.standard_normal(N), "speed")
+    noise = Disturbance(slow=1.0, time_constant_s=1.0, free=("torque", "slow", "time_constant"))
+    found = fit(reference_problem(predictor="innovations", disturbance=noise), [rec])
+    assert found.converged
+    assert found.names == (*EIGHT, "Td")
+    assert np.abs((found.theta[:8] - TRUE) / found.sd[:8]).max() < 4.5
+    assert found.values["Td"] == pytest.approx(T, abs=4.5 * found.sd[8])
+    assert found.noise["slow"] == pytest.approx(slow, rel=0.4)
+    assert found.noise["output"] == pytest.approx(output, rel=0.06)
+    assert found.whiteness.p_value > 1e-4
+    simulated = fit(reference_problem(), [rec])
+    assert (found.sd[:8] < simulated.sd).all()
+
+
+def test_the_monitor_gets_this_very_gain(seed: int) -> None:
+    """From the estimate's drive, values and noise: K in physical states, lambda_0."""
+    rec = reference_record(seed, 3000)
+    noise = Disturbance(torque=0.3, slow=0.5, free=())
+    found = fit(reference_problem(predictor="innovations", disturbance=noise), [rec])
+    levels = (found.noise["torque"], found.noise["output"], found.noise["slow"])
+    K, lam0 = filter_gain(found.model(), found.interval_s, *levels)
+    np.testing.assert_allclose(found.K, K, rtol=1e-6, atol=1e-9 * abs(K).max())
+    assert found.lam0 == pytest.approx(lam0, rel=1e-9)
+    assert len(found.K) == len(found.drive.states) == 6
+
+
+# --- Outliers one by one: those that are, not those that K made of them -----------------------------------------------
+
+
+SHORT = 600
+LIMIT = 5.0  # standard deviations of the innovations
+
+
+def predictor_of(rec: Record) -> Predictor:
+    """K is large: a torque noise of .6 N m beside an output noise of .3 rad/s."""
+    problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.6, output=0.3))
+    return Predictor(problem, [rec], choose_disturbance(problem, [rec]))
+
+
+def with_errors(rec: Record, which: np.ndarray, size: float) -> Record:
+    y = rec.y.copy()
+    y[which] += size
+    return Record(rec.t, rec.u, y, rec.quantity)
+
+
+@pytest.mark.parametrize(
+    "which",
+    [[0], [300], [300, 301], [300, 302, 305, 306], [300, 325, 350], [0, 1, 599], list(range(300, 315))],
+)
+def test_those_that_are(which: list[int], seed: int) -> None:
+    clean = reference_record(seed, SHORT, noise=0.01)
+    rec = with_errors(clean, np.array(which), 30.0)
+    predictor = predictor_of(rec)
+    xi = predictor_of(clean).start()
+    [found] = outliers(predictor, xi, LIMIT)
+    np.testing.assert_array_equal(np.flatnonzero(found), which)
+    [e] = predictor.errors(xi)
+    if 599 not in which:
+        assert np.count_nonzero(np.abs(e.eps) > LIMIT) > len(which)  # K carried them on
+
+
+@pytest.mark.parametrize(("size", "count"), [(0.9 * LIMIT, 0), (1.1 * LIMIT, 1)])
+def test_beyond_the_limit(size: float, count: int, seed: int) -> None:
+    clean = reference_record(seed, SHORT, noise=0.01)
+    predictor = predictor_of(with_errors(clean, np.array([300]), size))
+    [found] = outliers(predictor, predictor.start(), LIMIT)
+    assert found.sum() == count
+
+
+def test_none(seed: int) -> None:
+    predictor = predictor_of(reference_record(seed, SHORT, noise=0.01))
+    [found] = outliers(predictor, predictor.start(), LIMIT)
+    assert not found.any()
+
+
+def test_a_stretch_in_which_nothing_fits_counts_whole(seed: int) -> None:
+    """300 samples from elsewhere: twenty looks take the first ones, the last look takes the rest."""
+    rec = reference_record(seed, SHORT, noise=0.01)
+    stretch = np.arange(200, 500)
+    y = rec.y.copy()
+    y[stretch] = np.random.default_rng(seed).choice([-1e3, 1e3], stretch.size)
+    predictor = predictor_of(Record(rec.t, rec.u, y, rec.quantity))
+    [found] = outliers(predictor, predictor.start(), LIMIT)
+    assert found[stretch].mean() > 0.99
+    assert not found[:200].any()
