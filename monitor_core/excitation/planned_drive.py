@@ -151,11 +151,11 @@ class Plant:
         follows = np.zeros((2, len(forward))) if reference is None else reference
         gains = np.array([0.0, 0.0] if controller is None else [controller.kp, controller.kd])
         out, inputs = np.empty((3, *forward.shape)), np.empty((len(forward), len(self.drive.inputs)))
-        matrices = (np.ascontiguousarray(matrix) for matrix in (Ad, Bd, C))
+        Ad, Bd, C = (np.ascontiguousarray(matrix) for matrix in (Ad, Bd, C))
         kinds, ratio = np.array(self.drive.inputs, dtype=float), self._ratio
         ratios = np.column_stack([ratio, ratio / self.speed_scale])
         forward, follows = np.ascontiguousarray(forward), np.ascontiguousarray(follows.T)
-        step_through(*matrices, kinds, ratios, parts, forward, follows, gains, out, inputs)
+        step_through(Ad, Bd, C, kinds, ratios, parts, forward, follows, gains, out, inputs)
         torque, angle, speed = out
         return Motion(torque, angle, speed, inputs)
 

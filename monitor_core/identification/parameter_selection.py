@@ -49,8 +49,7 @@ def select_parameters(
             tell apart.
     """
     _check_names(drive, (*free, *fix))
-    both = {split_name(name)[0] for name in free} & {split_name(name)[0] for name in fix}
-    if both:
+    if both := {split_name(name)[0] for name in free} & {split_name(name)[0] for name in fix}:
         raise IdentificationError(f"{', '.join(sorted(both))}: cannot be both free and fixed")
     fixed = {split_name(name)[0]: "fixed by --fix" for name in fix}
     chosen = _chosen(drive, free, fixed) if free else _default(space, drive, fixed)

@@ -43,16 +43,13 @@ class Disturbance:
     free: tuple[Level, ...] = ("torque", "slow")
 
     def __post_init__(self) -> None:
-        at_least_zero = {"torque": self.torque or 0.0, "slow": self.slow}
-        positive = {"time_constant_s": self.time_constant_s, "output": self.output}
-        for name, value in at_least_zero.items():
+        for name, value in {"torque": self.torque or 0.0, "slow": self.slow}.items():
             if not 0 <= value < math.inf:
                 raise ValueError(f"{name} = {value}: need a finite value, at least zero")
-        for name, value in positive.items():
+        for name, value in {"time_constant_s": self.time_constant_s, "output": self.output}.items():
             if not 0 < value < math.inf:
                 raise ValueError(f"{name} = {value}: need a finite value greater than zero")
-        unknown = set(self.free) - {"torque", "slow", "time_constant"}
-        if unknown:
+        if unknown := set(self.free) - {"torque", "slow", "time_constant"}:
             raise ValueError(f"free = {sorted(unknown)}: a noise level is torque, slow or time_constant")
 
 

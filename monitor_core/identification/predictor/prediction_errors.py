@@ -305,8 +305,7 @@ def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
     """
     if not record.measured.any():
         raise ValueError(f"{record.name or 'record'}: no output was measured")
-    missing = [name for name in signals if name not in record.signals]
-    if missing:
+    if missing := [name for name in signals if name not in record.signals]:
         raise ValueError(f"{record.name or 'record'}: no signal {missing[0]!r}")
     values, level = _levels([record.signals[name] for name in signals], len(record))
     intervals = np.diff(np.rint(record.t * 1e6).astype(np.int64))

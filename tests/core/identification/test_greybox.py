@@ -330,12 +330,6 @@ def test_beyond_the_limit(size: float, count: int, seed: int) -> None:
     assert found.sum() == count
 
 
-def test_none(seed: int) -> None:
-    predictor = predictor_of(reference_record(seed, SHORT, noise=0.01))
-    [found] = outliers(predictor, predictor.start(), LIMIT)
-    assert not found.any()
-
-
 def test_a_stretch_in_which_nothing_fits_counts_whole(seed: int) -> None:
     """300 samples from elsewhere: twenty looks take the first ones, the last look takes the rest."""
     rec = reference_record(seed, SHORT, noise=0.01)
