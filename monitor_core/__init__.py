@@ -64,8 +64,11 @@ if TYPE_CHECKING:
     from monitor_core.excitation.multisine_signals import crest_factor, multisine
     from monitor_core.excitation.reference_experiment import experiment
     from monitor_core.identification.greybox import Estimate, fit
-    from monitor_core.identification.identification_procedure import IdentificationOptions, identify
-    from monitor_core.identification.identification_result import IdentificationResult
+    from monitor_core.identification.identification_procedure import (
+        IdentificationOptions,
+        IdentificationResult,
+        identify,
+    )
     from monitor_core.identification.problem import Disturbance, IdentificationError, Problem
     from monitor_core.identification.records import suspicions as check_record
     from monitor_core.identification.records.record import Record
@@ -177,7 +180,7 @@ _HOME = {
     "Disturbance": "identification.problem",
     "identify": "identification.identification_procedure",
     "IdentificationOptions": "identification.identification_procedure",
-    "IdentificationResult": "identification.identification_result",
+    "IdentificationResult": "identification.identification_procedure",
     "IdentificationError": "identification.problem",
     "fit": "identification.greybox",
     "Estimate": "identification.greybox",

@@ -2,7 +2,7 @@
 
 * ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
 * ``operating_conditions``: nominal values that follow signals, gates.
-* ``assembly``, ``discretization``: what the kernel takes.  ``kalman``, ``stability``: the predictor.
+* ``assembly``, ``discretization``: what the kernel takes.  ``kalman``: the predictor.
 """
 
 from monitor_core.drive.axis_model import AxisModel, NominalValueError

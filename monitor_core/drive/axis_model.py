@@ -12,12 +12,7 @@ import numpy as np
 import scipy.linalg as sla
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import (
-    DELAY,
-    Drive,
-    Parameter,
-    split_name,
-)
+from monitor_core.drive.structure import DELAY, Drive, Parameter, split_name
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 
@@ -44,8 +39,7 @@ class AxisModel:
         KeyError: a name that the drive does not have, or a nominal value that is missing.
         ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice; the
             reciprocal of zero; a parameter without size; bounds that do not hold the nominal value; a drive whose
-                inputs
-            do not follow from its output.
+            inputs do not follow from its output.
     """
 
     drive: Drive

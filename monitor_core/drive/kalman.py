@@ -1,14 +1,18 @@
-"""Gain K of the innovations form, from the noise of torque and output."""
+"""The predictor of an axis: gain K from the noise of torque and output, and the theta for which it is stable."""
 
 import math
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import DISTURBANCE_TIME
-from monitor_core.kernel.tables import GAINS, TORQUE
+from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
+from monitor_core.kernel.tables import GAINS
 
 _MARGIN = 1e-6
 """A double eigenvalue 1, which has no filter, comes out of the Riccati solver as 1 - 1e-8."""
@@ -58,11 +62,14 @@ def _steady(
     Ad, G, C, d = _balanced(model, interval_s, disturbance_noise)
     # In units of the output noise, R = 1, the Riccati equation is scaled best.
     g = G / output_noise
-    g[:, : _torque(model).sum()] *= torque_noise
+    g[:, : model.drive.of_torque.sum()] *= torque_noise
     try:
-        return Ad, prediction_variance(Ad, C, g @ g.T), g @ g.T, C[0], d
+        return Ad, prediction_variance(Ad, C[0], g @ g.T), g @ g.T, C[0], d
     except ValueError:
-        raise ValueError(_no_filter(torque_noise, output_noise)) from None
+        raise ValueError(
+            f"no stable Kalman filter for torque_noise = {torque_noise} and output_noise = {output_noise}: "
+            "with the angle as output, or without friction, the torque noise must be greater than zero"
+        ) from None
 
 
 def gains_after(
@@ -88,14 +95,13 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
 
         P = Ad (P - P C' (C P C' + I)^-1 C P) Ad' + Q
 
-    C is (n,) or (1, n).
+    C is (n,).
 
     Raises:
         ValueError: there is no stable filter.
     """
     # The doubling algorithm (Chu, Fan, Lin, Wang 2004): step k is 2^k steps of the recursion.  G is C'C summed up.
-    C = np.atleast_2d(C)
-    A, G, P, unit = Ad.T, C.T @ C, Q, np.eye(len(Ad))
+    A, G, P, unit = Ad.T, np.outer(C, C), Q, np.eye(len(Ad))
     for _ in range(_DOUBLINGS):
         AW = np.linalg.solve((unit + G @ P).T, A.T).T
         before, A, G, P = P, AW @ A, G + AW @ G @ A.T, P + A.T @ P @ np.linalg.solve(unit + G @ P, A)
@@ -104,9 +110,11 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
             break
         if abs(P - before).max() <= _SETTLED * abs(P).max():
             break
-    if not (np.isfinite(P).all() and _radius(Ad, C, _joint_gain(P, C)) < 1 - _MARGIN):
-        raise ValueError("no stable filter")
-    return P
+    if np.isfinite(P).all():
+        closed = Ad - np.outer(P @ C / (C @ P @ C + 1), C @ Ad)
+        if np.abs(np.linalg.eigvals(closed)).max() < 1 - _MARGIN:
+            return P
+    raise ValueError("no stable filter")
 
 
 def held_disturbance(interval_s: float, time_constant_s: float) -> float:
@@ -131,7 +139,7 @@ def _balanced(
     """Ad (n, n), the input matrix of the noise (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
     A, B, C = model.matrices()
     d = model.balance()
-    enters = B[:, _torque(model)]
+    enters = B[:, model.drive.of_torque]
     if disturbance:
         if DISTURBANCE_TIME not in model.nominal:
             raise ValueError(f"the drive {model.drive.name!r} has no torque disturbance")
@@ -150,21 +158,76 @@ def _kept(model: AxisModel, K: Floats) -> Floats:
     return K
 
 
-def _torque(model: AxisModel) -> np.ndarray:
-    return np.array([kind == TORQUE for kind in model.drive.inputs])
+# --- Range of theta: within its bounds, and where the predictor is stable (D_M of Ljung and Soderstrom) ---------------
 
 
-def _radius(Ad: Floats, C: Floats, K: Floats) -> float:
-    return float(np.abs(np.linalg.eigvals(Ad - K @ (C @ Ad))).max())
+_STABLE = 1e-6
+_FAR = 1e3
+"""Sizes: in place of a bound that is infinite."""
+_BISECTIONS = 30
 
 
-def _joint_gain(P: Floats, C: Floats) -> Floats:
-    """P C' (C P C' + I)^-1 (n, q), of C (q, n)."""
-    return np.asarray(np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T)
+def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
+    """Bounds of theta (2, p), reduced as far as the predictor with filter gain K (n,) needs it.
+
+    Where it is unstable at the nominal values themselves the bounds are not changed.
+    """
+    values = tuple(tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds))
+    gain = tuple(np.ravel(K).tolist())
+    return _known(model.drive, values, model.monitored, model.relative, gain, interval_s).copy()
 
 
-def _no_filter(torque_noise: float, output_noise: float) -> str:
-    return (
-        f"no stable Kalman filter for torque_noise = {torque_noise} and output_noise = {output_noise}: "
-        "with the angle as output, or without friction, the torque noise must be greater than zero"
+@lru_cache(maxsize=4096)
+def _known(
+    drive: Drive,
+    values: tuple[Any, ...],
+    monitored: tuple[str, ...],
+    relative: bool,
+    gain: tuple[float, ...],
+    interval_s: float,
+) -> Floats:
+    nominal, scales, bounds = (dict(part) for part in values)
+    return _drawn_in(
+        AxisModel(drive, nominal, monitored, scales, bounds, relative), np.array(gain), interval_s
     )
+
+
+def _drawn_in(model: AxisModel, K: Floats, interval_s: float) -> Floats:
+    theta0, limits, p = model.theta0, model.limits, len(model.theta0)
+    if not _stable(model, theta0[np.newaxis], K, interval_s)[0]:
+        return limits
+    far = np.clip(limits, theta0 - _FAR * model.scale, theta0 + _FAR * model.scale)
+    ends = np.tile(theta0, (2, p, 1))
+    ends[:, range(p), range(p)] = far
+    good = _stable(model, ends.reshape(-1, p), K, interval_s).reshape(2, p)
+    out = limits.copy()
+    for side, i in np.argwhere(~good).tolist():
+        out[side, i] = _last_stable(model, i, far[side, i], K, interval_s)
+    return out
+
+
+def _last_stable(model: AxisModel, i: int, unstable: float, K: Floats, interval_s: float) -> float:
+    """By bisection between the nominal value and an unstable one."""
+    stable, theta = float(model.theta0[i]), model.theta0[np.newaxis].copy()
+    for _ in range(_BISECTIONS):
+        theta[0, i] = (stable + unstable) / 2
+        if _stable(model, theta, K, interval_s)[0]:
+            stable = float(theta[0, i])
+        else:
+            unstable = float(theta[0, i])
+    return stable
+
+
+def _stable(model: AxisModel, thetas: Floats, K: Floats, interval_s: float) -> NDArray[np.bool_]:
+    """Whether (I - K C) Ad is stable at each theta (points, p); K (n,)."""
+    d = model.balance()
+    A, C = (
+        np.array([model.matrices(theta)[0] for theta in thetas]),
+        np.array([model.matrices(theta)[2] for theta in thetas]) * d,
+    )
+    Ad = sla.expm(A / d[:, np.newaxis] * d * interval_s)
+    if (s := model.drive.mean_state) >= 0:  # y = s / h, and with each sample s is zero again
+        Ad[:, :, s], C = 0.0, C / interval_s
+    closed = Ad - (K / d)[:, np.newaxis] * (C @ Ad)
+    closed = np.where(np.isfinite(closed), closed, 1e300)
+    return np.asarray(np.abs(np.linalg.eigvals(closed)).max(axis=1) < 1 - _STABLE)

@@ -239,11 +239,7 @@ def _at(name: str, value: float) -> str:
 
 
 def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
-    """Which of theta follow a term.
-
-    Raises:
-        ValueError: a parameter that should follow is not monitored.
-    """
+    """Which of theta follow a term."""
     bases = [split_name(name)[0] for name in model.monitored]
     for entry in follows:
         if split_name(entry.name)[0] not in bases:

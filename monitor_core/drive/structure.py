@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.kernel.tables import OF_MOTION, TORQUE
@@ -188,9 +189,7 @@ class Drive:
         Raises:
             ValueError: the drive has a parameter of that name already.
         """
-        if any(p.name == DELAY for p in (*self.parameters, *self.drawn)):
-            raise ValueError(f"the drive {self.name!r} already has a parameter {DELAY}")
-        return replace(self, parameters=(*self.parameters, Parameter(DELAY, "s", _DELAYED, positive=False)))
+        return replace(self, parameters=self._and(Parameter(DELAY, "s", _DELAYED, positive=False)))
 
     def with_mean_speed(self) -> Drive:
         """The drive with a sensor that gives the mean speed over each interval h:  s' = C x,  y = s / h.
@@ -215,6 +214,11 @@ class Drive:
         )
 
     @property
+    def of_torque(self) -> NDArray[np.bool_]:
+        """Which inputs (m,) are the motor torque."""
+        return np.array([kind == TORQUE for kind in self.inputs])
+
+    @property
     def mean_state(self) -> int:
         """Index of the state that is reset to zero after every sample; -1: there is none."""
         return self._state(SINCE_SAMPLE) if self.output == "mean speed" else -1
@@ -233,20 +237,21 @@ class Drive:
         Raises:
             ValueError: the drive has a parameter Td already.
         """
-        if any(p.name == DISTURBANCE_TIME for p in (*self.parameters, *self.drawn)):
-            raise ValueError(f"the drive {self.name!r} already has a parameter {DISTURBANCE_TIME}")
-        n, torque = (
-            len(self.states),
-            [t for t in self.terms if t.matrix == "B" and self.inputs[t.col] == TORQUE],
-        )
+        n = len(self.states)
+        torque = [t for t in self.terms if t.matrix == "B" and self.inputs[t.col] == TORQUE]
         acts = [replace(term, matrix="A", col=n) for term in torque]
         decays = Term("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
         return replace(
             self,
             states=(*self.states, Quantity(DISTURBANCE, "N m")),
-            parameters=(*self.parameters, Parameter(DISTURBANCE_TIME, "s", _DISTURBANCE)),
+            parameters=self._and(Parameter(DISTURBANCE_TIME, "s", _DISTURBANCE)),
             terms=(*self.terms, *acts, decays),
         )
+
+    def _and(self, more: Parameter) -> tuple[Parameter, ...]:
+        if any(p.name == more.name for p in (*self.parameters, *self.drawn)):
+            raise ValueError(f"the drive {self.name!r} already has a parameter {more.name}")
+        return (*self.parameters, more)
 
     def _why_not(self, name: str) -> str:
         if name in {p.name for p in self.drawn}:

@@ -1,16 +1,14 @@
 """Excitation signals, and experiments designed with them.
 
-* ``multisine``: signals.  ``design``: an experiment within the limits of a drive; ``planned_drive``, ``open_loop``,
-  ``closed_loop``, ``motion_limits``, ``record_phases``: its parts.
-* ``accuracy``: the Cramer-Rao bound of a record.  ``sensitivity``, ``prediction``, ``optimal``: before it is measured.
+* ``multisine_signals``: signals.  ``design``: an experiment within the limits of a drive, which ``planned_drive`` and
+  ``motions`` move.
+* ``accuracy``: the Cramer-Rao bound of a record.  ``sensitivity``, ``prediction``: before it is measured.
 * ``reference_experiment``: the experiment of the paper.
 """
 
-from monitor_core.excitation.design import Command, Experiment, Task, plan
-from monitor_core.excitation.experiment_sentences import warnings
-from monitor_core.excitation.motion_limits import Limits
+from monitor_core.excitation.design import Command, Experiment, Task, plan, warnings
+from monitor_core.excitation.motions import ExcitationError, Limits
 from monitor_core.excitation.multisine_signals import Lines, Multisine, lines_in, multisine
-from monitor_core.excitation.open_loop import ExcitationError
 from monitor_core.excitation.planned_drive import Controller, Plant
 from monitor_core.excitation.prediction import Estimation
 from monitor_core.excitation.reference_experiment import FAULT_AT, SAMPLES, experiments, faulty

@@ -64,9 +64,6 @@ class Multisine:
         lines: k (L,), between the constant and the Nyquist frequency.
         amplitudes: a_k (L,), not negative.
         phases: (L,), rad.
-
-    Raises:
-        ValueError: lengths that differ, no line, a line outside the grid or twice, a negative amplitude.
     """
 
     N: int
@@ -75,27 +72,12 @@ class Multisine:
     amplitudes: Floats
     phases: Floats
 
-    def __post_init__(self) -> None:
-        lines = self.lines
-        if not lines.shape == self.amplitudes.shape == self.phases.shape or lines.ndim != 1 or not lines.size:
-            raise ValueError("a multisine needs lines, and one amplitude and one phase for each")
-        if lines.min() < 1 or 2 * lines.max() >= self.N or len(np.unique(lines)) < len(lines):
-            raise ValueError(f"lines must be different and between 1 and {(self.N - 1) // 2}")
-        if not (np.isfinite(self.amplitudes).all() and (self.amplitudes >= 0).all()):
-            raise ValueError("amplitudes must be finite and at least zero")
-
     @classmethod
     def random(
-        cls,
-        rng: np.random.Generator,
-        N: int,
-        interval_s: float,
-        lines: NDArray[np.intp],
-        powers: Floats | None = None,
+        cls, rng: np.random.Generator, N: int, interval_s: float, lines: NDArray[np.intp]
     ) -> Multisine:
-        """With uniform phases, rms value 1; ``powers`` (L,) of the lines up to a factor, default equal."""
-        shares = np.ones(len(lines)) if powers is None else np.asarray(powers, dtype=float)
-        amplitudes = np.sqrt(2 * shares / shares.sum())
+        """With equal amplitudes and uniform phases, rms value 1."""
+        amplitudes = np.full(len(lines), np.sqrt(2 / len(lines)))
         return cls(N, interval_s, lines, amplitudes, 2 * np.pi * rng.random(len(lines)))
 
     @property

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
@@ -76,11 +75,6 @@ class Plant:
         return A, B, np.vstack([C, C @ A])
 
     @cached_property
-    def of_torque(self) -> NDArray[np.bool_]:
-        """Which inputs are the motor torque (m,)."""
-        return np.array([kind == TORQUE for kind in self.drive.inputs])
-
-    @cached_property
     def is_linear(self) -> bool:
         """Whether no input depends on the motion."""
         B = self._balanced[1]
@@ -94,7 +88,7 @@ class Plant:
     def response(self, frequency_hz: Floats) -> Complex:
         """Frequency response from the held torque to the samples of angle and speed (2, L)."""
         A, B, C = self._balanced
-        Ad, Bd = zero_order_hold(A, B[:, self.of_torque].sum(axis=1, keepdims=True), self.interval_s)
+        Ad, Bd = zero_order_hold(A, B[:, self.drive.of_torque].sum(axis=1, keepdims=True), self.interval_s)
         z = np.exp(2j * np.pi * np.asarray(frequency_hz) * self.interval_s)
         x = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - Ad, np.broadcast_to(Bd, (len(z), *Bd.shape)))
         return np.asarray((C @ x)[:, :, 0].T)
@@ -109,14 +103,14 @@ class Plant:
     @cached_property
     def inertia(self) -> float:
         """Total inertia at the motor while nothing bends, kg m^2."""
-        low, high = (1 / self._slowly[:, self.of_torque].sum(axis=1)).real
+        low, high = (1 / self._slowly[:, self.drive.of_torque].sum(axis=1)).real
         return float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
 
     def countered(self, angle: Floats, speed: Floats) -> Floats:
         """Torque (N,) that balances friction, weights and offsets along a slow motion (N,)."""
         forces = self.inputs(np.zeros_like(angle), angle, speed)
-        like_torque = self._slowly[0] / self._slowly[0, self.of_torque].sum()
-        return np.asarray(-(like_torque.real * ~self.of_torque) @ forces)
+        like_torque = self._slowly[0] / self._slowly[0, self.drive.of_torque].sum()
+        return np.asarray(-(like_torque.real * ~self.drive.of_torque) @ forces)
 
     def inputs(self, torque: Floats, angle: Floats, speed: Floats) -> Floats:
         """All inputs (m, W) of drives with that torque (W,) at that angle and speed of the sensor."""
@@ -137,7 +131,7 @@ class Plant:
     def held_together_by(self, controller: Controller) -> bool:
         """Whether the linear part of the drive is stable with this controller."""
         A, B, C = self._balanced
-        Ad, Bd = zero_order_hold(A, B[:, self.of_torque].sum(axis=1, keepdims=True), self.interval_s)
+        Ad, Bd = zero_order_hold(A, B[:, self.drive.of_torque].sum(axis=1, keepdims=True), self.interval_s)
         back = Bd @ (controller.kp * C[:1] + controller.kd * C[1:])
         return bool(np.abs(np.linalg.eigvals(Ad - back)).max() < 1)
 
@@ -157,19 +151,11 @@ class Plant:
         follows = np.zeros((2, len(forward))) if reference is None else reference
         gains = np.array([0.0, 0.0] if controller is None else [controller.kp, controller.kd])
         out, inputs = np.empty((3, *forward.shape)), np.empty((len(forward), len(self.drive.inputs)))
-        step_through(
-            np.ascontiguousarray(Ad),
-            np.ascontiguousarray(Bd),
-            np.ascontiguousarray(C),
-            np.array(self.drive.inputs, dtype=float),
-            np.column_stack([self._ratio, self._ratio / self.speed_scale]),
-            parts,
-            np.ascontiguousarray(forward),
-            np.ascontiguousarray(follows.T),
-            gains,
-            out,
-            inputs,
-        )
+        Ad, Bd, C = (np.ascontiguousarray(matrix) for matrix in (Ad, Bd, C))
+        kinds, ratio = np.array(self.drive.inputs, dtype=float), self._ratio
+        ratios = np.column_stack([ratio, ratio / self.speed_scale])
+        forward, follows = np.ascontiguousarray(forward), np.ascontiguousarray(follows.T)
+        step_through(Ad, Bd, C, kinds, ratios, parts, forward, follows, gains, out, inputs)
         torque, angle, speed = out
         return Motion(torque, angle, speed, inputs)
 

@@ -10,11 +10,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output, split_name
 from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import (
-    INTERVAL_S,
-    REFERENCE_VALUES,
-    three_mass,
-)
+from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 
 SAMPLES = 2000
 FAULT_AT = 1000

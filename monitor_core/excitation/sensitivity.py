@@ -20,7 +20,6 @@ from monitor_core.drive.structure import Drive, split_name
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.kernel.fixed_predictor import simulate_known
-from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.numbers import drive_of, nominal_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
@@ -42,33 +41,9 @@ class Linear(NamedTuple):
     C: Floats
 
 
-def usual_torque(seed: int | np.random.Generator, rms: float, seconds: float = SECONDS) -> Floats:
+def usual_torque(seed: int | np.random.Generator, rms: float) -> Floats:
     """The reference experiment's torque (N,): multisine from 0 to 30 Hz at 200 Hz, with that rms value in N m."""
-    N = round(seconds / INTERVAL_S)
-    return multisine(np.random.default_rng(seed), N, INTERVAL_S, BAND_HZ, rms)
-
-
-def sensitivities(
-    drive: Drive,
-    values: Mapping[str, float],
-    names: Sequence[str],
-    torque: Floats,
-    interval_s: float = INTERVAL_S,
-    *,
-    scales: Mapping[str, float] | None = None,
-    speed_scale: float = 1.0,
-) -> Floats:
-    """S (N, p): size_i * dy/dtheta_i, from rest, the torque (N,) held over each interval.
-
-    ``names`` are parameters of the drive, drawn ones, or reciprocals ("1/Ja").  size_i is |theta_i|, or the scale
-    given, which a parameter needs that is zero.  ``speed_scale`` [rad/s] is that of Coulomb friction.
-
-    Raises:
-        KeyError: a name that the drive does not have, or a value that is missing.
-        ValueError: a value that makes no sense; a parameter that is zero and has no scale.
-    """
-    u = known_inputs(drive, values, torque, interval_s, speed_scale)
-    return sensitivities_to(u, drive, values, names, interval_s, scales)
+    return multisine(np.random.default_rng(seed), round(SECONDS / INTERVAL_S), INTERVAL_S, BAND_HZ, rms)
 
 
 def sensitivities_to(
@@ -79,7 +54,15 @@ def sensitivities_to(
     interval_s: float,
     scales: Mapping[str, float] | None = None,
 ) -> Floats:
-    """As ``sensitivities``, with all inputs u (N, m) of the drive known, each held over its interval."""
+    """S (N, p): size_i * dy/dtheta_i, from rest, all inputs u (N, m) of the drive held over each interval.
+
+    ``names`` are parameters of the drive, drawn ones, or reciprocals ("1/Ja").  size_i is |theta_i|, or the scale
+    given, which a parameter needs that is zero.
+
+    Raises:
+        KeyError: a name that the drive does not have, or a value that is missing.
+        ValueError: a value that makes no sense; a parameter that is zero and has no scale.
+    """
     return _propagated(*_linearised(drive, values, names, scales or {}), u, interval_s)
 
 
@@ -94,10 +77,10 @@ def sensitivity_responses(
     """Frequency responses (L, p) from the torque, held over each interval, to the sensitivities of the output.
 
     Raises:
-        KeyError, ValueError: as ``sensitivities``.
+        KeyError, ValueError: as ``sensitivities_to``.
     """
     system, slopes = _linearised(drive, values, names, scales or {})
-    torque = np.array([kind == TORQUE for kind in drive.inputs], dtype=float)[:, np.newaxis]
+    torque = drive.of_torque[:, np.newaxis].astype(float)
     n = len(system.A)
     X, dX = _held(system, slopes, interval_s)
     Ad, Bd = X[:, :n], X[:, n:]
@@ -122,16 +105,19 @@ def _linearised(
     return _in_units(nominal, d), [_in_units(s, d) for s in slopes]
 
 
-def known_inputs(
+def simulated(
     drive: Drive, values: Mapping[str, float], torque: Floats, interval_s: float, speed_scale: float = 1.0
-) -> Floats:
-    """All inputs (N, m) of a drive that the torque moves from rest, each held from its sample to the next."""
+) -> tuple[Floats, Floats]:
+    """All inputs (N, m) of a drive that the torque moves from rest, each held to the next sample; angle, speed (N, 2).
+
+    ``speed_scale`` [rad/s] is that of Coulomb friction.
+    """
     axis = SimulatedAxis(values, speed_scale, substeps=1, drive=drive)
-    rows = []
+    inputs, motion = [], []
     for value in torque.tolist():
-        rows.append(axis.inputs(value))
-        axis.step(value, interval_s)
-    return np.array(rows).reshape(len(torque), len(drive.inputs))
+        inputs.append(axis.inputs(value))
+        motion.append(axis.step(value, interval_s))
+    return np.array(inputs).reshape(len(torque), len(drive.inputs)), np.array(motion)
 
 
 def _stepped(
@@ -235,10 +221,10 @@ def local_identifiability(
     names = [p.name for p in ss.parameters if p.name not in held]
     free = [name for name in names if nominal[name] != 0]
     drive = drive_of(ss)
-    given = (experiment.torque, experiment.interval_s)
     with np.errstate(over="ignore", invalid="ignore"):  # looked for below
-        S = sensitivities(drive, nominal, free, *given, speed_scale=speed_scale)
-        rms = _output_rms(ss, nominal, experiment, speed_scale)
+        u, motion = simulated(drive, nominal, experiment.torque, experiment.interval_s, speed_scale)
+        S = sensitivities_to(u, drive, nominal, free, experiment.interval_s)
+        rms = float(np.sqrt(np.mean(motion[:, 0 if drive.output == "angle" else 1] ** 2)))
     _check_motion(drive.output, rms, S)
     noise = experiment.noise or NOISE_SHARE * rms
     left_out = tuple(name for name in names if name not in free)
@@ -255,15 +241,3 @@ def _check_motion(quantity: str, rms: float, S: Floats) -> None:
         )
     if rms == 0:
         raise ValueError(f"with these values the torque does not change the {quantity}")
-
-
-def _output_rms(
-    ss: StateSpace, nominal: Mapping[str, float], experiment: TorqueExperiment, speed_scale: float
-) -> float:
-    from monitor_core.modeling.simulated_axis import SimulatedAxis
-
-    drive = drive_of(ss)
-    axis = SimulatedAxis(nominal, speed_scale, substeps=1, drive=drive)
-    moved = [axis.step(value, experiment.interval_s) for value in experiment.torque.tolist()]
-    y = np.array(moved)[:, 0 if drive.output == "angle" else 1]
-    return float(np.sqrt(np.mean(y**2)))

@@ -1,7 +1,7 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
-* ``identification_procedure``: the whole way, ``identify``; ``identification_result``: what it returns;
-  ``problem``, ``parameter_selection``: what is estimated; ``bode``: the drive beside black boxes and the record.
+* ``identification_procedure``: the whole way, ``identify``, and what it returns; ``problem``, ``parameter_selection``:
+  what is estimated; ``bode``: the drive beside black boxes and the record.
 * ``records``: records, and whether they can be used.
 * ``predictor``: prediction errors of a drive; ``greybox``: its fit.
 * ``starting``: values to start from, and the number of masses.
@@ -15,11 +15,13 @@ from monitor_core.identification.identification_procedure import (
     MOST_MASSES,
     USUAL_MASSES,
     IdentificationOptions,
+    IdentificationResult,
+    ParameterRow,
     Progress,
+    Rejection,
     Start,
     identify,
 )
-from monitor_core.identification.identification_result import IdentificationResult, ParameterRow, Rejection
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
     Schedule,

@@ -20,16 +20,16 @@ from monitor_core.identification.black_boxes.frequency_response import (
     Complexes,
     FrequencyResponse,
     by_gradient,
+    local_response,
     on_circle,
     root_of,
+    spectral_response,
 )
-from monitor_core.identification.black_boxes.spectra import local_response, spectral_response
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Bools, Record
-from monitor_core.identification.records.uniform_grid import decimate, resample
-from monitor_core.kernel.tables import TORQUE
+from monitor_core.identification.records.uniform_grid import grid_interval, resample
 
 _POINTS = 300
 _PERIODS = 4.0
@@ -119,9 +119,9 @@ def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
     """ARX model; samples much faster than the band are decimated, as the order of the model counts samples."""
     h = max(record.interval_s for record in records)
     every = max(1, int(1 / (_FASTER * f[-1] * h)))
-    thinned = [decimate(record, every) for record in records] if every > 1 else list(records)
+    thinned = [resample(r, every * grid_interval(r)) if every > 1 else r for r in records]
     samples = sum(len(record) for record in thinned)
-    model = fit_arx(thinned, "aic", largest=max(1, min(_LARGEST, samples // 20)))
+    model = fit_arx(thinned, largest=max(1, min(_LARGEST, samples // 20)))
     found = model.response(f)
     return replace(found, name=f"{found.name}, every {1e3 * every * h:.3g} ms") if every > 1 else found
 
@@ -199,17 +199,14 @@ def drive_response(
 
     Raises:
         KeyError: a name that the drive does not have, or a value that is missing.
-        ValueError: a value that makes no sense; a frequency beyond half the sampling frequency; a covariance of
-            another size.
+        ValueError: a value that makes no sense; a frequency beyond half the sampling frequency.
     """
     covariance = np.zeros((len(names), len(names))) if covariance is None else covariance
-    if covariance.shape != (len(names), len(names)):
-        raise ValueError(f"covariance {covariance.shape} for {len(names)} names")
     model = AxisModel(drive, values, ())
     free = [p for p in names if p != DELAY and " per " not in p]
     system = Structure(drive, free, model.balance()).at(model.nominal)
     f, _ = on_circle(frequency_hz, interval_s)
-    torque, (whole, late) = np.array([kind == TORQUE for kind in drive.inputs]), divmod(delay_s, interval_s)
+    torque, (whole, late) = drive.of_torque, divmod(delay_s, interval_s)
     G, slopes = held_response(system, torque, interval_s, f, late)
     dG = np.zeros((f.size, len(names)), dtype=np.complex128)
     for i, parameter in enumerate(names):

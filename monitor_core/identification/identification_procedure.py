@@ -1,24 +1,165 @@
-"""The whole identification of a drive: starting values, fit, comparison with the records and with a black box."""
+"""The identification of a drive as a whole, and its result: estimates, how well they explain records, what to use."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from enum import Enum
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from monitor_core.identification.bode import bode_of
-from monitor_core.identification.greybox import fit
-from monitor_core.identification.greybox.comparison import traces_of
-from monitor_core.identification.greybox.covariance import colour_of
-from monitor_core.identification.greybox.estimate import Estimate
-from monitor_core.identification.identification_result import IdentificationResult
-from monitor_core.identification.parameter_selection import ScheduledTerm
-from monitor_core.identification.problem import IdentificationError, Problem
+from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.identification.bode import Bode, bode_of
+from monitor_core.identification.greybox import Estimate, Trace, colour_of, fit, traces_of
+from monitor_core.identification.parameter_selection import ScheduledTerm, Slope, acting
+from monitor_core.identification.problem import IdentificationError, Problem, value_of
 from monitor_core.identification.records.record import Record
-from monitor_core.identification.starting import Growth, fit_from, fit_from_scratch, grow
+from monitor_core.identification.starting import Growth, fit_from, fit_from_scratch, grow, masses_of
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
+
+_SIGNIFICANT = 3.0
+"""Standard deviations."""
+
+
+class Rejection(Enum):
+    """Why no nominal values are made of an estimate."""
+
+    NOT_CONVERGED = "not-converged"
+    NOT_IDENTIFIABLE = "not-identifiable"
+    DELAY_OUT_OF_RANGE = "delay-out-of-range"
+    """The daemon can only follow a torque that acts between its sample and the next one."""
+
+
+class ParameterRow(NamedTuple):
+    """One parameter: estimate and standard deviation, and the value before; a held one has no standard deviation."""
+
+    name: str
+    unit: str
+    meaning: str
+    value: float
+    sd: float | None
+    before: float | None
+    held: str = ""
+    """Why it is held; empty: it is estimated."""
+
+    @property
+    def relative_sd(self) -> float | None:
+        """Standard deviation over the value; None where the value is zero."""
+        return None if self.sd is None or self.value == 0 else self.sd / abs(self.value)
+
+    @property
+    def is_about_zero(self) -> bool:
+        """Whether the estimate does not differ significantly from zero."""
+        return self.sd is not None and abs(self.value) < _SIGNIFICANT * self.sd
+
+    @property
+    def change(self) -> float | None:
+        """Relative change of the value before."""
+        return None if not self.before else self.value / self.before - 1
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationResult:
+    """What ``identify`` returns.
+
+    Attributes:
+        start: the problem with the values before the fit.
+        estimate: the estimates.
+        estimation: traces of the fitted records.
+        validation: traces of the records that were kept aside.
+        bode: frequency responses of the drive, a black box and the records.
+        colour: ratio of the variance of recursive estimates to that with white prediction errors; at least 1.
+        growth: the comparison of chains of one, two, .. masses; None: not asked for.
+        options: why parameters are held, which values before the fit are only placeholders, what follows signals.
+    """
+
+    start: Problem
+    estimate: Estimate
+    estimation: tuple[Trace, ...]
+    validation: tuple[Trace, ...]
+    bode: Bode
+    colour: float
+    growth: Growth | None
+    options: IdentificationOptions
+
+    @property
+    def rejection(self) -> Rejection | None:
+        """Why no nominal values should be made of the estimates; None: they can be used."""
+        if not self.estimate.converged:
+            return Rejection.NOT_CONVERGED
+        if self.not_identifiable:
+            return Rejection.NOT_IDENTIFIABLE
+        if not 0 <= self.delay_s <= self.estimate.interval_s:
+            return Rejection.DELAY_OUT_OF_RANGE
+        return None
+
+    @property
+    def not_identifiable(self) -> tuple[str, ...]:
+        """Free parameters that the records do not identify: their variance is infinite."""
+        e = self.estimate
+        return tuple(name for name, sd in zip(e.names, e.sd.tolist(), strict=True) if not np.isfinite(sd))
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of the torque [s]; zero or a whole interval where it does not differ from these significantly."""
+        e = self.estimate
+        if DELAY not in e.names:
+            return e.delay_s
+        sd = float(e.sd[e.names.index(DELAY)])
+        nearest = min(max(e.delay_s, 0.0), e.interval_s)
+        return nearest if abs(nearest - e.delay_s) < _SIGNIFICANT * sd else e.delay_s
+
+    @property
+    def masses(self) -> int | None:
+        """Number of masses of the identified drive; see ``masses_of``."""
+        return masses_of(self.estimate.problem)
+
+    @property
+    def recommended_masses(self) -> int | None:
+        """The number of masses that the records ask for, if it is another one than the drive's; None: no doubt."""
+        if self.growth is None or self.masses is None:
+            return None
+        recommended = self.growth.recommended
+        were_more_tried = len(self.growth.models) > recommended
+        if recommended > self.masses or (recommended < self.masses and were_more_tried):
+            return recommended
+        return None
+
+    def rows(self) -> Iterator[ParameterRow]:
+        """The free parameters in their order, then the held ones; slopes have rows of their own."""
+        e, estimates = self.estimate, self._estimates()
+        slopes = {scheduled.slope for scheduled in self.options.scheduled}
+        for name, (value, sd) in estimates.items():
+            if name in slopes:
+                continue
+            if name == DELAY:
+                yield ParameterRow(name, "s", "delay of the torque", value, sd, self.start.delay_s)
+            else:
+                p = e.drive.parameter(name)
+                base = split_name(name)[0]
+                known = base in self.start.nominal and base not in self.options.unknown
+                before = value_of(self.start.nominal, name) if known else None
+                yield ParameterRow(name, p.unit, p.meaning, value, sd, before)
+        for name, reason in self.options.held.items():
+            p = e.drive.parameter(name)
+            yield ParameterRow(
+                name, p.unit, p.meaning, e.values[name], None, self.start.nominal[name], reason
+            )
+
+    def _estimates(self) -> dict[str, tuple[float, float]]:
+        e = self.estimate
+        return dict(zip(e.names, zip(e.theta.tolist(), e.sd.tolist(), strict=True), strict=True))
+
+    def slopes(self) -> Iterator[Slope]:
+        """Slopes of the scheduled parameters."""
+        estimates = self._estimates()
+        for scheduled in self.options.scheduled:
+            yield Slope(scheduled, estimates[scheduled.parameter][0], *estimates[scheduled.slope])
+
+
+# --- The procedure: starting values, fit, comparison with the records and with a black box ----------------------------
+
 
 MOST_ITERATIONS = 100
 MOST_MASSES, USUAL_MASSES = 9, 5
@@ -102,18 +243,12 @@ def identify(
         bode_of(estimate, None if options.unknown else problem, records),
         colour_of(estimate, options.monitored or estimate.problem.free, records),
         growth,
-        options.held,
-        options.unknown,
-        options.scheduled,
+        options,
     )
 
 
 def _best(problem: Problem, records: Sequence[Record], start: Start, report: Progress) -> Estimate:
-    """The fit of least cost.
-
-    Raises:
-        ValueError: there is none.
-    """
+    """The fit of least cost."""
 
     def searching(done: int, most: int) -> None:
         report("search for starting values", done, most)
@@ -147,12 +282,13 @@ def _growth(
     problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: Progress
 ) -> Growth:
     """Chains of one, two, .. masses, with the friction of the drive."""
-    acting = _acting_inputs(problem)
-    if acting & {COSINE, SINE}:
+    drive = problem.drive
+    kinds = {drive.inputs[k] for k in acting(drive, problem.nominal, problem.free)}
+    if kinds & {COSINE, SINE}:
         raise IdentificationError(
             "--masses compares masses in a row without gravity, which acts on this drive"
         )
-    friction = {"fm": True, "fc": COULOMB in acting, "tau0": ONE in acting}
+    friction = {"fm": True, "fc": COULOMB in kinds, "tau0": ONE in kinds}
     try:
         return grow(
             records,
@@ -164,10 +300,3 @@ def _growth(
         )
     except ValueError as error:
         raise IdentificationError(f"--masses: {error}") from None
-
-
-def _acting_inputs(problem: Problem) -> set[int]:
-    """Kinds of the inputs that act on the drive."""
-    values = {name: value or float(name in problem.free) for name, value in problem.nominal.items()}
-    acts = np.flatnonzero(problem.drive.matrix("B", values).any(axis=0))
-    return {problem.drive.inputs[int(column)] for column in acts}

@@ -49,14 +49,15 @@ def select_parameters(
             tell apart.
     """
     _check_names(drive, (*free, *fix))
-    both = {split_name(name)[0] for name in free} & {split_name(name)[0] for name in fix}
-    if both:
+    if both := {split_name(name)[0] for name in free} & {split_name(name)[0] for name in fix}:
         raise IdentificationError(f"{', '.join(sorted(both))}: cannot be both free and fixed")
     fixed = {split_name(name)[0]: "fixed by --fix" for name in fix}
     chosen = _chosen(drive, free, fixed) if free else _default(space, drive, fixed)
     if not chosen.free:
-        raise IdentificationError(f"nothing is free: of {_names(drive)} all are held")
-    _check_identifiable(space, chosen.free, _acting(drive, nominal, chosen.free))
+        raise IdentificationError(
+            f"nothing is free: of {', '.join(p.name for p in drive.parameters)} all are held"
+        )
+    _check_identifiable(space, chosen.free, acting(drive, nominal, chosen.free))
     return chosen
 
 
@@ -119,7 +120,7 @@ def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> Param
     )
 
 
-def _acting(drive: Drive, nominal: Mapping[str, float], free: Sequence[str]) -> list[int]:
+def acting(drive: Drive, nominal: Mapping[str, float], free: Sequence[str]) -> list[int]:
     """Indices of the inputs that act on the drive with these parameters free."""
     bases = {split_name(name)[0] for name in free}
     values = {name: value or float(name in bases) for name, value in nominal.items()}
@@ -138,10 +139,6 @@ def _check_identifiable(space: StateSpace, free: Sequence[str], inputs: Sequence
             f"{len(bases)} parameters are free, but torque and motion can tell only {found.count} numbers:"
             f" {' '.join(found.words())}"
         )
-
-
-def _names(drive: Drive) -> str:
-    return ", ".join(p.name for p in drive.parameters)
 
 
 # --- Parameters that follow measured signals, as in gain scheduling ---------------------------------------------------
@@ -197,10 +194,9 @@ def scheduled_terms(schedule: Schedule, records: Sequence[Record]) -> tuple[Sche
     Raises:
         IdentificationError: a signal was never measured, or is constant in all records.
     """
-    terms = _distinct(schedule)
-    where = {term: _where(term, records) for term in terms}
+    where = {term: _where(term, records) for terms in schedule.values() for term in terms}
     return tuple(
-        ScheduledTerm(parameter, term, _reference(*where[term]), *where[term][1:])
+        ScheduledTerm(parameter, term, *where[term])
         for parameter, followed in schedule.items()
         for term in followed
     )
@@ -217,12 +213,8 @@ def with_terms(record: Record, scheduled: Iterable[ScheduledTerm]) -> Record:
     return replace(record, signals={**record.signals, **terms})
 
 
-def _distinct(schedule: Schedule) -> Iterable[str]:
-    return dict.fromkeys(term for terms in schedule.values() for term in terms)
-
-
 def _where(term: str, records: Sequence[Record]) -> tuple[float, float, float]:
-    """Mean, smallest and largest value."""
+    """Mean, rounded, smallest and largest value."""
     values = np.concatenate([_values(term, record) for record in records])
     values = values[np.isfinite(values)]
     mean, low, high = float(values.mean()), float(values.min()), float(values.max())
@@ -231,11 +223,7 @@ def _where(term: str, records: Sequence[Record]) -> tuple[float, float, float]:
             f"{term} is {mean:.6g} throughout the records, so no record shows what follows it: leave it out, or add"
             " records in which it differs"
         )
-    return mean, low, high
-
-
-def _reference(mean: float, low: float, high: float) -> float:
-    return round(mean, _DIGITS - math.floor(math.log10(high - low)))
+    return round(mean, _DIGITS - math.floor(math.log10(high - low))), low, high
 
 
 def _values(name: str, record: Record) -> Floats:

@@ -13,7 +13,7 @@ from monitor_core.drive.structure import Drive, split_name
 Predictor = Literal["output-error", "innovations"]
 Loss = Literal["squares", "huber"]
 Motion = Literal["measured", "simulated"]
-Initial = Literal["free", "rest", "first"]
+Initial = Literal["free", "first"]
 Level = Literal["torque", "slow", "time_constant"]
 
 
@@ -43,16 +43,13 @@ class Disturbance:
     free: tuple[Level, ...] = ("torque", "slow")
 
     def __post_init__(self) -> None:
-        at_least_zero = {"torque": self.torque or 0.0, "slow": self.slow}
-        positive = {"time_constant_s": self.time_constant_s, "output": self.output}
-        for name, value in at_least_zero.items():
+        for name, value in {"torque": self.torque or 0.0, "slow": self.slow}.items():
             if not 0 <= value < math.inf:
                 raise ValueError(f"{name} = {value}: need a finite value, at least zero")
-        for name, value in positive.items():
+        for name, value in {"time_constant_s": self.time_constant_s, "output": self.output}.items():
             if not 0 < value < math.inf:
                 raise ValueError(f"{name} = {value}: need a finite value greater than zero")
-        unknown = set(self.free) - {"torque", "slow", "time_constant"}
-        if unknown:
+        if unknown := set(self.free) - {"torque", "slow", "time_constant"}:
             raise ValueError(f"free = {sorted(unknown)}: a noise level is torque, slow or time_constant")
 
 
@@ -78,8 +75,8 @@ class Problem:
         bounds: of free parameters, by name; "delay" is one.
         motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
             friction there follows the speed of the predictor), or "simulated": all on the predictor's state.
-        initial: state at the first sample: "free"; "rest": standing still, where is estimated if the angle is
-            measured; or "first": moving rigidly with the first output, noise and all, as the monitor starts.
+        initial: state at the first sample: "free", or "first": moving rigidly with the first output, noise and all,
+            as the monitor starts.
         varying: parameters that are not constant, theta(t) = theta + sum_j b_j s_j(t), each with the names of the
             records' signals s_j; the b_j are estimated.
         slopes: where the b_j start, by name, "fm per temperature"; 0 if not given.

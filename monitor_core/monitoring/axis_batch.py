@@ -10,7 +10,7 @@ from monitor_core.detection.alarm import DIRECTIONS
 from monitor_core.detection.cusum.evidence import BatchEvent, Crossing, EvidenceBuilder, Recovered
 from monitor_core.drive.assembly import Assembly, fill
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.stability import stable_limits
+from monitor_core.drive.kalman import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, run
 from monitor_core.kernel.cusum import CALM, Events
 from monitor_core.kernel.evidence import KEPT, NAMING, EvidenceColumns, kept_numbers, noted_numbers

@@ -16,8 +16,11 @@ from scipy.signal import lfilter, ss2tf
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.black_boxes.arx import fit_arx
-from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse, circular
-from monitor_core.identification.black_boxes.spectra import local_response
+from monitor_core.identification.black_boxes.frequency_response import (
+    FrequencyResponse,
+    circular,
+    local_response,
+)
 from monitor_core.identification.black_boxes.subspace import fit_subspace
 from monitor_core.identification.greybox import Problem, fit
 from monitor_core.identification.problem import Predictor
@@ -111,7 +114,7 @@ RECORDS = 8
 FITS: dict[str, Callable[[Record], FrequencyResponse]] = {
     "ARX 20": lambda r: fit_arx([r], 20).response(FREQUENCIES),
     "ARX 40": lambda r: fit_arx([r], 40).response(FREQUENCIES),
-    "ARX by BIC": lambda r: fit_arx([r], "bic").response(FREQUENCIES),
+    "ARX by AIC": lambda r: fit_arx([r]).response(FREQUENCIES),
     "subspace, order 5": lambda r: _subspace(r, 5),
     "local polynomials": lambda r: local_response([r], FREQUENCIES),
 }
@@ -149,7 +152,7 @@ def test_arx_of_high_order(seed: int, say: Say) -> None:
     fits: dict[str, Callable[[], object]] = {
         "order 200 (400 parameters)": lambda: fit_arx([record], 200),
         "order 400 (800 parameters)": lambda: fit_arx([record], 400),
-        "order by AIC up to 400": lambda: fit_arx([record], "aic", largest=400),
+        "order by AIC up to 400": lambda: fit_arx([record], largest=400),
         "order 100": lambda: fit_arx([record], 100),
     }
     times = in_turns(fits, 3)

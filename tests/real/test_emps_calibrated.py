@@ -25,7 +25,7 @@ from monitor_core.calibration.injection import equivalent_load, faulty_torque
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
 from monitor_core.drive.assembly import Assembly
-from monitor_core.identification.greybox import Estimate, Problem, compare, fit
+from monitor_core.identification.greybox import Estimate, Problem, fit, traces_of
 from monitor_core.identification.records import Record
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -96,7 +96,7 @@ def test_simulated_position(record: Record, found: Estimate) -> None:
     Two integrators let every error of the force grow.
     """
     ours, published = (
-        compare(problem(values), [record])[0].simulation
+        traces_of(problem(values), [record])[0].fit_simulation
         for values in ({n: found.values[n] for n in FREE}, PUBLISHED)
     )
     print(f"EMPS: position in free run {ours:.2f} %, by the published values {published:.2f} %")

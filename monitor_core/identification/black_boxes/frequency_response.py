@@ -1,4 +1,4 @@
-"""Frequency responses with their uncertainty: one type for all methods and plots.
+"""Frequency responses with their uncertainty: one type for all methods and plots, and what spectra tell.
 
 G is the response from the held torque to the samples of the output, G(e^{jwh}) for the interval h: what a discrete
 model has, what spectra of samples estimate, and what a continuous model has after its zero-order hold.  Only these
@@ -7,12 +7,18 @@ can be compared: at a quarter of the sampling frequency the hold alone turns the
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+from scipy.signal.windows import hann
 
 from monitor_core.arrays import Floats
+from monitor_core.identification.records.record import Record
+from monitor_core.identification.records.uniform_grid import Regular, on_grid
 
 Complexes = NDArray[np.complex128]
 
@@ -30,9 +36,6 @@ class FrequencyResponse:
         sd_db: (F,) standard deviation of 20 log10 |G|, dB; infinite: not known at all.
         sd_phase: (F,) standard deviation of the phase, rad.
         name: as in a legend.
-
-    Raises:
-        ValueError: arrays of different length.
     """
 
     frequency_hz: Floats
@@ -40,11 +43,6 @@ class FrequencyResponse:
     sd_db: Floats
     sd_phase: Floats
     name: str = ""
-
-    def __post_init__(self) -> None:
-        for values in (self.G, self.sd_db, self.sd_phase):
-            if values.shape != self.frequency_hz.shape:
-                raise ValueError(f"{values.shape} values for {self.frequency_hz.shape} frequencies")
 
     @property
     def db(self) -> Floats:
@@ -109,3 +107,140 @@ def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Compl
         raise ValueError(f"frequencies from {f.min():g} to {f.max():g} Hz: samples every {1e3 * interval_s:g} ms tell"
                          f" only of 0 to {0.5 / interval_s:g} Hz")  # fmt: skip
     return f, np.exp(2j * np.pi * f * interval_s)
+
+
+# --- From any excitation: averaged spectra, and local polynomials -----------------------------------------------------
+
+
+_LINES, _DEGREE = 21, 2
+"""Lines of the longest record in the band around each frequency, and degree of the polynomials there."""
+_HIDDEN = 1e-10
+"""Of the strongest line of the record: polynomials told apart by less are not told at all."""
+
+
+def spectral_response(
+    records: Sequence[Record] | Sequence[Regular], segment: int | None = None, *, name: str = "spectra"
+) -> FrequencyResponse:
+    """G at the lines of a segment, without the constant and the Nyquist frequency.
+
+    Args:
+        records: with one interval; segments with a missing sample are left out.
+        segment: samples of a segment, of which the next one shares half; default: an eighth of the longest record.
+        name: as in a legend.
+
+    Raises:
+        ValueError: segments that are too short, or fewer than two of them.
+    """
+    series = on_grid(records)
+    L = segment or max(record.u.size for record in series) // 8
+    if L < 8:
+        raise ValueError(f"segments of {L} samples: 8 at least are needed")
+    window = hann(L, sym=False)
+    Z = np.array([np.fft.rfft(window * part, axis=1) for part in _segments(series, L)])
+    if len(Z) < 2:
+        raise ValueError(f"{len(Z)} segments of {L} samples without a missing one: two at least are needed")
+    S = np.einsum("kaf,kbf->fab", Z, np.conj(Z))[1 : (L + 1) // 2] / len(Z)
+    Syy, Syu, Suu = S[:, 0, 0].real, S[:, 0, 1], S[:, 1, 1].real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        G: Complexes = Syu / Suu
+        noise = np.maximum(Syy - 2 * np.real(np.conj(G) * Syu) + np.abs(G) ** 2 * Suu, 0.0)
+        variance = noise / Suu / (_independent(window, len(Z)) - 1)
+    return circular(np.arange(1, (L + 1) // 2) / (L * series[0].interval_s), G, variance, name)
+
+
+def _segments(series: Sequence[Regular], L: int) -> Iterator[Floats]:
+    """y and u (2, L), less their means."""
+    for record in series:
+        for start in range(0, record.u.size - L + 1, L // 2):
+            part = slice(start, start + L)
+            if record.known[part].all():
+                z = np.array([record.y[part], record.u[part]])
+                yield z - z.mean(axis=1, keepdims=True)
+
+
+def _independent(window: Floats, K: int) -> float:
+    """Number of independent segments that K overlapping ones are worth; neighbours correlate by rho^2."""
+    half = window.size // 2
+    rho = float(window[half:] @ window[: window.size - half] / (window @ window))
+    return K / (1 + 2 * rho**2 * (K - 1) / K)
+
+
+# --- Local polynomials ------------------------------------------------------------------------------------------------
+
+
+class Spectrum(NamedTuple):
+    """Of one record at the lines 1 .. N/2 - 1."""
+
+    frequency_hz: Floats  # (F,)
+    y: Complexes  # (F,)
+    u: Complexes  # (F,)
+
+
+def local_response(
+    records: Sequence[Record] | Sequence[Regular],
+    frequency_hz: ArrayLike,
+    *,
+    name: str = "local polynomials",
+) -> FrequencyResponse:
+    """G at any frequencies; NaN where the lines nearby are not excited.
+
+    Args:
+        records: with one interval, without missing samples; the polynomial of G is common, transients are not.
+        frequency_hz: (F,) Hz.
+        name: as in a legend.
+
+    Raises:
+        ValueError: a missing sample, too few lines, a frequency beyond half the sampling frequency.
+    """
+    series = on_grid(records)
+    f, _ = on_circle(frequency_hz, series[0].interval_s)
+    spectra = [_spectrum(record) for record in series]
+    longest = max(spectra, key=lambda s: s.frequency_hz.size).frequency_hz
+    if longest.size < _LINES:
+        raise ValueError(f"{longest.size} lines in the longest record: {_LINES} are wanted at a time")
+    fits = [_fit(spectra, _band(longest, value), value) for value in f.tolist()]
+    G, variance = (np.array(column) for column in zip(*fits, strict=True))
+    return circular(f, G, variance, name)
+
+
+def _spectrum(record: Regular) -> Spectrum:
+    missing = np.count_nonzero(~record.known)
+    if missing:
+        raise ValueError(
+            f"record {record.name or '(no name)'}: {missing} samples are missing; a spectrum of the whole record"
+            " needs all: cut it at the gaps, or average spectra of segments"
+        )
+    N = record.u.size
+    z = np.array([record.y, record.u])
+    # A spectrum without window: its noise has the same size for records of all lengths.
+    y, u = np.fft.rfft(z - z.mean(axis=1, keepdims=True), axis=1)[:, 1 : (N + 1) // 2] / np.sqrt(N)
+    return Spectrum(np.arange(1, (N + 1) // 2) / (N * record.interval_s), y, u)
+
+
+def _band(frequency: Floats, at: float) -> tuple[float, float]:
+    """From half a line below the first to half a line above the last of the nearest lines."""
+    first = int(np.clip(np.searchsorted(frequency, at) - _LINES // 2, 0, frequency.size - _LINES))
+    half = frequency[0] / 2
+    return float(frequency[first] - half), float(frequency[first + _LINES - 1] + half)
+
+
+def _fit(spectra: Sequence[Spectrum], band: tuple[float, float], at: float) -> tuple[complex, float]:
+    """G and its variance: y on the powers of frequency times u, and on those alone for each record."""
+    used = [(s, np.flatnonzero((s.frequency_hz >= band[0]) & (s.frequency_hz <= band[1]))) for s in spectra]
+    used = [(s, k) for s, k in used if k.size > _DEGREE + 1]
+    powers = [
+        ((s.frequency_hz[k] - at) / (band[1] - band[0]))[:, None] ** np.arange(_DEGREE + 1) for s, k in used
+    ]
+    y, u = np.concatenate([s.y[k] for s, k in used]), np.concatenate([s.u[k] for s, k in used])
+    X, T = np.vstack(powers) * u[:, None], block_diag(*powers)
+    # Project out the transients first, so that only G remains.
+    Q = np.linalg.qr(T)[0]
+    X, y = X - Q @ (Q.conj().T @ X), y - Q @ (Q.conj().T @ y)
+    freedom = y.size - T.shape[1] - X.shape[1]
+    U, sizes, Vh = np.linalg.svd(X, full_matrices=False)
+    if freedom < 1 or sizes[-1] <= _HIDDEN * max(float(np.abs(s.u).max()) for s, _ in used):
+        return complex(np.nan, np.nan), np.inf
+    along = U.conj().T @ y
+    noise = float(np.sum(np.abs(y - U @ along) ** 2)) / freedom
+    spread = float(np.sum(np.abs(Vh[:, 0]) ** 2 / sizes**2))
+    return complex((Vh[:, 0].conj() / sizes) @ along), noise * spread

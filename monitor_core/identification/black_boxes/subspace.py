@@ -20,7 +20,7 @@ import scipy.linalg as sla
 from scipy.optimize import minimize
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.black_boxes.least_squares import ONES, Lags, factor
+from monitor_core.identification.black_boxes.arx import ONES, Lags, factor
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.records.uniform_grid import Regular, of_size_one, on_grid
 

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.greybox.criterion import choose_disturbance, fit_starts
+from monitor_core.drive.structure import DELAY, split_name
+from monitor_core.identification.greybox.criterion import fit_starts
+from monitor_core.identification.greybox.estimate import Estimate
+from monitor_core.identification.greybox.residuals import scores_covariance
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record
-
-
-class Comparison(NamedTuple):
-    """NRMSE of one record, per cent."""
-
-    one_step: float
-    simulation: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,22 +52,6 @@ def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
     return tuple(Trace(r.name, r.t, r.y, *both) for r, *both in zip(records, *outputs, strict=True))
 
 
-def compare(problem: Problem, records: Sequence[Record]) -> tuple[Comparison, ...]:
-    """How well a problem's values, such as those of ``Estimate.problem``, predict and simulate records.
-
-    Only the initial states are fitted.  One step ahead K is that of the problem's noise at these records' interval,
-    where it names none of the white torque noise that predicts the first of them best, found to a factor of ten;
-    friction and gravity in the simulation follow the simulated motion.
-
-    Raises:
-        ValueError: no record, another output than the drive's, no sample measured.
-    """
-    held = replace(problem, free=tuple(problem.varying))
-    ahead = Predictor(held, records, choose_disturbance(held, records))
-    one_step = fits(ahead, ahead.errors(fit_starts(ahead)))
-    return tuple(Comparison(a, b) for a, b in zip(one_step, simulated_fits(problem, records), strict=True))
-
-
 def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, ...]:
     """NRMSE of the simulation of each record, per cent; only the initial states are fitted."""
     held = replace(problem, free=tuple(problem.varying), free_delay=False)
@@ -96,3 +75,53 @@ def _nrmse(y: Floats, eps: Floats) -> float:
     y, eps = y[measured], eps[measured]
     around = float(np.linalg.norm(y - y.mean()))
     return 100 * (1 - float(np.linalg.norm(eps)) / around) if around > 0 else -np.inf
+
+
+# --- How much more recursive estimates scatter than they would with white prediction errors ---------------------------
+
+
+# Where the noise model is not right, neighbouring errors are correlated, and a sum of N of them is larger than
+# sqrt(N) of one.  The standard deviations of the daemon come from lambda_0 P, so lambda_0 must be larger by this
+# factor.
+
+
+def colour_of(estimate: Estimate, monitored: Sequence[str], records: Sequence[Record]) -> float:
+    """Largest ratio of the variance of a monitored parameter to its variance with white errors; at least 1.
+
+    Everything else is held, as in the daemon: values, K and delay are the estimates, and schedules are followed.
+
+    Raises:
+        ValueError: a record of another output than the drive's.
+    """
+    found = estimate.problem
+    K = tuple(estimate.K.tolist()) if found.predictor == "innovations" else None
+    free = _free(found.varying, monitored)
+    varying = {name: signals for name, signals in found.varying.items() if name in free}
+    problem = replace(
+        found, drive=estimate.drive, nominal=estimate.values, free=free,
+        K=K, disturbance=None, delay_s=estimate.delay_s, free_delay=DELAY in monitored,
+        bounds={}, varying=varying,
+    )  # fmt: skip
+    predictor = Predictor(problem, records, None)
+    errors = predictor.errors(fit_starts(predictor))
+    end = len(free) + sum(map(len, varying.values()))  # number of parameters and slopes, before the delay
+    own, start = [*range(len(free)), *[end] * problem.free_delay], end + problem.free_delay
+    psi = [_beside(e.psi[:, own], e.psi[:, start:]) for e in errors]
+    size = np.sqrt(sum((J**2).sum(axis=0) for J in psi))
+    psi = [J / np.where(size > 0, size, 1.0) for J in psi]  # their units differ by orders of magnitude
+    inverse = np.linalg.pinv(sum(J.T @ J for J in psi), hermitian=True)
+    S, _ = scores_covariance([e.eps for e in errors], psi)
+    white, coloured = np.diag(estimate.lam0 * inverse), np.diag(inverse @ S @ inverse)
+    return float(np.max(coloured / white, initial=1.0, where=white > 0))
+
+
+def _free(varying: Iterable[str], monitored: Sequence[str]) -> tuple[str, ...]:
+    """The monitored parameters; a scheduled one by the name (Ja or 1/Ja) that has the slopes."""
+    called = {split_name(name)[0]: name for name in varying}
+    return tuple(called.get(split_name(name)[0], name) for name in monitored if name != DELAY)
+
+
+def _beside(psi: Floats, start: Floats) -> Floats:
+    """The part of the gradients that the initial state does not explain."""
+    Q = np.linalg.qr(start)[0]
+    return np.asarray(psi - Q @ (Q.T @ psi))

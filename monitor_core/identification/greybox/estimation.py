@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, split_name
+from monitor_core.drive.structure import DISTURBANCE_TIME
 from monitor_core.identification.greybox.comparison import fits, simulated_fits
-from monitor_core.identification.greybox.covariance import Information, information
 from monitor_core.identification.greybox.criterion import Fitted, Progress, settled, solve, without_gross
 from monitor_core.identification.greybox.estimate import Estimate, sentences
 from monitor_core.identification.greybox.levenberg_marquardt import End
-from monitor_core.identification.greybox.residuals import independence, whiteness
+from monitor_core.identification.greybox.residuals import Information, independence, information, whiteness
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Record
@@ -31,36 +30,22 @@ _CLIPPED_VARIANCE = 0.7101645
 def fit(
     problem: Problem,
     records: Sequence[Record],
-    start: Mapping[str, float] | None = None,
     *,
     most_iterations: int = 100,
     progress: Progress | None = None,
 ) -> Estimate:
-    """Minimise the sum of squared prediction errors of all records over theta.
+    """Minimise the sum of squared prediction errors of all records over theta, from the problem's values.
 
-    ``start`` replaces nominal values of free parameters ("delay" is one).  With Huber's loss and a gain, outputs with
-    gross errors then count as not measured, so that the state does not follow them, and the search continues.
-    ``progress`` is called with the number of evaluations and the cost whenever that has fallen.
+    With Huber's loss and a gain, outputs with gross errors then count as not measured, so that the state does not
+    follow them, and the search continues.  ``progress`` is called with the number of evaluations and the cost whenever
+    that has fallen.
 
     Raises:
-        KeyError: a start for a parameter that is not free.
         ValueError: no record, another output than the drive's, no sample measured; the predictor is unstable at the
             start.
     """
-    found = solve(_started(problem, start or {}), records, most_iterations, progress)
+    found = solve(problem, records, most_iterations, progress)
     return _estimate(without_gross(found, most_iterations, progress))
-
-
-def _started(problem: Problem, start: Mapping[str, float]) -> Problem:
-    for name in start:
-        if name not in problem.free and not (name == DELAY and problem.free_delay):
-            raise KeyError(f"start of {name}: it is not free")
-    values = {**problem.nominal}
-    for name, value in start.items():
-        base, inverse = split_name(name)
-        if name != DELAY:
-            values[base] = 1 / value if inverse else value
-    return replace(problem, nominal=values, delay_s=start.get(DELAY, problem.delay_s))
 
 
 def _estimate(fitted: Fitted) -> Estimate:

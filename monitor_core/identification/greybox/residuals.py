@@ -1,4 +1,4 @@
-"""Tests of the prediction errors: are they white, are they independent of the input (Ljung, 16.6)?"""
+"""Prediction errors: are they white and independent of the input (Ljung, 16.6)?  The covariance that follows."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from scipy.signal import fftconvolve
 from scipy.special import chdtrc, ndtri  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Floats
+from monitor_core.excitation.accuracy import Accuracy
 
 _LAGS = 25
 LEVEL = 0.99
@@ -134,3 +135,86 @@ def autoregression(eps: Sequence[Floats]) -> tuple[Floats, float]:
         a = extended + reflection * extended[::-1]
         variance *= 1 - reflection**2
     return best
+
+
+# --- Covariance of the estimates, without initial states, valid also for coloured prediction errors -------------------
+
+
+_EXPLAINED = 1e-12
+
+
+class Information(NamedTuple):
+    """Information in the records."""
+
+    accuracy: Accuracy  # the same, relative to the sizes, with what is not determined
+    covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be told
+    order: int  # of the errors' autoregressive model; 0: white
+
+
+def information(
+    names: Sequence[str],
+    sizes: Floats,
+    gradients: Sequence[Floats],
+    starts: Sequence[Floats],
+    eps: Sequence[Floats],
+    variance: float,
+) -> Information:
+    """Covariance of estimates by prediction errors.
+
+        cov = (J'J)^-1 S (J'J)^-1,     S = sum_ts psi(t) R(t - s) psi(s)'
+
+    which for white errors is lambda_0 (J'J)^-1, J being what the initial states cannot explain of the gradients.
+
+    Args:
+        names: of the p parameters.
+        sizes: (p,) units in which they are compared: their own size, for most.
+        gradients: (N, p) psi of each record.
+        starts: (N, n) gradient by the record's initial state; n may be 0.
+        eps: (N,) errors, of each record, zero where missing.
+        variance: of the errors, lambda_0.
+    """
+    own = [_unexplained(psi, start) for psi, start in zip(gradients, starts, strict=True)]
+    scaled = [psi * sizes for psi in own]
+    R: Floats = np.asarray(np.linalg.qr(np.concatenate(scaled), mode="r"))
+    accuracy = Accuracy(tuple(names), R, np.sqrt(variance) if variance > 0 else 1e-300)
+    S, order = scores_covariance(eps, scaled)
+    if order == 0:
+        return Information(accuracy, accuracy.covariance * np.outer(sizes, sizes), 0)
+    with np.errstate(invalid="ignore"):
+        inverse = _pseudo_inverse(R)
+        known = np.isfinite(np.diag(accuracy.covariance))
+        covariance = accuracy.covariance.copy()
+        covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
+        return Information(_as_told(accuracy, covariance), covariance * np.outer(sizes, sizes), order)
+
+
+def _as_told(accuracy: Accuracy, covariance: Floats) -> Accuracy:
+    """The information of white errors that gives this covariance; unchanged where some variance is infinite."""
+    if not np.isfinite(covariance).all():
+        return accuracy
+    sd = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
+    if values[0] <= 0:
+        return accuracy
+    root = (vectors / np.sqrt(values)).T / sd
+    return Accuracy(accuracy.names, root * accuracy.noise, accuracy.noise)
+
+
+def _unexplained(psi: Floats, start: Floats) -> Floats:
+    """The part of the columns of psi that those of ``start`` do not explain."""
+    if not start.shape[1]:
+        return psi
+    lengths = np.linalg.norm(start, axis=0)
+    left, sizes, _ = np.linalg.svd(start / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
+    left = left[:, sizes > _EXPLAINED * sizes.max(initial=0.0)]
+    return np.asarray(psi - left @ (left.T @ psi))
+
+
+def _pseudo_inverse(R: Floats) -> Floats:
+    """Of R'R, with columns of R scaled to one length; zero along unobserved directions."""
+    lengths = np.linalg.norm(R, axis=0)
+    lengths[lengths == 0] = 1.0
+    _, sizes, rows = np.linalg.svd(R / lengths, full_matrices=False)
+    seen = sizes > 1e-9 * sizes.max(initial=0.0)
+    weighted = rows[seen] / sizes[seen, None]
+    return np.asarray(weighted.T @ weighted / np.outer(lengths, lengths))

@@ -99,7 +99,9 @@ class Structure:
         self._free = [self.names.index(split_name(name)[0]) for name in free]
         self._inverted = [i for i, name in zip(self._free, free, strict=True) if split_name(name)[1]]
         self._exponent[:, self._inverted] *= -1
-        self._constant = np.concatenate([np.zeros(self._ends[4]), drive.matrix("ratio", _ones(drive))[:, 0]])
+        self._constant = np.concatenate(
+            [np.zeros(self._ends[4]), drive.matrix("ratio", dict.fromkeys(self.names, 1.0))[:, 0]]
+        )
         self._constant[entry[entry >= self._ends[4]]] = 0.0
         self._unit = np.concatenate([(d / d[:, None]).ravel(), np.repeat(1 / d, m), d, 1 / d, np.ones(m)])
 
@@ -135,10 +137,6 @@ class Structure:
         return [
             s.reshape(*self._shapes[part], *flat.shape[1:]) for part, s in zip(_PARTS, split, strict=True)
         ]
-
-
-def _ones(drive: Drive) -> dict[str, float]:
-    return {p.name: 1.0 for p in drive.parameters}
 
 
 # --- A mean speed where theta is fixed: the held drive itself begins its way anew with each sample, and divides it by -

@@ -17,7 +17,6 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, split_name
 from monitor_core.identification.problem import Disturbance, Problem, value_of
-from monitor_core.kernel.tables import TORQUE
 
 _FARTHEST = 1e3
 """A positive parameter stays within this factor of its start, unless it has bounds."""
@@ -117,7 +116,7 @@ class Layout:
         A, B, C = (drive.matrix(which, self._nominal) for which in ("A", "B", "C"))
         with np.errstate(all="ignore"):
             _, Bd = zero_order_hold(A, B, self._interval_s)
-        moved = float(np.abs(C[0] @ Bd[:, [kind == TORQUE for kind in drive.inputs]]).max())
+        moved = float(np.abs(C[0] @ Bd[:, drive.of_torque]).max())
         return _LOUDEST / moved if 0 < moved < math.inf else math.inf
 
     @property

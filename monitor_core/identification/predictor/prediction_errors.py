@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,6 @@ from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
 from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late, hold_mean
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
 from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
-from monitor_core.identification.predictor.record_intervals import Series, series
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records.record import Record
 from monitor_core.kernel.fixed_predictor import FROM_OUTPUT, FROM_RECORD, FROM_STATE, predict_record
@@ -77,9 +77,8 @@ class Predictor:
 
     @property
     def own(self) -> int:
-        """Number of entries of the vector for each record: its initial state, or the angle where it rests."""
-        initial = self.problem.initial
-        return self.n if initial == "free" else int(initial == "rest" and self.drive.output == "angle")
+        """Number of entries of the vector for each record: its initial state, or none."""
+        return self.n if self.problem.initial == "free" else 0
 
     def columns(self, i: int) -> np.ndarray:
         """Indices in the vector of the columns of psi of record i."""
@@ -91,9 +90,7 @@ class Predictor:
         """Start of the vector: nominal values, all at rest."""
         xi = self.layout.start()
         rest = self._rest(self._linear(self.layout.point(xi), self._signal_mean))
-        free = self.problem.initial == "free"
-        own = [rest * s.first if free else np.full(self.own, s.first) for s in self.series]
-        return np.concatenate([xi, *own])
+        return np.concatenate([xi, *(rest[: self.own] * s.first for s in self.series)])
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Bounds of the vector."""
@@ -189,16 +186,14 @@ class Predictor:
         return np.asarray(np.logical_or.reduce([self._torque, *acts]))
 
     def _start(self, xi: Floats, i: int, system: Linear) -> tuple[Floats, Floats]:
-        columns, shared, initial = self.columns(i), self.layout.shared, self.problem.initial
-        Z0, own = np.zeros((self.n, columns.size)), xi[columns[shared:]]
-        if initial == "free":
+        columns, shared = self.columns(i), self.layout.shared
+        Z0 = np.zeros((self.n, columns.size))
+        if self.own:
             Z0[:, shared:] = np.eye(self.n)
-            return own.copy(), Z0
-        # At rest own is the angle, and empty where the output is a speed.
-        output = self.series[i].first if initial == "first" else float(own.sum())
-        Z0[:, : system.drest.shape[1]] = system.drest * output
-        Z0[:, shared:] = self._rest(system)[:, None]
-        return self._rest(system) * output, Z0
+            return xi[columns[shared:]], Z0
+        first = self.series[i].first
+        Z0[:, : system.drest.shape[1]] = system.drest * first
+        return self._rest(system) * first, Z0
 
     def _rest(self, system: Linear) -> Floats:
         """The state of rigid motion with output 1; that of a mean speed is here the mean itself."""
@@ -227,13 +222,11 @@ class Predictor:
         late = late_s if self.layout.free_delay or late_s else None
         if self.drive.mean_state >= 0:
             X, dX = hold_mean(system, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
-        elif late is None:
-            return hold(system, intervals_s)
         else:
-            X, dX = hold_late(system, torque, intervals_s, late)
-        if late is None:
-            return X, dX
-        return X, dX if self.layout.free_delay else dX[:, :-1]
+            X, dX = (
+                hold(system, intervals_s) if late is None else hold_late(system, torque, intervals_s, late)
+            )
+        return X, dX if late is None or self.layout.free_delay else dX[:, :-1]
 
     def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""
@@ -274,3 +267,84 @@ def _check(problem: Problem, records: Sequence[Record]) -> None:
         if record.quantity != problem.drive.output.removeprefix("mean "):
             what = f"{record.name or 'record'} holds the {record.quantity}"
             raise ValueError(f"{what}, the drive's output is the {problem.drive.output}")
+
+
+# --- A record prepared for the compiled predictor: distinct intervals, and levels of the scheduling signals -----------
+
+
+MOST_LEVELS = 32
+"""A slowly varying signal counts as constant within the 32nd part of its range."""
+
+_REGULAR = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A record with its distinct (interval, level) pairs."""
+
+    record: Record
+    u: Floats  # (N,)
+    y: Floats  # (N,) zero where not measured
+    measured: Ints  # (N,) 0 or 1
+    step: Ints  # (N,) which of the pairs leads to the next sample
+    level: Ints  # (N,) which of the levels applies
+    pairs: Ints  # (G, 2) interval in us, level
+    signals: Floats  # (L, s) the signals' values at each level
+
+    @property
+    def first(self) -> float:
+        """The first output that was measured."""
+        return float(self.y[np.argmax(self.measured)])
+
+
+def series(record: Record, signals: Sequence[str], late: int = 0) -> Series:
+    """Prepare a record, with its torque ``late`` samples later.  Times are rounded to microseconds, as in the monitor.
+
+    Raises:
+        ValueError: it lacks a signal, or nothing of it was measured; intervals too different for a shift.
+    """
+    if not record.measured.any():
+        raise ValueError(f"{record.name or 'record'}: no output was measured")
+    if missing := [name for name in signals if name not in record.signals]:
+        raise ValueError(f"{record.name or 'record'}: no signal {missing[0]!r}")
+    values, level = _levels([record.signals[name] for name in signals], len(record))
+    intervals = np.diff(np.rint(record.t * 1e6).astype(np.int64))
+    keys, step = np.unique(intervals * len(values) + level[:-1], return_inverse=True)
+    pairs = np.stack(np.divmod(keys, len(values)), axis=1)
+    y = np.where(record.measured, record.y, 0.0)
+    measured = record.measured.astype(np.int64)
+    if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
+        raise ValueError(
+            f"{record.name or 'record'}: the torque is late by more than one interval, and those differ"
+        )
+    u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
+    return Series(record, u, y, measured, np.append(step, 0), level, pairs, values)
+
+
+def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:
+    """Mean values (L, s) and their index (N,); a missing value is replaced by the one before."""
+    if not signals:
+        return np.zeros((1, 0)), np.zeros(N, dtype=np.int64)
+    filled = np.stack([_filled(signal) for signal in signals], axis=1)
+    parts = np.stack([_part(column) for column in filled.T], axis=1)
+    level = np.unique(parts, axis=0, return_inverse=True)[1].reshape(-1)
+    count = np.bincount(level)
+    sums = [np.bincount(level, weights=column) for column in filled.T]
+    return np.stack(sums, axis=1) / count[:, None], level
+
+
+def _filled(signal: Floats) -> Floats:
+    good = np.flatnonzero(np.isfinite(signal))
+    if good.size == 0:
+        raise ValueError("a signal that the parameters depend on was never measured")
+    return signal[good[np.maximum(np.searchsorted(good, np.arange(signal.size), side="right") - 1, 0)]]
+
+
+def _part(column: Floats) -> Ints:
+    """Index of its distinct value, or of the part of its range if there are too many values."""
+    found, which = np.unique(column, return_inverse=True)
+    if found.size <= MOST_LEVELS:
+        return np.asarray(which, dtype=np.int64)
+    low, high = found[0], found[-1]
+    part = (column - low) / (high - low) * MOST_LEVELS
+    return np.asarray(np.minimum(part, MOST_LEVELS - 1), dtype=np.int64)

@@ -4,8 +4,7 @@ A finding that refuses says that no fit to this record can be trusted; one that 
 at.  Thresholds are set so that a healthy record gives no finding: each constant says why it is what it is.
 """
 
-from monitor_core.identification.records.finding import Finding, Known, Severity, known_of
-from monitor_core.identification.records.motion_checks import suspicions
-from monitor_core.identification.records.record import UNITS, Bools, Record, between
+from monitor_core.identification.records.motion_checks import known_of, suspicions
+from monitor_core.identification.records.record import UNITS, Bools, Finding, Known, Record, Severity, between
 
 __all__ = ["UNITS", "Bools", "Finding", "Known", "Record", "Severity", "between", "known_of", "suspicions"]

@@ -129,20 +129,6 @@ _REGULAR = 1e-3
 """A grid is regular when no time is further from it than this part of an interval."""
 
 
-def decimate(record: Record, factor: int) -> Record:
-    """Every ``factor``-th sample of a regular record, filtered.
-
-    Raises:
-        ValueError: the samples are not on a regular grid; the record is too short.
-    """
-    if not is_regular(record):
-        raise ValueError(
-            f"the samples are not on a regular grid ({1e3 * record.interval_s:g} ms apart, "
-            f"+- {1e3 * record.jitter_s:.2g} ms): they can be resampled, not decimated"
-        )
-    return record if factor == 1 else resample(record, factor * _grid(record))
-
-
 def resample(record: Record, interval_s: float) -> Record:
     """The record on the grid t[0], t[0] + interval_s, .., without aliasing and without delay.
 
@@ -156,7 +142,7 @@ def resample(record: Record, interval_s: float) -> Record:
     Raises:
         ValueError: a shorter interval; a record too short for two new samples.
     """
-    old = _grid(record)
+    old = grid_interval(record)
     if not interval_s > old * (1 - _REGULAR):
         raise ValueError(
             f"an interval of {1e3 * interval_s:g} ms is shorter than that of the record, {1e3 * old:g} ms: "
@@ -183,14 +169,7 @@ def mean_torque(record: Record, t: Floats) -> Floats:
     return np.append(means, record.u[np.searchsorted(record.t, t[-1] + 1e-12, side="right") - 1])
 
 
-def is_regular(record: Record) -> bool:
-    """Whether all times are on one grid; some samples of it may be missing."""
-    h = _grid(record)
-    steps = (record.t - record.t[0]) / h
-    return bool((abs(steps - np.rint(steps)) < _REGULAR).all())
-
-
-def _grid(record: Record) -> float:
+def grid_interval(record: Record) -> float:
     """The interval of the record, s, with more digits than a median of rounded times has."""
     h = record.interval_s
     steps = np.rint((record.t - record.t[0]) / h)
@@ -213,7 +192,9 @@ def _filtered(record: Record, values: Floats, t: Floats, parts: int) -> tuple[Fl
         reach = len(taps) // 2
         # Beyond the ends the signal is continued by point reflection; samples affected by that are not valid.
         smooth = oaconvolve(np.pad(smooth, reach, mode="reflect", reflect_type="odd"), taps, mode="valid")
-    valid = _covered(record.t[known], t, max(interval, 1.5 * _grid(record)), interval if parts > 1 else 0.0)
+    valid = _covered(
+        record.t[known], t, max(interval, 1.5 * grid_interval(record)), interval if parts > 1 else 0.0
+    )
     inside = np.arange(fine.size)[::parts]
     valid &= (inside >= reach) & (inside < fine.size - reach)
     return smooth[::parts], valid

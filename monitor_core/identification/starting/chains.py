@@ -259,18 +259,14 @@ def _lossless(
     without = {p.name: 0.0 for p in drive.parameters if p.unit == DAMPING}
     values = {**values, **without, **(dampers or {})}
     A, B, C = (drive.matrix(which, values) for which in ("A", "B", "C"))
-    torque = np.array([kind == TORQUE for kind in drive.inputs])
+    torque = drive.of_torque
     b, c = B[:, torque].sum(axis=1), C[0] @ A if drive.output == "angle" else C[0]
     felt = drive.matrix("A", {**values, **dict.fromkeys(without, 1.0)}).any(axis=0) | (c != 0)
     return A[np.ix_(felt, felt)], b[felt], c[felt]
 
 
 def _taken_apart(A: Floats, b: Floats, c: Floats) -> Chain:
-    """The chain of a lossless drive.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """The chain of a lossless drive; ValueError: it is none."""
     poles, V = np.linalg.eig(A)
     a = (c @ V) * np.linalg.solve(V, b.astype(complex))
     largest = np.abs(poles).max()

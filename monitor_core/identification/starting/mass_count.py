@@ -1,4 +1,4 @@
-"""Number of masses of a drive: chains grow as long as the records support one more mass (growing_chains.py).
+"""Number of masses of a drive: chains grow as long as the records support one more mass (modes.py).
 
 The estimates of every model start the next one.
 """
@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.identification.greybox import Estimate, Problem, compare
+from monitor_core.identification.greybox import Estimate, Problem, traces_of
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
-from monitor_core.identification.starting.growing_chains import Stem, longer, rigid
+from monitor_core.identification.starting.modes import Stem, longer, rigid
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Found, Progress, Steps
 from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, candidate
@@ -65,7 +65,7 @@ def grow(
 
 
 def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> Grown:
-    aside = tuple(model.one_step for model in compare(found.problem, validation)) if validation else ()
+    aside = tuple(trace.fit for trace in traces_of(found.problem, validation)) if validation else ()
     chain_found = Slots(found.problem).chain(found.problem.nominal)
     return Grown(masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0])))
 

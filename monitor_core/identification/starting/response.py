@@ -26,7 +26,6 @@ from monitor_core.identification.predictor.held_drive import Linear, Structure, 
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.record import Bools, Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample
-from monitor_core.kernel.tables import TORQUE
 
 _ORDER = 100
 """Of the ARX model: half a second of memory at 5 ms."""
@@ -174,7 +173,7 @@ class Response:
 
     def __init__(self, problem: Problem, values: Mapping[str, float] | None = None) -> None:
         self.values = {**problem.nominal, **(values or {})}
-        self._torque = np.array([kind == TORQUE for kind in problem.drive.inputs])
+        self._torque = problem.drive.of_torque
         self._delay_s = problem.delay_s
         d = AxisModel(problem.drive, self.values, ()).balance()
         self.bases = _felt(problem, self.values, d, self._torque)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from monitor_core.drive.structure import split_name
 from monitor_core.identification.greybox import Estimate, Problem, fit
 from monitor_core.identification.problem import value_of
 from monitor_core.identification.records.record import Record
 from monitor_core.identification.starting.chains import Slots, chain_of_modes
-from monitor_core.identification.starting.growing_chains import longer, stems
-from monitor_core.identification.starting.modes import black_boxes, modal
+from monitor_core.identification.starting.modes import black_boxes, longer, modal, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
@@ -176,7 +176,7 @@ def best_fit(
             reached(before + min(count, _FIT))
 
         try:
-            ends.append((fit(problem, records, _free(problem, rival.values), progress=report), rival))
+            ends.append((fit(_started(problem, rival.values), records, progress=report), rival))
         except ValueError as error:
             problems.append(error)
     if not ends:
@@ -194,7 +194,11 @@ def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
     )
 
 
-def _free(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
-    """As ``fit`` takes them: free parameters by their names, inside their bounds."""
-    bounds = {name: problem.bounds.get(name, (-np.inf, np.inf)) for name in problem.free}
-    return {name: float(np.clip(value_of(values, name), *limits)) for name, limits in bounds.items()}
+def _started(problem: Problem, values: Mapping[str, float]) -> Problem:
+    """The problem with its free parameters at these values, inside their bounds."""
+    nominal = dict(problem.nominal)
+    for name in problem.free:
+        base, inverse = split_name(name)
+        value = float(np.clip(value_of(values, name), *problem.bounds.get(name, (-np.inf, np.inf))))
+        nominal[base] = 1 / value if inverse else value
+    return replace(problem, nominal=nominal)

@@ -12,7 +12,6 @@ from monitor_core.identification.black_boxes.frequency_response import (
     DECIBEL,
     Complexes,
     by_gradient,
-    circular,
     root_of,
 )
 from monitor_core.identification.bode import drive_response, held_response
@@ -53,14 +52,6 @@ def test_deviations_are_those_of_samples(seed: int, p: int) -> None:
     found = by_gradient(np.array([1.0]), G, dG, root_of(root @ root.T))
     assert found.sd_db[0] == pytest.approx(DECIBEL * w.real.std(), rel=0.03)
     assert found.sd_phase[0] == pytest.approx(w.imag.std(), rel=0.03)
-
-
-def test_type_refuses_what_does_not_fit() -> None:
-    f = np.array([1.0, 2.0])
-    with pytest.raises(ValueError, match=r"\(3,\) values for \(2,\) frequencies"):
-        circular(f, np.ones(3, dtype=np.complex128), np.ones(3))
-    unknown = circular(f, np.array([0j, 1 + 0j]), np.array([1.0, np.inf]))
-    assert np.isinf(unknown.sd_db).all()
 
 
 # --- drives ------------------------------------------------------------------------------------------------
@@ -148,9 +139,3 @@ def test_what_is_not_told_makes_the_band_infinite() -> None:
     )
     assert np.isfinite(told.sd_db).all()
     assert (told.sd_db > 0).all()
-
-
-def test_mistakes_are_told() -> None:
-    drive = three_mass("speed")
-    with pytest.raises(ValueError, match=r"covariance \(1, 1\) for 2 names"):
-        drive_response(drive, REFERENCE_VALUES, INTERVAL_S, [1.0], names=("Jm", "fm"), covariance=np.eye(1))

@@ -6,10 +6,10 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
-from monitor_core.identification.greybox.covariance import information
 from monitor_core.identification.greybox.residuals import (
     autoregression,
     independence,
+    information,
     scores_covariance,
     whiteness,
 )

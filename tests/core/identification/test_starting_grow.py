@@ -10,19 +10,20 @@ import pytest
 from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.starting import Growth, grow
-from monitor_core.identification.starting import growing_chains as growing
+from monitor_core.identification.starting import modes as growing
 from monitor_core.identification.starting import starting_fits as api
 from monitor_core.identification.starting.chains import Chain, Slots, chain
-from monitor_core.identification.starting.growing_chains import (
+from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
+from monitor_core.identification.starting.modes import (
+    Modal,
     Mode,
     joined,
     lacking,
     longer,
     rigid,
+    shape,
     stems,
 )
-from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
-from monitor_core.identification.starting.modes import Modal, shape
 from monitor_core.identification.starting.response import Response, measure
 from monitor_core.identification.starting.search import errors, polish
 from tests.core.identification.test_starting import AT_OPTIMUM, CASES, FIVE, THREE, TWO, Case, ignored

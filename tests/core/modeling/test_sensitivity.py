@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.sensitivity import INTERVAL_S, known_inputs, sensitivities, usual_torque
+from monitor_core.excitation.sensitivity import INTERVAL_S, sensitivities_to, simulated, usual_torque
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.numbers import drive_of
@@ -28,6 +28,19 @@ seeds = st.integers(0, 2**32 - 1)
 STEP = 1e-30
 MOVING = {**REFERENCE_VALUES, "fc": 0.3, "tau0": 0.1}
 ALL = ("Jm", "1/Jg", "Ja", "kg", "1/ka", "dg", "da", "fm", "fc", "tau0", "kT", "r")
+
+
+def sensitivities(
+    drive: Drive,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    torque: Floats,
+    interval_s: float = INTERVAL_S,
+    scales: Mapping[str, float] | None = None,
+) -> Floats:
+    """From rest, under a torque."""
+    u, _ = simulated(drive, values, torque, interval_s)
+    return sensitivities_to(u, drive, values, names, interval_s, scales)
 
 
 def torque(seed: int, N: int = 120) -> Floats:
@@ -78,7 +91,7 @@ def agree(S: Floats, expected: Sequence[Floats]) -> None:
 def test_sensitivities_are_the_derivatives_of_a_simulation(output: Output, seed: int) -> None:
     drive, u = three_mass(output), torque(seed)
     S = sensitivities(drive, MOVING, ALL, u)
-    inputs = known_inputs(drive, MOVING, u, INTERVAL_S)
+    inputs = simulated(drive, MOVING, u, INTERVAL_S)[0]
     sizes = [1 / MOVING[name[2:]] if name.startswith("1/") else MOVING[name] for name in ALL]
     agree(
         S, [by_complex_step(drive, MOVING, n, s, inputs, INTERVAL_S) for n, s in zip(ALL, sizes, strict=True)]
@@ -88,7 +101,7 @@ def test_sensitivities_are_the_derivatives_of_a_simulation(output: Output, seed:
 def test_inputs_are_those_of_the_motion(seed: int) -> None:
     """Torque as given, friction by the speed at the start of each interval, the constant 1."""
     drive, u = three_mass("angle"), torque(seed)
-    inputs = known_inputs(drive, MOVING, u, 0.01, speed_scale=0.5)
+    inputs = simulated(drive, MOVING, u, 0.01, speed_scale=0.5)[0]
     axis = SimulatedAxis(MOVING, speed_scale=0.5, substeps=1, drive=drive)
     speed = [axis.speed, *(axis.step(value, 0.01)[1] for value in u[:-1])]
     assert drive.inputs == (TORQUE, COULOMB, ONE)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.stability import stable_limits
+from monitor_core.drive.kalman import stable_limits
 from monitor_core.drive.structure import DELAY
 from monitor_core.kernel.tables import COULOMB, GAINS, TORQUE
 from monitor_core.settings import Settings
