@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from monitor_core.modeling.components import Fragment, fragment, join
-from monitor_core.modeling.components.connections import End, Joint, connect
+from monitor_core.modeling.components.fragments import End, Joint, connect
 from monitor_core.modeling.drawing.drawn_components import Fixed, Part, parts_of
 from monitor_core.modeling.drawing.parameter_table import Entry, entries, parameters
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from monitor_core.modeling.components import KINDS, Role
-from monitor_core.modeling.components.unit_algebra import parse
-from monitor_core.modeling.components.units import Use, infer
+from monitor_core.modeling.components.units import Use, infer, parse
 from monitor_core.modeling.drawing.parameter_table import is_positive
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 from pymoca import ast
 
 from monitor_core.modeling.components import KINDS, fragment
-from monitor_core.modeling.components.connections import End, Joint
-from monitor_core.modeling.components.fragments import Fragment
+from monitor_core.modeling.components.fragments import End, Fragment, Joint
 from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
-from monitor_core.modeling.modelica.arithmetic import number_of
 from monitor_core.modeling.modelica.library import BEARING, REFUSED, SIGNAL_SOURCE, Leaf
-from monitor_core.modeling.modelica.values import Values, is_given, plain
+from monitor_core.modeling.modelica.values import Values, is_given, number_of, plain
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,7 @@ from monitor_core.modeling.drawing import Drawing, from_tables
 from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.numbers import drive_of
-from monitor_core.modeling.statespace import StateSpace
+from monitor_core.modeling.statespace import StateSpace, drive_of
 from monitor_core.modeling.symbolic import expression, matrices, symbols_of
 from tests.core.modeling.random_drives import RandomDrive, drives
 from tests.core.oracle.system import derivatives

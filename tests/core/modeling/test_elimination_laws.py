@@ -13,8 +13,7 @@ from sympy.polys.matrices import DomainMatrix
 from monitor_core.modeling.drawing import from_tables
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel
-from monitor_core.modeling.numbers import drive_of, nominal_of
-from monitor_core.modeling.statespace import Entries, StateSpace
+from monitor_core.modeling.statespace import Entries, StateSpace, drive_of, nominal_of
 from tests.core.modeling.generic_ranks import minimality
 from tests.core.modeling.random_drives import RandomDrive, drives
 

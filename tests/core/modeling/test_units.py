@@ -1,16 +1,12 @@
 """Units: both ways of writing them, their arithmetic, and what the uses of parameters say about them."""
 
-from fractions import Fraction
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.modeling.components.unit_algebra import BASE, ONE, Dimension
-from monitor_core.modeling.components.units import Use, infer, parse, unit_of
+from monitor_core.modeling.components.units import BASE, ONE, Dimension, Use, infer, parse
 from monitor_core.modeling.drawing import parameter_table
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.laurent import Laurent
 
 HOUSE = ["kg m^2", "N m/rad", "N m s/rad", "N m", "rad", "rad/s", "rad/s^2", "1"]
 DIMENSIONS = st.builds(Dimension, st.tuples(*[st.integers(-4, 4)] * len(BASE)), st.integers(-2, 2))
@@ -199,19 +195,3 @@ def test_stiffness_and_torque_have_the_same_dimension() -> None:
 
 def test_numbers_stand_for_parameters_alone_and_as_summands() -> None:
     assert infer([use("0.01", "kg m^2", MOTOR), use("Jm + 0.01", "kg m^2", MOTOR)]) == {"Jm": "kg m^2"}
-
-
-def test_unit_of_an_expression() -> None:
-    units = {"Jm": "kg m^2", "Jg": "kg m^2", "r": "1", "k": "N m/rad", "u": ""}
-    for text, unit in {
-        "Jm + r^2*Jg": "kg m^2",
-        "k*r/Jm": "1/s^2",
-        "1/Jm": "1/(kg m^2)",
-        "u*k": "",
-        "new": "",
-        "3": "1",
-    }.items():
-        assert unit_of(parameter_table.parse(text), units) == unit
-    with pytest.raises(ModelError, match="Jm \\+ k is in kg m\\^2, but k is in N m/rad"):
-        unit_of(parameter_table.parse("Jm + k"), units)
-    assert unit_of(Laurent.number(Fraction(1, 2)), units) == "1"

@@ -14,7 +14,7 @@ from monitor_core.drive.structure import Drive, Output
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read
-from monitor_core.modeling.numbers import drive_of, nominal_of
+from monitor_core.modeling.statespace import drive_of, nominal_of
 from tests.service.modeling.descriptor import ordinary, transfer
 from tests.service.modeling.flattened import ROOT, FlatText, numbers
 
