@@ -98,7 +98,7 @@ class Builder:
     def variable(self, name: str, unit: str, prefer: bool = False, relative: bool = False) -> Linear:
         """A new unknown, "<component>.<name>"."""
         new = FlatVariable(f"{self.name}.{name}", unit, prefer, relative, self.origin)
-        self.fragment = replace(self.fragment, variables=(*self.fragment.variables, new))
+        self._add(Fragment(variables=(new,)))
         return Linear.variable(new.name)
 
     def flange(self, name: str) -> Flange:
@@ -108,18 +108,21 @@ class Builder:
     def input(self, name: str, kind: int, angle: str = "") -> Linear:
         """A known signal of a kind of monitor_core.kernel.tables; ``angle`` is an unknown of this component."""
         new = FlatInput(name, kind, angle and f"{self.name}.{angle}", self.origin)
-        self.fragment = replace(self.fragment, inputs=(*self.fragment.inputs, new))
+        self._add(Fragment(inputs=(new,)))
         return Linear.variable(name)
 
     def sensor(self, angle: str, quantity: str) -> None:
         """The component is a sensor of "speed" or "angle" where its unknown ``angle`` is."""
         new = FlatSensor(self.name, f"{self.name}.{angle}", quantity, self.origin)
-        self.fragment = replace(self.fragment, sensors=(*self.fragment.sensors, new))
+        self._add(Fragment(sensors=(new,)))
 
     def equal(self, left: Linear, right: Linear) -> None:
         """An equation."""
         new = FlatEquation((left - right).terms, self.origin)
-        self.fragment = replace(self.fragment, equations=(*self.fragment.equations, new))
+        self._add(Fragment(equations=(new,)))
+
+    def _add(self, new: Fragment) -> None:
+        self.fragment = join((self.fragment, new))
 
 
 # --- Connections: connected flanges have the same angle, and their torques add up to zero -----------------------------

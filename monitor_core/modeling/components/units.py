@@ -6,14 +6,16 @@ Everything is in SI units without prefixes.  Radians are written where they belo
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
+from monitor_core.modeling.components.component_kinds import Role
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, Monomial
 
@@ -176,20 +178,59 @@ _HOUSE: Mapping[tuple[tuple[int, ...], int], str] = MappingProxyType(
 
 
 class Use(NamedTuple):
-    """A use of a parameter in a component: the text there, the required unit ("": any), and the place.
+    """A use of parameters in a component: the expression there, the required unit ("": any), the place, and the role.
 
-    ``role`` and ``meaning`` ("J", "inertia") are for messages.
+    ``role`` is None for an equation of the user's own.  ``number``: what was drawn in the place of an expression.
     """
 
     value: Laurent
     unit: str
     origin: Origin
-    role: str = ""
-    meaning: str = ""
+    role: Role | None = None
+    number: float | None = None
 
     def __str__(self) -> str:
-        role = f"{self.role} ({self.meaning})" if self.meaning else self.role
+        role = f"{self.role.name} ({self.role.meaning})" if self.role else ""
         return " of ".join(part for part in (role, self.origin.component) if part)
+
+    @property
+    def is_name(self) -> bool:
+        """Whether the expression is only the name of a parameter."""
+        return len(self.value.names) == 1 and self.value == Laurent.symbol(next(iter(self.value.names)))
+
+    def meaning(self, component: str) -> str:
+        """What a parameter in it means: inertia of the motor."""
+        place = f"{self.role.meaning if self.role else ''} of the {component}"
+        return place if self.is_name else f"in the {place}: {self.value}"
+
+
+def is_positive(name: str, uses: Iterable[Use], value: float | None) -> bool:
+    """Whether the parameter is a factor, to an odd power, of something positive.
+
+    To an even power, or in a gear ratio, it may be negative if its value is.
+    """
+    for use in uses:
+        if use.role and use.role.positive and use.value.is_unit:
+            ((monomial, coefficient),) = use.value
+            strict = not use.role.signed and dict(monomial)[name] % 2 == 1
+            if coefficient > 0 if strict else value is None or value >= 0:
+                return True
+    return False
+
+
+def impossible(uses: Iterable[Use], values: Mapping[str, float]) -> Iterator[tuple[Use, Role, float, str]]:
+    """Expressions whose value makes no sense in their role, with that value and what it must be.
+
+    Those in which a value is not known are left out.
+    """
+    for use in uses:
+        if use.role and use.value.names <= values.keys():
+            try:
+                number = float(use.value.value(values))
+            except (ZeroDivisionError, OverflowError):
+                number = math.inf
+            if problem := use.role.problem(number):
+                yield use, use.role, number, problem
 
 
 def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
@@ -208,7 +249,7 @@ def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({}
     for name, unit in declared.items():
         if unit:
             found.add(name, parse(unit), "declared so")
-    ordered = sorted(uses, key=lambda use: not _is_name(use.value))
+    ordered = sorted(uses, key=lambda use: not use.is_name)
     while sum(found.learn(use) for use in ordered):
         pass  # a unit found may be the last but one of the next product
     for use in ordered:
@@ -268,10 +309,6 @@ class _Found:
 
     def _conflict(self, use: Use, monomial: Monomial, target: Dimension | None, actual: Dimension) -> str:
         reasons = ", ".join(f"{name} is {self.dimension[name]}: {self.reason[name]}" for name, _ in monomial)
-        place = f"its {use.role} ({use.meaning})" if use.role else str(use.value)
+        place = f"its {use.role.name} ({use.role.meaning})" if use.role else str(use.value)
         product = Laurent([(monomial, Fraction(1))])
         return f"{place} is in {target}, but {product} is in {actual} ({reasons})"
-
-
-def _is_name(value: Laurent) -> bool:
-    return len(value.names) == 1 and value == Laurent.symbol(next(iter(value.names)))

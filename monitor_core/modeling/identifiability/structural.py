@@ -50,8 +50,7 @@ class Identifiability:
 
     def words(self) -> tuple[str, ...]:
         """The same in plain sentences."""
-        groups = list(zip(self.groups, self.seen, self.unnamed, strict=True))
-        return tuple(sentences(self.identifiable, groups, self.invisible, self.suggestion))
+        return tuple(_sentences(self))
 
 
 def structural(
@@ -121,22 +120,17 @@ _FEW = 12
 """So many names are listed; more are counted."""
 
 
-def sentences(
-    identifiable: Sequence[str],
-    groups: Sequence[tuple[Sequence[str], Sequence[str], int]],
-    invisible: Sequence[str],
-    suggestion: Sequence[str],
-) -> Iterator[str]:
-    """``groups``: of each its parameters, the combinations of them that are seen, and how many more are."""
-    if identifiable:
-        yield f"{listed(identifiable)} can be found."
-    for number, (names, seen, more) in enumerate(groups):
-        yield _group(names, seen, more, alone=not identifiable and number == 0 and len(groups) == 1)
-    for name in invisible:
+def _sentences(told: Identifiability) -> Iterator[str]:
+    if told.identifiable:
+        yield f"{listed(told.identifiable)} can be found."
+    alone = not told.identifiable and len(told.groups) == 1
+    for names, seen, more in zip(told.groups, told.seen, told.unnamed, strict=True):
+        yield _group(names, seen, more, alone)
+    for name in told.invisible:
         yield f"{name} cannot be seen at all: whatever its value, the sensors show the same."
-    held = [name for name in suggestion if name not in invisible]
+    held = [name for name in told.suggestion if name not in told.invisible]
     if held:
-        rest = [name for names, _, _ in groups for name in names if name not in held]
+        rest = [name for names in told.groups for name in names if name not in held]
         found = listed(rest) if len(rest) <= _FEW else f"the other {len(rest)}"
         yield f"Hold {listed(held)} known and {found} can be found."
 

@@ -65,14 +65,8 @@ def _part(placed: Placed, values: Values) -> Part:
     kind, leaf = KINDS[placed.leaf.kind], placed.leaf
     parameters = {role: values.parameter(placed.inside(name)) for role, name in leaf.roles.items()}
     uses = tuple(
-        Use(
-            parameters[role],
-            kind.role(role).unit,
-            _written_at(name, placed, values),
-            role,
-            kind.role(role).meaning,
-        )
-        for role, name in leaf.roles.items()
+        Use(value, kind.role(role).unit, _written_at(leaf.roles[role], placed, values), kind.role(role))
+        for role, value in parameters.items()
     )
     fixed = {role: Laurent.number(value) for role, value in leaf.fixed.items()}
     flanges = tuple(placed.inside(name) for name in kind.flanges)
@@ -93,7 +87,7 @@ def _bearing(placed: Placed, values: Values) -> Iterator[Part]:
     ):
         if found.value:
             about = KINDS[kind].role(role)
-            use = Use(found.value, about.unit if found.has_unit else "", origin, role, about.meaning)
+            use = Use(found.value, about.unit if found.has_unit else "", origin, about)
             yield Part(name, kind, {role: found.value}, placed.origin, (use,), at)
 
 

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from monitor_core.modeling.components import Role
 from monitor_core.modeling.components.units import BASE, ONE, Dimension, Use, infer, parse
 from monitor_core.modeling.drawing import parameter_table
 from monitor_core.modeling.flat import ModelError, Origin
@@ -105,7 +106,8 @@ def use(text: str, unit: str, place: str) -> Use:
     """``place``: "J (inertia) of motor"."""
     what, _, component = place.partition(" of ")
     role, _, meaning = what.rstrip(")").partition(" (")
-    return Use(parameter_table.parse(text), unit, Origin(component, "drive.mo", 3), role, meaning)
+    origin = Origin(component, "drive.mo", 3)
+    return Use(parameter_table.parse(text), unit, origin, Role(role, unit, meaning) if role else None)
 
 
 MOTOR, BELT, DAMPING = "J (inertia) of motor", "c (stiffness) of belt", "d (damping) of belt"
@@ -164,18 +166,13 @@ def test_a_stiffness_is_no_inertia(order: int) -> None:
 @pytest.mark.parametrize(
     ("text", "unit", "declared", "problem"),
     [
-        (
-            "m*l^2",
-            "kg m^2",
-            {"m": "kg", "l": "s"},
-            "is in kg m^2, but l^2*m is in kg s^2 (l is s: declared so",
-        ),
+        ("m*l^2", "kg m^2", {"m": "kg", "l": "s"}, "is in kg m^2, but l^2*m is in kg s^2 (l is s: declared so"),
         ("k", "kg m^2", {"k": "N.m/rad"}, "but k is in N m/rad (k is N m/rad: declared so)"),
         ("a + b", "", {"a": "m", "b": "s"}, "a + b is in m, but b is in s"),
         ("Jm + k", "kg m^2", {"k": "N m"}, "but k is in N m"),
         ("l^2*r + 2*k", "kg m^2", {"r": "1", "k": "N m"}, "but k is in N m"),
     ],
-)
+)  # fmt: skip
 def test_conflicts_name_the_place_and_the_reason(
     text: str, unit: str, declared: dict[str, str], problem: str
 ) -> None:
