@@ -40,8 +40,7 @@ class Drawing:
 
         Raises:
             ModelError: a name is used twice or is invalid; a component cannot be connected like this; an expression,
-                value or
-                unit of a parameter is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
+                value or unit of a parameter is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
         """
         parts = self._grounded()
         _check(parts, self.origin)
@@ -79,8 +78,7 @@ def from_tables(
     Args:
         name: of the drive.
         tables: one for each component, ``{type = "inertia", name = "motor", at = "shaft", J = "Jm"}``; ``at`` is a list
-            of
-            two nodes where a component has two flanges.
+            of two nodes where a component has two flanges.
         nominal: values of parameters (SI).
         origins: place of each table, for messages.
         origin: place of the list.

@@ -204,12 +204,6 @@ def test_the_derivative_of_a_laurent_sum_is_sympys(value: Laurent, name: str) ->
     assert sympy.expand(difference) == 0
 
 
-@given(left=laurents, right=laurents, name=st.sampled_from(sorted(SYMBOLS)))
-def test_the_derivative_of_a_product(left: Laurent, right: Laurent, name: str) -> None:
-    whole = (left * right).derivative(name)
-    assert whole == left.derivative(name) * right + left * right.derivative(name)
-
-
 @given(value=laurents, name=st.sampled_from(sorted(SYMBOLS)), t=st.fractions(1, 9, max_denominator=9))
 def test_the_derivative_through_a_reciprocal(value: Laurent, name: str, t: Fraction) -> None:
     """d f(1/q) / dq = -f'(1/q) / q^2, in fractions."""
