@@ -21,9 +21,8 @@ from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.kernel.fixed_predictor import simulate_known
 from monitor_core.modeling.identifiability import structural
-from monitor_core.modeling.numbers import drive_of, nominal_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
-from monitor_core.modeling.statespace import StateSpace
+from monitor_core.modeling.statespace import StateSpace, drive_of, nominal_of
 
 INTERVAL_S = 0.005
 BAND_HZ = (0.0, 30.0)

@@ -14,11 +14,10 @@ from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatModel, FlatParameter, FlatSensor, ModelError, Origin
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.numbers import drive_of, nominal_of
 from monitor_core.modeling.resonances import Mode, Resonances, modes, resonances_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import INTERVAL_S, MONITORED, reference_model, two_mass
-from monitor_core.modeling.statespace import Entries, StateSpace
+from monitor_core.modeling.statespace import Entries, StateSpace, drive_of, nominal_of
 
 __all__ = [
     "INTERVAL_S",

@@ -14,7 +14,6 @@ from monitor_core.modeling.drawing import (
     Drawing,
     IdealGear,
     Inertia,
-    Part,
     SpeedSensor,
     SpringDamper,
     Torque,
@@ -72,22 +71,18 @@ def chain(name: str, links: Sequence[Link]) -> Drawing:
     meanings |= {link.J: f"inertia of the {link.mass}" for link in links}
     meanings |= {link.k: f"stiffness of the {link.spring}" for link in links}
     meanings |= {link.d: f"damping of the {link.spring}" for link in links}
-    components = _motor("gear")
-    before = "gear"
-    for link in links:
-        components.append(SpringDamper(f"{link.name}_spring", link.name, before, c=link.k, d=link.d))
-        components.append(Inertia(link.name, link.name, J=link.J))
-        before = link.name
-    return Drawing(name, components, meanings=meanings | _MOTOR)
-
-
-def _motor(behind: str) -> list[Part]:
-    return [
+    components = [
         Torque("torque", "motor", kT="kT"),
         Inertia("motor", "motor", J="Jm"),
         ViscousFriction("bearing", "motor", d="fm"),
         CoulombFriction("friction", "motor", fc="fc"),
         TorqueOffset("offset", "motor", tau0="tau0"),
         SpeedSensor("encoder", "motor"),
-        IdealGear("gear", "motor", behind, ratio="1/r"),
+        IdealGear("gear", "motor", "gear", ratio="1/r"),
     ]
+    before = "gear"
+    for link in links:
+        components.append(SpringDamper(f"{link.name}_spring", link.name, before, c=link.k, d=link.d))
+        components.append(Inertia(link.name, link.name, J=link.J))
+        before = link.name
+    return Drawing(name, components, meanings=meanings | _MOTOR)

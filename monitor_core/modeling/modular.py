@@ -14,7 +14,7 @@ import numpy as np
 
 from monitor_core.arrays import Ints
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.statespace import Definition, Entries, StateSpace
+from monitor_core.modeling.statespace import Definition, StateSpace
 
 PRIMES = (2**31 - 1, 2**31 - 19)
 POINTS = (*PRIMES, PRIMES[0])
@@ -69,12 +69,13 @@ def residue(entry: Laurent, point: Point) -> int:
     return sum(value for value, _ in terms_at(entry, point)) % point.prime
 
 
-def residues(entries: Entries, shape: tuple[int, int], point: Point) -> Ints:
-    """The values of a matrix."""
-    out = np.zeros(shape, dtype=np.int64)
-    for place, entry in entries.items():
-        out[place] = residue(entry, point)
-    return out
+def residues(ss: StateSpace, point: Point) -> list[Ints]:
+    """The values of A, B and C."""
+    matrices = [np.zeros(shape, dtype=np.int64) for shape in ss.shapes]
+    for matrix, entries in zip(matrices, (ss.A, ss.B, ss.C), strict=True):
+        for place, entry in entries.items():
+            matrix[place] = residue(entry, point)
+    return matrices
 
 
 def echelon(matrix: Ints, prime: int) -> tuple[Ints, tuple[int, ...]]:
@@ -124,20 +125,14 @@ def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
     return basis
 
 
-def krylov_rank(A: Ints, start: Ints, prime: int) -> int:
-    """Dimension of the controllable space of the columns of start (n, m)."""
-    return len(krylov_basis(A, start, prime))
-
-
 def inverse(values: Ints, prime: int) -> Ints:
     """The reciprocal of each element.
 
     Raises:
         ValueError: one of them is zero.
     """
-    return np.array([pow(v, -1, prime) for v in values.ravel().tolist()], dtype=np.int64).reshape(
-        values.shape
-    )
+    reciprocals = [pow(v, -1, prime) for v in values.ravel().tolist()]
+    return np.array(reciprocals, dtype=np.int64).reshape(values.shape)
 
 
 def product(left: Ints, right: Ints, prime: int) -> Ints:

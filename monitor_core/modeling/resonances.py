@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.numbers import nominal_of
-from monitor_core.modeling.statespace import Entries, StateSpace
+from monitor_core.modeling.statespace import Entries, StateSpace, nominal_of
 
 Complex = NDArray[np.complex128]
 
@@ -61,13 +60,8 @@ def resonances_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> 
         raise ModelError(
             f"no nominal value for {names}", first if len(missing) == 1 else Origin(file=first.file)
         )
-    n = len(ss.states)
     torque = next(column for column, u in enumerate(ss.inputs) if u.kind == TORQUE)
-    A, B, C = (
-        _at(ss.A, (n, n), known),
-        _at(ss.B, (n, len(ss.inputs)), known),
-        _at(ss.C, (len(ss.sensors), n), known),
-    )
+    A, B, C = (_at(*each, known) for each in zip((ss.A, ss.B, ss.C), ss.shapes, strict=True))
     return resonances(A, B[:, torque], C[0])
 
 

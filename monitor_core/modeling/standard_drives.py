@@ -8,7 +8,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.modeling import drive_drawings as drawings
 from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.numbers import drive_of
+from monitor_core.modeling.statespace import drive_of
 
 
 @cache

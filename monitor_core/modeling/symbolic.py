@@ -48,18 +48,12 @@ def matrices(space: StateSpace) -> tuple[sympy.Matrix, sympy.Matrix, sympy.Matri
 
     symbols = symbols_of(space)
     filled = []
-    for entries, (rows, columns) in zip((space.A, space.B, space.C), shapes(space), strict=True):
+    for entries, (rows, columns) in zip((space.A, space.B, space.C), space.shapes, strict=True):
         matrix = zeros(rows, columns)
         for (row, column), value in entries.items():
             matrix[row, column] = expression(value, symbols)
         filled.append(matrix)
     return filled[0], filled[1], filled[2]
-
-
-def shapes(space: StateSpace) -> tuple[tuple[int, int], tuple[int, int], tuple[int, int]]:
-    """Rows and columns of A, B, C."""
-    n, m, outputs = len(space.states), len(space.inputs), len(space.sensors)
-    return (n, n), (n, m), (outputs, n)
 
 
 def as_latex(space: StateSpace) -> str:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 
 from monitor_core.modeling import Laurent, StateSpace
-from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import input_words, output_words
 
 _WORDS = """
@@ -99,7 +98,7 @@ def _line(text: str) -> str:
 def _assignments(space: StateSpace, names: Mapping[str, str]) -> Iterator[str]:
     renamed = {name: Laurent.symbol(new) for name, new in names.items() if name != new}
     for letter, entries, (rows, columns) in zip(
-        "ABC", (space.A, space.B, space.C), shapes(space), strict=True
+        "ABC", (space.A, space.B, space.C), space.shapes, strict=True
     ):
         yield f"{letter} = zeros({rows},{columns});"
         for (row, column), value in sorted(entries.items()):

@@ -14,7 +14,7 @@ from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read
-from monitor_core.modeling.numbers import drive_of, nominal_of
+from monitor_core.modeling.statespace import drive_of, nominal_of
 from tests.bench.measure import Say
 from tests.end_to_end.processes import ROOT, run_program
 from tests.service.modeling.long_drives import chain_text

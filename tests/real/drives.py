@@ -9,7 +9,7 @@ from typing import Any
 from monitor_core.drive.structure import Drive
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read
-from monitor_core.modeling.numbers import drive_of
+from monitor_core.modeling.statespace import drive_of
 from service.ingest.identification_records import Loaded, load
 from tests.service.ingest.plant import axis1, make_config
 

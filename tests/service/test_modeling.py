@@ -14,8 +14,8 @@ from monitor_core.modeling import drive_drawings as library
 from monitor_core.modeling import modelica
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel, ModelError
-from monitor_core.modeling.numbers import drive_of
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.statespace import drive_of
 from service.config import drive_sources as modeling
 from service.config.drive_sources import (
     LIBRARY,

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
-from monitor_core.modeling.components.fragments import Builder, Fragment
-from monitor_core.modeling.components.linear import Linear, der
+from monitor_core.modeling.components.fragments import Builder, Fragment, Linear, der
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 

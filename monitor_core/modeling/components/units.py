@@ -1,34 +1,236 @@
-"""Units of parameters: inferred from where a parameter is used, and checked."""
+"""Units: parsed, written, multiplied; inferred from where a parameter is used, and checked.
+
+Everything is in SI units without prefixes.  Radians are written where they belong, but count as a number: a stiffness
+(N m/rad) and a torque (N m) have the same dimension.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cache
 from types import MappingProxyType
 from typing import NamedTuple
 
-from monitor_core.modeling.components.unit_algebra import ONE, Dimension, parse
+from monitor_core.modeling.components.component_kinds import Role
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, Monomial
 
-__all__ = ["Dimension", "Use", "infer", "parse", "unit_of"]
+BASE = ("kg", "m", "s", "A", "K", "mol", "cd")
+"""The SI base units, in the order in which they are written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """Exponents of the base units; ``rad`` is kept for writing only and makes no difference."""
+
+    exponents: tuple[int, ...] = (0,) * len(BASE)
+    rad: int = field(default=0, compare=False)
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        pairs = zip(self.exponents, other.exponents, strict=True)
+        return Dimension(tuple(a + b for a, b in pairs), self.rad + other.rad)
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        return self * other**-1
+
+    def __pow__(self, exponent: int) -> Dimension:
+        return Dimension(tuple(e * exponent for e in self.exponents), self.rad * exponent)
+
+    def root(self, degree: int) -> Dimension | None:
+        """The dimension whose power this is, if there is one; ``degree`` is not zero."""
+        if any(e % degree for e in self.exponents):
+            return None
+        rad = 0 if self.rad % degree else self.rad // degree
+        return Dimension(tuple(e // degree for e in self.exponents), rad)
+
+    def __str__(self) -> str:
+        return _HOUSE.get((self.exponents, self.rad)) or _text(self.exponents)
+
+
+ONE = Dimension()
+
+
+def _dimension(**exponents: int) -> Dimension:
+    return Dimension(tuple(exponents.get(unit, 0) for unit in BASE), exponents.get("rad", 0))
+
+
+_NEWTON = _dimension(kg=1, m=1, s=-2)
+_VOLT = _dimension(kg=1, m=2, s=-3, A=-1)
+_KNOWN: Mapping[str, Dimension] = MappingProxyType(
+    {
+        **{unit: _dimension(**{unit: 1}) for unit in (*BASE, "rad")},
+        "N": _NEWTON,
+        "J": _dimension(kg=1, m=2, s=-2),
+        "W": _dimension(kg=1, m=2, s=-3),
+        "Pa": _dimension(kg=1, m=-1, s=-2),
+        "Hz": _dimension(s=-1),
+        "C": _dimension(s=1, A=1),
+        "V": _VOLT,
+        "Wb": _VOLT * _dimension(s=1),
+        "T": _dimension(kg=1, s=-2, A=-1),
+        "Ohm": _VOLT / _dimension(A=1),
+        "H": _VOLT * _dimension(s=1, A=-1),
+    }
+)
+_TOKEN = re.compile(
+    r"\s*(?:(?P<before>[/(])|(?:(?P<name>[^\W\d_]+)|1(?!\d)|(?P<close>\)))(?P<power>\^?-?[0-9]+)?)\s*[.*·]?\s*"
+)
+
+
+class _Reader:
+    """Recursive descent over ``quotient = product {"/" factor}``, ``product = factor {factor}``."""
+
+    def __init__(self, text: str) -> None:
+        self.tokens: list[re.Match[str]] = []
+        position = 0
+        while position < len(text):
+            token = _TOKEN.match(text, position)
+            if token is None:
+                raise ValueError(f"{text[position:]!r} is no unit")
+            self.tokens.append(token)
+            position = token.end()
+
+    def take(self, *marks: str) -> re.Match[str] | None:
+        return self.tokens.pop(0) if self.next in marks else None
+
+    @property
+    def next(self) -> str:
+        if not self.tokens:
+            return ""
+        return self.tokens[0]["before"] or self.tokens[0]["close"] or "unit"
+
+    def quotient(self) -> Dimension:
+        value, divided = self.factor(), False
+        while self.next not in ("", ")"):
+            if self.take("/"):
+                value, divided = value / self.factor(), True
+            elif divided:
+                raise ValueError('a product below the "/" is written in brackets: "N m/(rad/s)"')
+            else:
+                value = value * self.factor()
+        return value
+
+    def factor(self) -> Dimension:
+        if self.take("("):
+            value, last = self.quotient(), self.take(")")
+        else:
+            last = self.take("unit")
+            value = self.known(last["name"] or "") if last else ONE
+        if last is None:
+            raise ValueError("it ends too early, or a bracket is out of place")
+        return value ** int((last["power"] or "1").lstrip("^"))
+
+    @staticmethod
+    def known(name: str) -> Dimension:
+        if name and name not in _KNOWN:
+            raise ValueError(f"{name} is not among {' '.join(_KNOWN)}")
+        return _KNOWN[name] if name else ONE
+
+
+@cache
+def parse(text: str, origin: Origin | None = None) -> Dimension:
+    """The dimension of "kg m^2" or, as Modelica writes it, "kg.m2"; of "N m s/rad" or "N.m/(rad/s)"; of "1".
+
+    Raises:
+        ModelError: it is not made of SI units without prefixes.
+    """
+    try:
+        if len(text) > 100:
+            raise ValueError("it is longer than 100 characters")
+        reader = _Reader(text)
+        value = reader.quotient()
+        if reader.tokens:
+            raise ValueError("a bracket is out of place")
+    except ValueError as error:
+        raise ModelError(f'unit {text!r}: {error}; right are "kg m^2", "N m/rad", "1"', origin) from error
+    return value
+
+
+def _text(exponents: tuple[int, ...]) -> str:
+    """Powers of base units, with a newton in front where there is one: "N m s", "1/(kg m^2)", "kg/s"."""
+    mass, _, time, *_ = exponents
+    newtons = mass if abs(mass) == 1 and mass * time < 0 else 0
+    rest = Dimension(exponents) / _NEWTON**newtons
+    powers = [("N", newtons), *zip(BASE, rest.exponents, strict=True)]
+    above = " ".join(_power(unit, e) for unit, e in powers if e > 0)
+    below = [_power(unit, -e) for unit, e in powers if e < 0]
+    divisor = below[0] if len(below) == 1 else f"({' '.join(below)})"
+    return f"{above or 1}/{divisor}" if below else above or "1"
+
+
+def _power(unit: str, exponent: int) -> str:
+    return unit if exponent == 1 else f"{unit}^{exponent}"
+
+
+_HOUSE: Mapping[tuple[tuple[int, ...], int], str] = MappingProxyType(
+    {
+        (parse(text).exponents, parse(text).rad): text
+        for text in ("kg m^2", "N m/rad", "N m s/rad", "N m", "rad", "rad/s", "rad/s^2", "1")
+    }
+)
+
+
+# --- Units of parameters, from where they are used --------------------------------------------------------------------
 
 
 class Use(NamedTuple):
-    """A use of a parameter in a component: the text there, the required unit ("": any), and the place.
+    """A use of parameters in a component: the expression there, the required unit ("": any), the place, and the role.
 
-    ``role`` and ``meaning`` ("J", "inertia") are for messages.
+    ``role`` is None for an equation of the user's own.  ``number``: what was drawn in the place of an expression.
     """
 
     value: Laurent
     unit: str
     origin: Origin
-    role: str = ""
-    meaning: str = ""
+    role: Role | None = None
+    number: float | None = None
 
     def __str__(self) -> str:
-        role = f"{self.role} ({self.meaning})" if self.meaning else self.role
+        role = f"{self.role.name} ({self.role.meaning})" if self.role else ""
         return " of ".join(part for part in (role, self.origin.component) if part)
+
+    @property
+    def is_name(self) -> bool:
+        """Whether the expression is only the name of a parameter."""
+        return len(self.value.names) == 1 and self.value == Laurent.symbol(next(iter(self.value.names)))
+
+    def meaning(self, component: str) -> str:
+        """What a parameter in it means: inertia of the motor."""
+        place = f"{self.role.meaning if self.role else ''} of the {component}"
+        return place if self.is_name else f"in the {place}: {self.value}"
+
+
+def is_positive(name: str, uses: Iterable[Use], value: float | None) -> bool:
+    """Whether the parameter is a factor, to an odd power, of something positive.
+
+    To an even power, or in a gear ratio, it may be negative if its value is.
+    """
+    for use in uses:
+        if use.role and use.role.positive and use.value.is_unit:
+            ((monomial, coefficient),) = use.value
+            strict = not use.role.signed and dict(monomial)[name] % 2 == 1
+            if coefficient > 0 if strict else value is None or value >= 0:
+                return True
+    return False
+
+
+def impossible(uses: Iterable[Use], values: Mapping[str, float]) -> Iterator[tuple[Use, Role, float, str]]:
+    """Expressions whose value makes no sense in their role, with that value and what it must be.
+
+    Those in which a value is not known are left out.
+    """
+    for use in uses:
+        if use.role and use.value.names <= values.keys():
+            try:
+                number = float(use.value.value(values))
+            except (ZeroDivisionError, OverflowError):
+                number = math.inf
+            if problem := use.role.problem(number):
+                yield use, use.role, number, problem
 
 
 def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
@@ -47,29 +249,13 @@ def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({}
     for name, unit in declared.items():
         if unit:
             found.add(name, parse(unit), "declared so")
-    ordered = sorted(uses, key=lambda use: not _is_name(use.value))
+    ordered = sorted(uses, key=lambda use: not use.is_name)
     while sum(found.learn(use) for use in ordered):
         pass  # a unit found may be the last but one of the next product
     for use in ordered:
         found.check(use)
     names = dict.fromkeys([*declared, *(name for use in ordered for name in sorted(use.value.names))])
     return {name: str(found.dimension[name]) if name in found.dimension else "" for name in names}
-
-
-def unit_of(value: Laurent, units: Mapping[str, str]) -> str:
-    """The unit of an expression in parameters whose units are known; "" where one of them is not.
-
-    Raises:
-        ModelError: a sum of different units.
-    """
-    found = _Found()
-    for name, unit in units.items():
-        if unit:
-            found.add(name, parse(unit), "given")
-    use = Use(value, "", Origin())
-    found.check(use)
-    known = [found.dimension_of(monomial) for monomial, _ in value if monomial or value.is_number]
-    return "" if not known or None in known else str(known[0])
 
 
 class _Found:
@@ -123,10 +309,6 @@ class _Found:
 
     def _conflict(self, use: Use, monomial: Monomial, target: Dimension | None, actual: Dimension) -> str:
         reasons = ", ".join(f"{name} is {self.dimension[name]}: {self.reason[name]}" for name, _ in monomial)
-        place = f"its {use.role} ({use.meaning})" if use.role else str(use.value)
+        place = f"its {use.role.name} ({use.role.meaning})" if use.role else str(use.value)
         product = Laurent([(monomial, Fraction(1))])
         return f"{place} is in {target}, but {product} is in {actual} ({reasons})"
-
-
-def _is_name(value: Laurent) -> bool:
-    return len(value.names) == 1 and value == Laurent.symbol(next(iter(value.names)))

@@ -7,7 +7,7 @@ A parameter is a string (a name, or an expression such as "1/r" or "m*l^2") or a
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import TypeAlias
 
@@ -25,7 +25,7 @@ class Part:
     name: str
     nodes: tuple[str, ...]
     parameters: Mapping[str, Value]
-    origin: Origin = field(default_factory=Origin)
+    origin: Origin
 
 
 def Inertia(name: str, node: str, other: str | None = None, *, J: Value | None = None) -> Part:

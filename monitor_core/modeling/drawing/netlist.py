@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from monitor_core.modeling.components import Fragment, fragment, join
-from monitor_core.modeling.components.connections import End, Joint, connect
+from monitor_core.modeling.components.fragments import End, Joint, connect
+from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.drawing.drawn_components import Fixed, Part, parts_of
-from monitor_core.modeling.drawing.parameter_table import Entry, entries, parameters
+from monitor_core.modeling.drawing.parameter_table import parameters, uses_of
 from monitor_core.modeling.flat import FlatModel, ModelError, Origin
-from monitor_core.modeling.laurent import Laurent
 
 GROUND = "ground"
 """The node that does not turn."""
@@ -40,17 +40,17 @@ class Drawing:
 
         Raises:
             ModelError: a name is used twice or is invalid; a component cannot be connected like this; an expression,
-                value or
-                unit of a parameter is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
+                value or unit of a parameter is wrong; ``nominal``, ``meanings`` or ``units`` name no parameter.
         """
         parts = self._grounded()
         _check(parts, self.origin)
-        read = {part.name: entries(part) for part in parts}
+        read = {part.name: uses_of(part) for part in parts}
         joined = join(_fragment(part, read[part.name]) for part in parts)
+        uses = [use for roles in read.values() for use in roles.values()]
         flanges = [f"{part.name}.{flange}" for part in parts for flange in part.kind.flanges]
         return FlatModel(
             name=self.name,
-            parameters=parameters(list(read.values()), self.nominal, self.meanings, self.units, self.origin),
+            parameters=parameters(uses, self.nominal, self.meanings, self.units, self.origin),
             variables=joined.variables,
             inputs=joined.inputs,
             sensors=joined.sensors,
@@ -78,8 +78,7 @@ def from_tables(
     Args:
         name: of the drive.
         tables: one for each component, ``{type = "inertia", name = "motor", at = "shaft", J = "Jm"}``; ``at`` is a list
-            of
-            two nodes where a component has two flanges.
+            of two nodes where a component has two flanges.
         nominal: values of parameters (SI).
         origins: place of each table, for messages.
         origin: place of the list.
@@ -126,9 +125,9 @@ def _check_nodes(part: Part) -> None:
         )
 
 
-def _fragment(part: Part, read: Sequence[Entry]) -> Fragment:
+def _fragment(part: Part, uses: Mapping[str, Use]) -> Fragment:
     """Equations of a component; a torque is the measured one, as drawings have no signals."""
-    new = fragment(part.kind, part.name, _expressions(read), part.origin)
+    new = fragment(part.kind, part.name, {role: use.value for role, use in uses.items()}, part.origin)
     for signal in part.kind.signals_in:
         new = new.measured(f"{part.name}.{signal}")
     return new
@@ -142,7 +141,3 @@ def _joints(parts: Sequence[Part]) -> Iterator[Joint]:
             ends.setdefault(node, []).append(End(f"{part.name}.{flange}"))
     for node, at in ends.items():
         yield Joint(node, tuple(at), Origin(f"node {node}"))
-
-
-def _expressions(read: Sequence[Entry]) -> dict[str, Laurent]:
-    return {entry.role.name: entry.value for entry in read}

@@ -5,40 +5,19 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from types import MappingProxyType
 
 from monitor_core.modeling.components import Role
-from monitor_core.modeling.components.units import Use, infer
+from monitor_core.modeling.components.units import Use, impossible, infer, is_positive
 from monitor_core.modeling.drawing.drawn_components import Part, similar
 from monitor_core.modeling.flat import FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """A parameter of a component: its role, the expression, and its value if it is a number."""
-
-    role: Role
-    value: Laurent
-    number: float | None
-    part: Part
-
-    @property
-    def place(self) -> str:
-        """For example: inertia of the motor."""
-        return f"{self.role.meaning} of the {self.part.name.replace('_', ' ')}"
-
-    @property
-    def is_name(self) -> bool:
-        """Whether the expression is only the name of a parameter."""
-        return len(self.value.names) == 1 and self.value == Laurent.symbol(next(iter(self.value.names)))
-
-
-def entries(part: Part) -> list[Entry]:
-    """Expressions of the parameters of a component.
+def uses_of(part: Part) -> dict[str, Use]:
+    """The expressions of the parameters of a component, by role.
 
     Raises:
         ModelError: a role that the component does not have; an invalid expression or number.
@@ -49,25 +28,23 @@ def entries(part: Part) -> list[Entry]:
             raise ModelError(
                 f"{part.kind.name} has no parameter {name!r}: {similar(name, known)}", part.origin
             )
-    return [_entry(part, role) for role in part.kind.roles]
+    return {name: _use(part, role) for name, role in known.items()}
 
 
-def _entry(part: Part, role: Role) -> Entry:
-    given = part.parameters.get(role.name)
-    own = Laurent.symbol(f"{part.name}.{role.name}")
-    if given is None:
-        return Entry(role, own, role.default, part)
-    value = parse(given, part.origin) if isinstance(given, str) else None
-    if value is not None and not value.is_number:
-        return Entry(role, value, None, part)
-    number = float(given) if value is None else float(value.value({}))
-    if problem := role.problem(number):
-        raise ModelError(f"its {role.name} ({role.meaning}) is {number:g}: it {problem}", part.origin)
-    return Entry(role, own, number, part)
+def _use(part: Part, role: Role) -> Use:
+    given, number = part.parameters.get(role.name), role.default
+    if given is not None:
+        value = parse(given, part.origin) if isinstance(given, str) else None
+        if value is not None and not value.is_number:
+            return Use(value, role.unit, part.origin, role)
+        number = float(given) if value is None else float(value.value({}))
+        if problem := role.problem(number):
+            raise ModelError(f"its {role.name} ({role.meaning}) is {number:g}: it {problem}", part.origin)
+    return Use(Laurent.symbol(f"{part.name}.{role.name}"), role.unit, part.origin, role, number)
 
 
 def parameters(
-    read: Iterable[Sequence[Entry]],
+    uses: Sequence[Use],
     nominal: Mapping[str, float],
     meanings: Mapping[str, str],
     units: Mapping[str, str],
@@ -79,64 +56,34 @@ def parameters(
         ModelError: contradicting units of the uses of a parameter; a value that is not finite, or not positive where it
             must be; a name in ``nominal``, ``meanings`` or ``units`` that does not occur.
     """
-    every = [entry for component in read for entry in component]
-    names = dict.fromkeys(name for entry in every for name in sorted(entry.value.names))
+    names = dict.fromkeys(name for use in uses for name in sorted(use.value.names))
     for what, given in {"nominal value": nominal, "meaning": meanings, "unit": units}.items():
         for name in given:
             if name not in names:
                 raise ModelError(f"{what} of {name!r}, which is no parameter: {similar(name, names)}", origin)
-    uses = [Use(e.value, e.role.unit, e.part.origin, e.role.name, e.role.meaning) for e in every]
     found = infer(uses, units)
-    table = {name: _parameter(name, found[name], every, nominal, meanings) for name in names}
-    _check_values(every, {name: p.value for name, p in table.items() if p.value is not None})
+    table = {name: _parameter(name, found[name], uses, nominal, meanings) for name in names}
+    values = {name: p.value for name, p in table.items() if p.value is not None}
+    for use, role, number, problem in impossible(uses, values):
+        what = f"its {role.name} ({role.meaning}) = {use.value}"
+        raise ModelError(f"{what} is {number:g} at the nominal values: it {problem}", use.origin)
     return tuple(table[name] for name in dict.fromkeys([*meanings, *names]))
 
 
 def _parameter(
-    name: str, unit: str, every: Sequence[Entry], nominal: Mapping[str, float], meanings: Mapping[str, str]
+    name: str, unit: str, every: Sequence[Use], nominal: Mapping[str, float], meanings: Mapping[str, str]
 ) -> FlatParameter:
-    uses = [entry for entry in every if name in entry.value.names]
-    first = next((entry for entry in uses if entry.is_name), uses[0])
-    meaning = meanings.get(name) or (first.place if first.is_name else f"in the {first.place}: {first.value}")
+    uses = [use for use in every if name in use.value.names]
+    first = next((use for use in uses if use.is_name), uses[0])
+    meaning = meanings.get(name) or first.meaning(first.origin.component.replace("_", " "))
     value = nominal.get(name, first.number)
+    said = f"nominal value of {name} ({meaning}) is"
     if value is not None and not (isinstance(value, int | float) and math.isfinite(value)):
-        raise ModelError(
-            f"nominal value of {name} ({meaning}) is {value!r}: it must be finite", first.part.origin
-        )
-    positive = is_positive(name, ((entry.role, entry.value) for entry in uses), value)
+        raise ModelError(f"{said} {value!r}: it must be finite", first.origin)
+    positive = is_positive(name, uses, value)
     if positive and value is not None and value <= 0:
-        problem = f"nominal value of {name} ({meaning}) is {value:g}: it must be greater than zero"
-        raise ModelError(problem, first.part.origin)
-    return FlatParameter(name, unit, meaning, value, positive, first.part.origin)
-
-
-def is_positive(name: str, uses: Iterable[tuple[Role, Laurent]], value: float | None) -> bool:
-    """Whether the parameter is a factor, to an odd power, of something positive.
-
-    To an even power, or in a gear ratio, it may be negative if its value is.
-    """
-    for role, expression in uses:
-        if role.positive and expression.is_unit:
-            ((monomial, coefficient),) = expression
-            strict = not role.signed and dict(monomial)[name] % 2 == 1
-            if coefficient > 0 if strict else value is None or value >= 0:
-                return True
-    return False
-
-
-def _check_values(every: Sequence[Entry], values: Mapping[str, float]) -> None:
-    """Expressions must satisfy their roles, where all values are known."""
-    for entry in every:
-        if entry.value.names <= values.keys():
-            try:
-                number = float(entry.value.value(values))
-            except (ZeroDivisionError, OverflowError):
-                number = math.inf
-            if problem := entry.role.problem(number):
-                what = f"its {entry.role.name} ({entry.role.meaning}) = {entry.value}"
-                raise ModelError(
-                    f"{what} is {number:g} at the nominal values: it {problem}", entry.part.origin
-                )
+        raise ModelError(f"{said} {value:g}: it must be greater than zero", first.origin)
+    return FlatParameter(name, unit, meaning, value, positive, first.origin)
 
 
 # --- A parameter of a component as the user writes it: "Jm", "1/r", "m*l^2", "2*(a + b)" ------------------------------

@@ -1,115 +1,82 @@
-"""The state space from explicit balances: x = (deflections, speeds, angles that a sensor measures absolutely)."""
+"""The state space from explicit balances: x = (deflections, speeds, angles that a sensor measures absolutely).
+
+Springs depend on differences of angles only.  The deflections in the balances are expressed by as few independent ones
+as span them, which replace the absolute angles, as nothing else depends on these (paper, section 2).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
 
 from monitor_core.drive.structure import Quantity
 from monitor_core.modeling.elimination.balances import Balances, Sum
-from monitor_core.modeling.elimination.operators import Coefficient
-from monitor_core.modeling.elimination.rational import Field
-from monitor_core.modeling.elimination.states import Angles, Basis, add, angles_of, deflections
-from monitor_core.modeling.flat import FlatInput, FlatModel, FlatSensor, ModelError
+from monitor_core.modeling.elimination.substitution import Coefficient, System, is_unit
+from monitor_core.modeling.flat import FlatModel, FlatSensor, ModelError
 from monitor_core.modeling.laurent import Laurent
 
+K = TypeVar("K")
+
+Angles = dict[str, Coefficient]
+"""A combination of angles: name -> coefficient."""
+
 Dense = dict[tuple[int, int], Coefficient]
+"""A matrix by its entries that are not zero."""
 
 
-@dataclass(frozen=True, slots=True)
-class Counts:
-    """Counts before and after the elimination."""
-
-    equations: int
-    variables: int
-    states: int
-    left: int
-
-
-@dataclass
 class Reduction:
-    """The result of the substitution, and the matrices computed from it.
+    """A drive after the substitution, with its states, and the matrices of these.
 
-    ``stiff``: the relative angles of springs.  ``far``: distance of each variable from the motor. ``definitions``:
-    inertias that were merged.
+    ``order``: the moving angles and their rank by distance from the motor.  ``positions``: deflections first,
+    ``relative`` of them, then the angles that sensors measure and deflections do not determine.  ``columns``: the state
+    of each speed, by the angle of its inertia.  ``size``: number of states.
     """
 
-    flat: FlatModel
-    sensors: tuple[FlatSensor, ...]
-    balances: Balances
-    stiff: tuple[str, ...]
-    far: Mapping[str, int]
-    field: Field | None
-    counts: Counts
-    definitions: Mapping[str, Laurent]
-
-    @cached_property
-    def unit(self) -> Coefficient:
-        """1, in the ring of the coefficients."""
-        return Laurent.number(1) if self.field is None else self.field.element(Laurent.number(1))
-
-    @cached_property
-    def order(self) -> dict[str, int]:
-        """The moving angles, and their rank by distance from the motor."""
-        declared = {v.name: k for k, v in enumerate(self.flat.variables)}
-        angles = [*self.balances.masses, *self.balances.massless]
-        ranked = sorted(angles, key=lambda name: (self.far.get(name, len(self.far)), declared[name]))
-        return {name: k for k, name in enumerate(ranked)}
-
-    @cached_property
-    def masses(self) -> list[str]:
-        """The angles of inertias; their speeds are states."""
-        return [name for name in self.order if name in self.balances.masses]
-
-    @cached_property
-    def inputs(self) -> tuple[FlatInput, ...]:
-        """Inputs by kind."""
-        return tuple(sorted(self.flat.inputs, key=lambda u: u.kind))
-
-    @cached_property
-    def positions(self) -> Basis:
-        """Deflections first, then the angles that sensors measure and deflections do not determine."""
-        drawn = sorted(self.stiff, key=lambda name: self.far.get(name, len(self.far)))
-        candidates = [angles_of(self.balances.watched[name], self.order) for name in drawn]
-        basis = deflections(self.balances, [c for c in candidates if c], self.order)
-        self._relative = len(basis.rows)
-        for sensor in self.sensors:
+    def __init__(
+        self, flat: FlatModel, sensors: tuple[FlatSensor, ...], system: System, balances: Balances
+    ) -> None:
+        self.flat, self.sensors, self.balances, self.unit = flat, sensors, balances, system.unit
+        self.inputs = tuple(sorted(flat.inputs, key=lambda u: u.kind))
+        declared = {v.name: k for k, v in enumerate(flat.variables)}
+        angles = [*balances.masses, *balances.massless]
+        ranked = sorted(angles, key=lambda name: (system.distance(name), declared[name]))
+        self.order = {name: k for k, name in enumerate(ranked)}
+        self.positions = self._deflections(system.stiff)
+        self.relative = len(self.positions.rows)
+        for sensor in sensors:
             if sensor.quantity == "angle":
-                basis.extend(self.angle_of(sensor.angle), self.order)
+                self.positions.extend(self.angle_of(sensor.angle))
+        masses = [name for name in self.order if name in balances.masses]
+        self.columns = {name: self.relative + k for k, name in enumerate(masses)}
+        self.size = len(self.positions.rows) + len(masses)
+
+    def _deflections(self, drawn: Iterable[str]) -> Basis:
+        """Independent ones that span what the balances depend on; drawn ones first, those turned to the motor."""
+        basis = Basis(self.order)
+        for candidate in map(self.angle_of, drawn):
+            if candidate:
+                basis.extend(_towards_motor(candidate, self.order))
+        for total in [*self.balances.masses.values(), *self.balances.massless.values()]:
+            _, rest = basis.express(_angles_of(total, self.order))
+            if rest:
+                basis.extend(_over_nearest(rest, self.order))
         return basis
-
-    @cached_property
-    def relative(self) -> int:
-        """Number of deflections among the positions."""
-        _ = self.positions
-        return self._relative
-
-    @cached_property
-    def columns(self) -> dict[str, int]:
-        """State of each speed."""
-        return {name: self.relative + k for k, name in enumerate(self.masses)}
 
     def position_state(self, k: int) -> int:
         """State of position k: deflections come before the speeds, absolute angles after."""
-        return k if k < self.relative else k + len(self.masses)
-
-    @property
-    def size(self) -> int:
-        """Number of states."""
-        return len(self.positions.rows) + len(self.masses)
+        return k if k < self.relative else k + len(self.columns)
 
     def angle_of(self, variable: str) -> Angles:
         """An angle as a combination of the remaining ones."""
-        return angles_of(self.balances.watched[variable], self.order)
+        return _angles_of(self.balances.watched[variable], self.order)
 
     def A_B(self) -> tuple[Dense, Dense]:
         """The state equations."""
         A, B = Dense(), Dense()
         for k, row in enumerate(self.positions.rows):
             self._put(A, B, self.position_state(k), self._speed(row))
-        for name in self.masses:
-            self._put(A, B, self.columns[name], self.balances.masses[name])
+        for name, column in self.columns.items():
+            self._put(A, B, column, self.balances.masses[name])
         return A, B
 
     def C(self) -> Dense:
@@ -131,12 +98,12 @@ class Reduction:
         total: Sum = {}
         for name, c in angle.items():
             massless = self.balances.massless.get(name)
-            total = add(total, {(name, 1): self.unit} if massless is None else massless, c)
+            total = _plus(total, {(name, 1): self.unit} if massless is None else massless, c)
         return total
 
     def _put(self, A: Dense, B: Dense, row: int, total: Sum) -> None:
         """Write a derivative, a sum over speeds, angles and inputs, into a row of A and B."""
-        coordinates, rest = self.positions.express(angles_of(total, self.order))
+        coordinates, rest = self.positions.express(_angles_of(total, self.order))
         assert not rest  # the deflections span what the balances depend on
         for k, c in coordinates.items():
             A[row, self.position_state(k)] = c
@@ -150,13 +117,9 @@ class Reduction:
     def quantities(self) -> tuple[Quantity, ...]:
         """Names and units of the states."""
         variables = {v.name for v in self.flat.variables}
-        rows = [_combination(row) for row in self.positions.rows]
-        speeds = [_speed_name(name, variables) for name in self.masses]
-        return (
-            *(Quantity(name, "rad") for name in rows[: self.relative]),
-            *(Quantity(name, "rad/s") for name in speeds),
-            *(Quantity(name, "rad") for name in rows[self.relative :]),
-        )
+        positions = [Quantity(_combination(row), "rad") for row in self.positions.rows]
+        speeds = [Quantity(_speed_name(name, variables), "rad/s") for name in self.columns]
+        return (*positions[: self.relative], *speeds, *positions[self.relative :])
 
 
 def _combination(row: Angles) -> str:
@@ -172,3 +135,87 @@ def _combination(row: Angles) -> str:
 def _speed_name(angle: str, variables: set[str]) -> str:
     speed = angle.removesuffix(".phi") + ".w"
     return speed if angle.endswith(".phi") and speed in variables else f"der({angle})"
+
+
+# --- Combinations of angles -------------------------------------------------------------------------------------------
+
+
+class Basis:
+    """Independent combinations of angles, in echelon form, that others are expressed in.
+
+    ``order``: the rank of each angle by its distance from the motor.
+    """
+
+    def __init__(self, order: Mapping[str, int]) -> None:
+        self.rows: list[Angles] = []
+        self._order = order
+        self._echelon: list[tuple[str, Angles, dict[int, Coefficient]]] = []
+
+    def express(self, row: Angles) -> tuple[dict[int, Coefficient], Angles]:
+        """Coordinates in the basis, and the part that is not in its span."""
+        rest, coordinates = dict(row), dict[int, Coefficient]()
+        for pivot, reduced, combination in self._echelon:
+            if pivot in rest:
+                factor = rest[pivot] / reduced[pivot]
+                rest = _plus(rest, reduced, -factor)
+                coordinates = _plus(coordinates, combination, factor)
+        return coordinates, rest
+
+    def extend(self, row: Angles) -> None:
+        """Add the part of the row that is independent of the basis, if there is any."""
+        coordinates, rest = self.express(row)
+        if not rest:
+            return
+        if not any(_is_single(c) for c in rest.values()):
+            # A loop through different gears: an absolute angle shows in a deflection, times (1 - ratio).  The angle
+            # itself is the better state.
+            row = rest = _over_nearest(rest, self._order)
+            coordinates = {}
+        unit = next(iter(rest.values())) / next(iter(rest.values()))
+        combination = _plus({len(self.rows): unit}, coordinates, -unit)
+        pivot = min(rest, key=lambda name: (not is_unit(rest[name]), -self._order[name]))
+        self._echelon.append((pivot, rest, combination))
+        self.rows.append(row)
+
+
+def _plus(
+    left: Mapping[K, Coefficient], right: Mapping[K, Coefficient], factor: Coefficient
+) -> dict[K, Coefficient]:
+    """Left + factor * right of sparse sums."""
+    out = dict(left)
+    for key, c in right.items():
+        total = out[key] + factor * c if key in out else factor * c
+        if total:
+            out[key] = total
+        else:
+            out.pop(key, None)
+    return out
+
+
+def _angles_of(total: Sum, names: Iterable[str]) -> Angles:
+    """The part of a sum that depends on angles themselves."""
+    return {name: total[name, 0] for name in names if (name, 0) in total}
+
+
+def _over_nearest(row: Angles, order: Mapping[str, int]) -> Angles:
+    """The row divided by the coefficient of the angle nearest to the motor."""
+    nearest = row[min(row, key=lambda name: order[name])]
+    return {name: c / nearest for name, c in row.items()}
+
+
+def _towards_motor(row: Angles, order: Mapping[str, int]) -> Angles:
+    """The row, or its negative, so that the angle nearest to the motor counts positive.
+
+    Where the coefficients are sums (of stiffnesses: a massless node was eliminated), the row is divided by that of the
+    nearest angle.
+    """
+    if not all(_is_single(c) for c in row.values()):
+        return _over_nearest(row, order)
+    nearest = row[min(row, key=lambda name: order[name])]
+    terms = nearest.terms if isinstance(nearest, Laurent) else dict(nearest.numer)
+    return {name: -c for name, c in row.items()} if next(iter(terms.values())) < 0 else row
+
+
+def _is_single(c: Coefficient) -> bool:
+    """One term in the numerator, one in the denominator."""
+    return c.is_unit if isinstance(c, Laurent) else len(c.numer.terms()) == len(c.denom.terms()) == 1

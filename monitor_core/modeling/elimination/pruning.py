@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
+from monitor_core.arrays import Ints
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.components.units import parse
-from monitor_core.modeling.elimination.minimal import Dense, Reduction
-from monitor_core.modeling.elimination.operators import Coefficient
-from monitor_core.modeling.elimination.rational import merge, needed
-from monitor_core.modeling.elimination.states import Angles
+from monitor_core.modeling.elimination.minimal import Angles, Dense, Reduction
+from monitor_core.modeling.elimination.rational import Field, merge, needed
+from monitor_core.modeling.elimination.substitution import Coefficient, System
 from monitor_core.modeling.flat import FlatParameter, ModelError
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.modular import krylov_basis, null_space, points_of, residues
 from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
 
-_MATRICES = ("A", "B", "C", "rest", "ratio")
 
-
-def pruned(reduction: Reduction) -> StateSpace:
+def pruned(reduction: Reduction, system: System, field: Field | None) -> StateSpace:
     """The state space of the part that the inputs move and the sensors observe.
 
     Raises:
@@ -31,15 +30,31 @@ def pruned(reduction: Reduction) -> StateSpace:
     _check_path(reduction, seen & _reached({i for i, k in B if k in torques}, set(A)))
     kept = sorted(seen & _reached({i for i, _ in B}, set(A)))
     acting = sorted({k for i, k in B if i in kept})
-    states, inputs = _renumbered(kept), _renumbered(acting)
+    every = range(max(len(reduction.sensors), 1))
     matrices = {
-        "A": _cut(A, states, states),
-        "B": _cut(B, states, inputs),
-        "C": _cut(C, None, states),
-        "rest": _cut(rest(reduction, rigid), states, None),
-        "ratio": _cut(ratio(reduction, rigid), inputs, None),
+        "A": _cut(A, kept, kept),
+        "B": _cut(B, kept, acting),
+        "C": _cut(C, every, kept),
+        "rest": _cut(rest(reduction, rigid), kept, every),
+        "ratio": _cut(ratio(reduction, rigid), acting, every),
     }
-    return _state_space(reduction, matrices, kept, acting)
+    exact, definitions = _laurent(matrices, system.definitions, field)
+    occurring = {name for entries in exact.values() for entry in entries.values() for name in entry.names}
+    flat, quantities = reduction.flat, reduction.quantities()
+    equations = len(system.lines) + len(reduction.sensors)
+    return StateSpace(
+        name=flat.name,
+        states=tuple(quantities[k] for k in kept),
+        inputs=tuple(reduction.inputs[k] for k in acting),
+        sensors=reduction.sensors,
+        **exact,
+        speed_states=tuple(_speed_state(reduction, sensor.angle, kept) for sensor in reduction.sensors),
+        parameters=parameters_of(flat.parameters, definitions, occurring),
+        drawn=flat.parameters,
+        definitions=tuple(Definition(name, value) for name, value in definitions.items()),
+        report=Report(len(flat.equations), len(flat.variables), system.flat_states, equations),
+        notes=_notes(reduction, kept, acting, definitions, occurring),
+    )
 
 
 def _reached(start: Iterable[int], steps: Iterable[tuple[int, int]]) -> set[int]:
@@ -66,64 +81,31 @@ def _check_path(reduction: Reduction, moved: set[int]) -> None:
         )
 
 
-def _renumbered(kept: list[int]) -> dict[int, int]:
-    return {old: new for new, old in enumerate(kept)}
-
-
-def _cut(matrix: Dense, rows: Mapping[int, int] | None, columns: Mapping[int, int] | None) -> Dense:
-    return {
-        (i if rows is None else rows[i], j if columns is None else columns[j]): c
-        for (i, j), c in matrix.items()
-        if (rows is None or i in rows) and (columns is None or j in columns)
-    }
-
-
-def _state_space(
-    reduction: Reduction, matrices: dict[str, Dense], kept: list[int], acting: list[int]
-) -> StateSpace:
-    flat, counts = reduction.flat, reduction.counts
-    exact, definitions = _laurent(reduction, matrices)
-    quantities = reduction.quantities()
-    occurring = {name for entries in exact.values() for entry in entries.values() for name in entry.names}
-    parameters = parameters_of(flat.parameters, definitions, occurring)
-    return StateSpace(
-        name=flat.name,
-        states=tuple(quantities[k] for k in kept),
-        inputs=tuple(reduction.inputs[k] for k in acting),
-        sensors=reduction.sensors,
-        **exact,
-        speed_states=tuple(_speed_state(reduction, k, kept) for k in range(len(reduction.sensors))),
-        parameters=parameters,
-        drawn=flat.parameters,
-        definitions=tuple(Definition(name, value) for name, value in definitions.items()),
-        report=Report(
-            counts.equations, counts.variables, counts.states, counts.left + len(reduction.sensors)
-        ),
-        notes=_notes(reduction, kept, acting, definitions, occurring),
-    )
+def _cut(matrix: Dense, rows: Sequence[int], columns: Sequence[int]) -> Dense:
+    """The entries in these rows and columns, numbered anew."""
+    row, column = ({old: new for new, old in enumerate(kept)} for kept in (rows, columns))
+    return {(row[i], column[j]): c for (i, j), c in matrix.items() if i in row and j in column}
 
 
 def _laurent(
-    reduction: Reduction, matrices: dict[str, Dense]
+    matrices: Mapping[str, Dense], definitions: Mapping[str, Laurent], field: Field | None
 ) -> tuple[dict[str, Entries], dict[str, Laurent]]:
     """The matrices in Laurent sums, and the definitions of merged parameters in them."""
-    if reduction.field is None:
-        entries = [c for matrix in matrices.values() for c in matrix.values()]
-        return dict(matrices), needed(reduction.definitions, entries)
-    places = [(name, place) for name in _MATRICES for place in matrices[name]]
-    merging = merge(reduction.field, [matrices[name][place] for name, place in places])
-    exact: dict[str, dict[tuple[int, int], Laurent]] = {name: {} for name in _MATRICES}
+    places = [(name, place) for name, matrix in matrices.items() for place in matrix]
+    entries = [matrices[name][place] for name, place in places]
+    if field is None:
+        return dict(matrices), needed(definitions, entries)
+    merging = merge(field, entries)
+    exact: dict[str, dict[tuple[int, int], Laurent]] = {name: {} for name in matrices}
     for (name, place), entry in zip(places, merging.entries, strict=True):
         exact[name][place] = entry
     return dict(exact), needed(merging.definitions, merging.entries)
 
 
-def _speed_state(reduction: Reduction, sensor: int, kept: list[int]) -> int:
-    angle = reduction.angle_of(reduction.sensors[sensor].angle)
-    if len(angle) != 1 or next(iter(angle)) not in reduction.columns:
-        return -1
-    column = reduction.columns[next(iter(angle))]
-    return kept.index(column) if column in kept else -1
+def _speed_state(reduction: Reduction, angle: str, kept: list[int]) -> int:
+    """The state that is the speed of this angle up to a factor, -1 if there is none."""
+    columns = [reduction.columns.get(name) for name in reduction.angle_of(angle)]
+    return kept.index(columns[0]) if len(columns) == 1 and columns[0] in kept else -1
 
 
 def _notes(
@@ -133,18 +115,17 @@ def _notes(
     definitions: Mapping[str, Laurent],
     occurring: set[str],
 ) -> tuple[str, ...]:
-    quantities = reduction.quantities()
-    left_out = [quantities[k].name for k in range(reduction.size) if k not in kept]
-    silent = [u.name for k, u in enumerate(reduction.inputs) if k not in acting]
     seen = occurring | {name for value in definitions.values() for name in value.names}
-    idle = [p.name for p in reduction.flat.parameters if p.name not in seen]
-    lines = [
-        ("left out, since no sensor sees it or nothing moves it", left_out),
-        ("acts on nothing that is seen", silent),
-        ("has no influence on what is measured", idle),
-        ("merged, since its parts cannot be told apart", [name for name in definitions if name in occurring]),
-    ]
-    return tuple(f"{what}: {', '.join(names)}" for what, names in lines if names)
+    left_out = [state.name for k, state in enumerate(reduction.quantities()) if k not in kept]
+    lines = {
+        "left out, since no sensor sees it or nothing moves it": left_out,
+        "acts on nothing that is seen": [u.name for k, u in enumerate(reduction.inputs) if k not in acting],
+        "has no influence on what is measured": [
+            p.name for p in reduction.flat.parameters if p.name not in seen
+        ],
+        "merged, since its parts cannot be told apart": [name for name in definitions if name in occurring],
+    }
+    return tuple(f"{what}: {', '.join(names)}" for what, names in lines.items() if names)
 
 
 # --- The parameters of a state space: the user's own that occur, and merged ones with unit, meaning and value ---------
@@ -158,10 +139,9 @@ def parameters_of(
 ) -> tuple[FlatParameter, ...]:
     """The occurring parameters in the order in which they were drawn, a merged one where its first part stood."""
     known = {p.name: p for p in drawn}
-    for name, value in definitions.items():
-        known[name] = _merged(name, value, known)
     rank = {p.name: k for k, p in enumerate(drawn)}
     for name, value in definitions.items():
+        known[name] = _merged(name, value, known)
         rank[name] = min(rank[part] for part in value.names)
     return tuple(known[name] for name in sorted(occurring, key=lambda name: (rank[name], name)))
 
@@ -184,12 +164,11 @@ def _merged(name: str, value: Laurent, known: Mapping[str, FlatParameter]) -> Fl
 def _unit(value: Laurent, known: Mapping[str, FlatParameter]) -> str:
     """The unit of the first term; that all terms agree is checked when the drive is read."""
     monomial, _ = next(iter(value))
-    units = [known[name].unit for name, _ in monomial]
-    if not all(units):
-        return ""
     total = parse("1")
-    for unit, (_, power) in zip(units, monomial, strict=True):
-        total = total * parse(unit) ** power
+    for name, power in monomial:
+        if not known[name].unit:
+            return ""
+        total = total * parse(known[name].unit) ** power
     return str(total)
 
 
@@ -204,28 +183,24 @@ def rigid_angles(reduction: Reduction) -> Angles:
     ((name, c),) = sensor.items()
     found: Angles = {name: reduction.unit / c}
     links = [reduction.angle_of(v.name) for v in reduction.flat.variables if v.relative]
-    return _spread(found, [link for link in links if len(link) == 2])
-
-
-def _spread(found: Angles, links: Sequence[Angles]) -> Angles:
-    changed = True
-    while changed:
-        changed = False
-        for link in links:
-            for near, far in (tuple(link), tuple(link)[::-1]):
-                if near in found and far not in found:
-                    found[far] = -(found[near] * link[near] / link[far])
-                    changed = True
+    pairs = [
+        pair for link in links if len(link) == 2 for pair in (tuple(link.items()), tuple(link.items())[::-1])
+    ]
+    before = 0
+    while len(found) > before:
+        before = len(found)
+        for (near, a), (far, b) in pairs:
+            if near in found and far not in found:
+                found[far] = -(found[near] * a / b)
     return found
 
 
-def total(angles: Angles, rigid: Angles) -> Coefficient | None:
+def _total(angles: Angles, rigid: Angles) -> Coefficient | None:
     """A combination of angles in rigid motion; None where that is zero or not known."""
     terms = [c * rigid[name] for name, c in angles.items() if name in rigid]
     if len(terms) < len(angles) or not terms:
         return None
-    value = sum(terms[1:], start=terms[0])
-    return value or None
+    return sum(terms[1:], start=terms[0]) or None
 
 
 def rest(reduction: Reduction, rigid: Angles) -> Dense:
@@ -234,11 +209,46 @@ def rest(reduction: Reduction, rigid: Angles) -> Dense:
         values = {column: rigid.get(name) for name, column in reduction.columns.items()}
     else:
         rows = enumerate(reduction.positions.rows)
-        values = {reduction.position_state(k): total(row, rigid) for k, row in rows}
+        values = {reduction.position_state(k): _total(row, rigid) for k, row in rows}
     return {(state, 0): c for state, c in values.items() if c}
 
 
 def ratio(reduction: Reduction, rigid: Angles) -> Dense:
     """The angle (m, 1) at the flange of each input that depends on the motion."""
-    values = {k: total(reduction.angle_of(u.angle), rigid) for k, u in enumerate(reduction.inputs) if u.angle}
+    values = {
+        k: _total(reduction.angle_of(u.angle), rigid) for k, u in enumerate(reduction.inputs) if u.angle
+    }
     return {(k, 0): c for k, c in values.items() if c}
+
+
+# --- What is left of the states that no input moves or no sensor sees, for whatever values of the parameters ----------
+
+
+# An example: a part that is coupled to a grounded one by a damper only.  Its momentum and the angle that the damper
+# has turned by add up to a constant, so an angle sensor there measures a state that no torque can change.
+
+MOST_STATES = 60
+"""The check takes time with the cube of the states."""
+
+_SEED = 2439  # arbitrary: a wrong rank would need a coincidence modulo primes near 2^31
+
+
+def hidden(ss: StateSpace) -> tuple[str, ...]:
+    """One sentence for each kind of defect, naming the states that take part in it; none if the form is minimal."""
+    if len(ss.states) > MOST_STATES:
+        return (f"more than {MOST_STATES} states: not checked whether all of them are moved and seen",)
+    point = next(points_of(ss, _SEED))
+    A, B, C = residues(ss, point)
+    unmoved = null_space(krylov_basis(A, B, point.prime), point.prime)
+    unseen = null_space(krylov_basis(A.T, C.T, point.prime), point.prime)
+    found = (("no input changes", unmoved), ("no sensor sees", unseen))
+    return tuple(
+        f"{what} a certain combination of the states {_names(ss, vectors)}"
+        for what, vectors in found
+        if len(vectors)
+    )
+
+
+def _names(ss: StateSpace, vectors: Ints) -> str:
+    taking_part = (vectors != 0).any(axis=0)
+    return ", ".join(state.name for state, part in zip(ss.states, taking_part, strict=True) if part)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from monitor_core.modeling.elimination.operators import Row
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
 
@@ -40,10 +39,6 @@ class Field:
                 term = term * self._generators[name] ** e
             total = total + term
         return total
-
-    def row(self, row: Row) -> Row:
-        """A row with its coefficients in the field."""
-        return {name: {k: self.element(c) for k, c in operator.items()} for name, operator in row.items()}
 
     def factors(self, c: Any) -> tuple[Laurent, list[tuple[Laurent, int]]]:
         """A sum in the numerator, divided by single terms, and the sums in the denominator with their powers."""

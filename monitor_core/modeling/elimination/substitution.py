@@ -12,12 +12,57 @@ eliminated by the law of its spring (c phi + d s phi), never an angle by a torqu
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from monitor_core.modeling.elimination.operators import Row, degree, is_number, is_unit, substitute
-from monitor_core.modeling.flat import FlatModel, ModelError, Origin
+from monitor_core.kernel.tables import TORQUE
+from monitor_core.modeling.flat import FlatEquation, FlatModel, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
+
+# --- Equations as rows of operators: variable -> polynomial in s ------------------------------------------------------
+
+Coefficient = Any
+"""A Laurent sum, or an element of the field of rational functions (rational.py) where sums do not suffice."""
+
+Operator = dict[int, Coefficient]
+"""Power of s -> coefficient, none of them zero."""
+
+Row = dict[str, Operator]
+"""Variable or input -> operator, none of them empty: their sum is zero."""
+
+
+def is_unit(c: Coefficient) -> bool:
+    """Whether division by it stays within its ring."""
+    return c.is_unit if isinstance(c, Laurent) else bool(c)
+
+
+def is_number(c: Coefficient) -> bool:
+    """Whether it contains no parameter."""
+    return c.is_number if isinstance(c, Laurent) else bool(c.numer.is_ground and c.denom.is_ground)
+
+
+def degree(operator: Operator) -> int:
+    """The highest power of s."""
+    return max(operator)
+
+
+def add_multiple(row: Row, factor: Operator, other: Row) -> None:
+    """Row += factor * other, in place; zero coefficients are removed."""
+    for name, operator in other.items():
+        target = row.setdefault(name, {})
+        for i, a in factor.items():
+            for j, b in operator.items():
+                total = target[i + j] + a * b if i + j in target else a * b
+                if total:
+                    target[i + j] = total
+                else:
+                    target.pop(i + j, None)
+        if not target:
+            del row[name]
+
+
+# --- The equations of a drive -----------------------------------------------------------------------------------------
 
 ANGLE, SPEED, TORQUE_ORDER = 0, 1, 2
 _ORDERS = {"rad": ANGLE, "rad/s": SPEED, "rad/s^2": TORQUE_ORDER, "N m": TORQUE_ORDER}
@@ -32,27 +77,60 @@ class Line:
     kinematic: bool = False
 
 
-@dataclass
 class System:
     """The equations that are left, and rows that only watch: name -> row expressing a variable of interest.
 
-    ``drawn``: the user's parameters in their order; ``definitions``: those merged on the way, as sums of them.
-    ``origins``: of the variables.
+    ``far``: how many equations lie between each variable and the motor torque.  ``stiff``: the relative angles of
+    springs, near the motor first.  ``flat_states``: how many variables are differentiated in the flat equations.
+    ``definitions``: inertias that were merged on the way.  ``element``: from a Laurent sum to a coefficient.
     """
 
-    lines: list[Line]
-    watched: dict[str, Row]
-    orders: Mapping[str, int]
-    inputs: frozenset[str]
-    keep: Mapping[str, tuple[int, ...]]
-    drawn: tuple[str, ...]
-    definitions: dict[str, Laurent] = field(default_factory=dict)
-    origins: Mapping[str, Origin] = field(default_factory=dict)
+    def __init__(self, flat: FlatModel, element: Callable[[Laurent], Coefficient]) -> None:
+        rows = [_row(equation, lambda c: c) for equation in flat.equations]
+        moving = {v.name for v in flat.variables if v.unit.startswith("rad")}
+        law = [any(name not in moving for name in row) for row in rows]
+        self.inputs = frozenset(u.name for u in flat.inputs)
+        self.drawn = tuple(p.name for p in flat.parameters)
+        self.origins = {v.name: v.origin for v in flat.variables}
+        self.orders = orders_of(flat, rows)
+        self.far = distances(rows, [u.name for u in flat.inputs if u.kind == TORQUE])
+        # Preference of variables to keep: angles of inertias, others, deflections; near the motor first; drawn first.
+        self.keep = {
+            v.name: (v.prefer - v.relative, -self.distance(v.name), -k) for k, v in enumerate(flat.variables)
+        }
+        relative = [v.name for v in flat.variables if v.relative]
+        stiff = {
+            name for row, is_law in zip(rows, law, strict=True) if is_law for name in row if 0 in row[name]
+        }
+        self.stiff = sorted((name for name in relative if name in stiff), key=self.distance)
+        self.flat_states = len(
+            {name for row in rows for name, operator in row.items() if degree(operator) > 0}
+        )
+        self.unit = element(Laurent.number(1))
+        self.lines = [
+            Line(_row(equation, element), equation.origin, kinematic=not is_law)
+            for equation, is_law in zip(flat.equations, law, strict=True)
+        ]
+        known = (*relative, *(s.angle for s in flat.sensors), *(u.angle for u in flat.inputs if u.angle))
+        self.watched: dict[str, Row] = {name: {name: {0: self.unit}} for name in known}
+        self.definitions: dict[str, Laurent] = {}
+
+    def distance(self, name: str) -> int:
+        """From the motor torque; what is not joined to it comes last."""
+        return self.far.get(name, len(self.far))
 
     def unknowns(self) -> list[str]:
         """The variables that still occur, in a settled order."""
         names = {name for line in self.lines for name in line.row if name not in self.inputs}
         return sorted(names, key=lambda name: (self.keep[name], name), reverse=True)
+
+
+def _row(equation: FlatEquation, element: Callable[[Laurent], Coefficient]) -> Row:
+    row: Row = {}
+    for (name, power), c in equation.terms.items():
+        if c:
+            row.setdefault(name, {})[power] = element(c)
+    return row
 
 
 def orders_of(flat: FlatModel, rows: Sequence[Row]) -> dict[str, int]:
@@ -73,26 +151,20 @@ def orders_of(flat: FlatModel, rows: Sequence[Row]) -> dict[str, int]:
     return {**dict.fromkeys(names, TORQUE_ORDER), **orders}
 
 
-def distances(rows: Sequence[Row], sources: Sequence[str]) -> dict[str, int]:
+def distances(rows: Iterable[Row], sources: Sequence[str]) -> dict[str, int]:
     """How many equations lie between each variable and the sources; what is not reached is missing."""
-    where: dict[str, list[int]] = {}
-    for k, row in enumerate(rows):
-        for name in row:
-            where.setdefault(name, []).append(k)
-    found, front, used = dict.fromkeys(sources, 0), list(sources), set[int]()
-    while front:
-        following: list[str] = []
-        for name in front:
-            for k in where.get(name, ()):
-                if k in used:
-                    continue
-                used.add(k)
-                for other in rows[k]:
-                    if other not in found:
-                        found[other] = found[name] + 1
-                        following.append(other)
-        front = following
+    found, front, left = dict.fromkeys(sources, 0), set(sources), list(rows)
+    for distance in range(1, len(left) + 1):
+        near = [row for row in left if not front.isdisjoint(row)]
+        left = [row for row in left if front.isdisjoint(row)]
+        front = {name for row in near for name in row} - found.keys()
+        found.update(dict.fromkeys(front, distance))
+        if not front:
+            break
     return found
+
+
+# --- Substitution -----------------------------------------------------------------------------------------------------
 
 
 def substitute_all(system: System) -> None:
@@ -102,18 +174,20 @@ def substitute_all(system: System) -> None:
         ModelError: equations contradict each other, or something is locked.
         NotLaurentError: a sum of terms would have to be divided by; possible with rational coefficients only.
     """
-    worker = _Substitution(system)
-    worker.run()
+    _Substitution(system).run()
     system.lines = [line for line in system.lines if line.row]
-    _check_none_left(system, worker.pivots)
+    for line in system.lines:
+        if _pivots(system, line.row, bool):
+            raise NotLaurentError(str(line.origin))
 
 
 class _Substitution:
+    """``where``: the rows in which each variable occurs; ``version``: how often each row has changed."""
+
     def __init__(self, system: System) -> None:
         self.system = system
         self.rows: list[Row] = [line.row for line in system.lines] + list(system.watched.values())
-        self.equations = len(system.lines)
-        self.alive = set(range(self.equations))
+        self.alive = set(range(len(system.lines)))
         self.version = [0] * len(self.rows)
         self.where: dict[str, set[int]] = {}
         for k, row in enumerate(self.rows):
@@ -128,43 +202,42 @@ class _Substitution:
             if k not in self.alive or version != self.version[k]:
                 continue
             _check(self.system.lines[k], self.system)
-            found = self.pivots(self.rows[k], is_unit)
-            if not found:
-                continue
-            for changed in self._eliminate(k, found[0]):
-                heapq.heappush(heap, (len(self.rows[changed]), changed, self.version[changed]))
-
-    def pivots(self, row: Row, usable: Callable[[object], bool]) -> list[str]:
-        """The variables that the row may be solved for, best first: divided by numbers, far from the motor."""
-        s = self.system
-        worth = {name: degree(op) + s.orders[name] for name, op in row.items()}
-        highest = max(worth.values(), default=0)
-        candidates = [
-            name
-            for name, op in row.items()
-            if name not in s.inputs and set(op) == {0} and usable(op[0]) and worth[name] == highest
-        ]
-        if highest == ANGLE:
-            return sorted(candidates, key=lambda name: s.keep[name])
-        return sorted(candidates, key=lambda name: (not is_number(row[name][0]), s.keep[name]))
+            for name in _pivots(self.system, self.rows[k], is_unit)[:1]:
+                for changed in self._eliminate(k, name):
+                    heapq.heappush(heap, (len(self.rows[changed]), changed, self.version[changed]))
 
     def _eliminate(self, k: int, name: str) -> list[int]:
         """Substitute the solution of row k for the variable everywhere; the rows that have changed."""
         solution = self.rows[k]
+        c = solution[name][0]
         self.alive.discard(k)
         affected = self.where.pop(name) - {k}
         for other in solution:
             self.where.get(other, set()).discard(k)
         for i in affected:
-            before = set(self.rows[i])
-            substitute(self.rows[i], name, solution)
-            for gone in before - set(self.rows[i]):
+            row, before = self.rows[i], set(self.rows[i])
+            add_multiple(row, {power: -(a / c) for power, a in row[name].items()}, solution)
+            for gone in before - row.keys():
                 self.where.get(gone, set()).discard(i)
-            for new in set(self.rows[i]) - before:
+            for new in row.keys() - before:
                 self.where.setdefault(new, set()).add(i)
             self.version[i] += 1
         self.system.lines[k] = Line({}, Origin())
         return sorted(i for i in affected if i in self.alive)
+
+
+def _pivots(system: System, row: Row, usable: Callable[[Coefficient], bool]) -> list[str]:
+    """The variables that the row may be solved for, best first: divided by numbers, far from the motor."""
+    worth = {name: degree(op) + system.orders[name] for name, op in row.items()}
+    highest = max(worth.values(), default=0)
+    candidates = [
+        name
+        for name, op in row.items()
+        if name not in system.inputs and set(op) == {0} and usable(op[0]) and worth[name] == highest
+    ]
+    if highest == ANGLE:
+        return sorted(candidates, key=lambda name: system.keep[name])
+    return sorted(candidates, key=lambda name: (not is_number(row[name][0]), system.keep[name]))
 
 
 def _check(line: Line, system: System) -> None:
@@ -175,7 +248,7 @@ def _check(line: Line, system: System) -> None:
         )
     if len(line.row) == 1 and line.kinematic:
         (operator,) = line.row.values()
-        if set(operator) == {0} and not _is_single_term(operator[0]):
+        if set(operator) == {0} and not _is_product(operator[0]):
             raise ModelError(
                 f"the drive is locked: its equations let {unknown[0]} stand still only "
                 "(two rigid connections of different ratio in parallel?)",
@@ -183,13 +256,6 @@ def _check(line: Line, system: System) -> None:
             )
 
 
-def _is_single_term(c: object) -> bool:
-    """A single term: setting it to zero says something about its variable, not about the parameters."""
-    numerator = getattr(c, "numer", None)
-    return is_unit(c) if numerator is None else len(numerator.terms()) == 1
-
-
-def _check_none_left(system: System, pivots: Callable[[Row, Callable[[object], bool]], list[str]]) -> None:
-    for line in system.lines:
-        if pivots(line.row, bool):
-            raise NotLaurentError(str(line.origin))
+def _is_product(c: Coefficient) -> bool:
+    """Setting a single term to zero says something about its variable, not about the parameters."""
+    return c.is_unit if isinstance(c, Laurent) else len(c.numer.terms()) == 1

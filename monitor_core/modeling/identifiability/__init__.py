@@ -5,9 +5,8 @@ needs no tolerance, and combinations such as "kT/Jm" are recovered exactly.
 
 * ``jacobian``: the derivatives of the Markov parameters C A^k B
 * ``lattice``: small integer vectors from spaces modulo a prime
-* ``products``: sums, products of powers and entries that are identifiable: "J1 + J2", "kT/Jm"
-* ``combination_names``: as many of these as are needed
-* ``structural``: the result; ``sentences_on_identifiability``: in words
+* ``combinations``: sums, products of powers and entries that are identifiable: "J1 + J2", "kT/Jm"
+* ``structural``: the result, and the same in words
 """
 
 from monitor_core.modeling.identifiability.structural import Identifiability, structural

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from monitor_core.arrays import Ints
 from monitor_core.modeling.flat import FlatParameter, ModelError
-from monitor_core.modeling.identifiability.combination_names import by_unit, combinations_of
+from monitor_core.modeling.identifiability.combinations import by_unit, combinations_of
 from monitor_core.modeling.identifiability.jacobian import Sample, samples_of
 from monitor_core.modeling.identifiability.lattice import components
-from monitor_core.modeling.identifiability.sentences_on_identifiability import sentences
 from monitor_core.modeling.modular import Seed, rank
 from monitor_core.modeling.statespace import StateSpace
+from monitor_core.wording import listed
 
 _HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
 """By unit: what is known best from a data sheet first."""
@@ -50,8 +50,7 @@ class Identifiability:
 
     def words(self) -> tuple[str, ...]:
         """The same in plain sentences."""
-        groups = list(zip(self.groups, self.seen, self.unnamed, strict=True))
-        return tuple(sentences(self.identifiable, groups, self.invisible, self.suggestion))
+        return tuple(_sentences(self))
 
 
 def structural(
@@ -112,3 +111,39 @@ def _held(
         if rank(hidden[:, [*chosen, j]], prime) > len(chosen):
             chosen.append(j)
     return chosen
+
+
+# --- The same in plain sentences --------------------------------------------------------------------------------------
+
+
+_FEW = 12
+"""So many names are listed; more are counted."""
+
+
+def _sentences(told: Identifiability) -> Iterator[str]:
+    if told.identifiable:
+        yield f"{listed(told.identifiable)} can be found."
+    alone = not told.identifiable and len(told.groups) == 1
+    for names, seen, more in zip(told.groups, told.seen, told.unnamed, strict=True):
+        yield _group(names, seen, more, alone)
+    for name in told.invisible:
+        yield f"{name} cannot be seen at all: whatever its value, the sensors show the same."
+    held = [name for name in told.suggestion if name not in told.invisible]
+    if held:
+        rest = [name for names in told.groups for name in names if name not in held]
+        found = listed(rest) if len(rest) <= _FEW else f"the other {len(rest)}"
+        yield f"Hold {listed(held)} known and {found} can be found."
+
+
+def _group(names: Sequence[str], seen: Sequence[str], more: int, alone: bool) -> str:
+    kinds = list(seen) + ([_unnamed(more, "more " if seen else "")] if more else [])
+    who = listed(names) if len(names) <= _FEW else f"{len(names)} parameters ({listed(names)})"
+    if not kinds:
+        return f"Nothing of {who} can be seen."
+    start = "Only" if alone else f"Of {who} only"
+    end = f": {who} cannot be told apart." if alone else "."
+    return f"{start} {listed(kinds)} can be seen{end}"
+
+
+def _unnamed(count: int, more: str) -> str:
+    return f"one {more}combination" if count == 1 else f"{count} {more}combinations"

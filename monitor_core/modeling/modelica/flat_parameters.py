@@ -3,31 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from monitor_core.modeling.components import KINDS, Role
-from monitor_core.modeling.components.unit_algebra import parse
-from monitor_core.modeling.components.units import Use, infer
-from monitor_core.modeling.drawing.parameter_table import is_positive
+from monitor_core.modeling.components.units import Use, impossible, infer, is_positive, parse
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.leaves import Part
 from monitor_core.modeling.modelica.parsing import is_parameter
 from monitor_core.modeling.modelica.values import Values, plain
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """A place where parameters occur: the role that an expression in them fills in a component."""
-
-    role: Role
-    value: Laurent
-    part: Part
-
-    @property
-    def place(self) -> str:
-        """For example: inertia of the motor."""
-        return f"{self.role.meaning} of the {self.part.origin.component}"
 
 
 def flat_parameters(
@@ -51,55 +34,27 @@ def flat_parameters(
     for name, unit in declared.items():
         if unit:
             parse(unit, values.place(name))  # refused where it is written
-    units = infer([use for part in parts for use in part.uses], declared)
-    _check_values(parts, values)
-    entries = _entries(parts)
+    every = [use for part in parts for use in part.uses]
+    units = infer(every, declared)
+    for use, role, number, problem in impossible(every, values.nominal):
+        raise ModelError(f"its {role.name} ({role.meaning}) is {number:g}: it {problem}", use.origin)
     of_tables = sorted(occurring - set(written))  # of bearings
     return tuple(
-        _parameter(n, values, comments.get(n, ""), units.get(n, ""), entries.get(n, []))
-        for n in (*written, *of_tables)
+        _parameter(n, values, comments.get(n, ""), units.get(n, ""), every) for n in (*written, *of_tables)
     )
 
 
-def _entries(parts: Iterable[Part]) -> dict[str, list[Entry]]:
-    """Parameter -> where it occurs; first where it stands alone."""
-    found: dict[str, list[Entry]] = {}
-    for part in parts:
-        for use in part.uses:
-            for name in use.value.names:
-                found.setdefault(name, []).append(Entry(KINDS[part.kind].role(use.role), use.value, part))
-    return {name: sorted(all_, key=lambda e: e.value != Laurent.symbol(name)) for name, all_ in found.items()}
-
-
-def _parameter(name: str, values: Values, meaning: str, unit: str, entries: Sequence[Entry]) -> FlatParameter:
+def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequence[Use]) -> FlatParameter:
     symbol, value = values.symbols.get(name), values.nominal.get(name)
-    if entries and not meaning:
-        alone = entries[0].value == Laurent.symbol(name)
-        meaning = entries[0].place if alone else f"in the {entries[0].place}: {entries[0].value}"
+    uses = [use for use in every if name in use.value.names]
+    if uses and not meaning:
+        first = next((use for use in uses if use.is_name), uses[0])
+        meaning = first.meaning(first.origin.component)
     least = plain(symbol.min) if symbol is not None else None
-    positive = (isinstance(least, int | float) and least > 0) or is_positive(
-        name, ((e.role, e.value) for e in entries), value
-    )
-    origin = entries[0].part.origin if symbol is None and entries else Origin()
-    place = values.place(name) if symbol is not None else replace(origin, component=name)
+    positive = (isinstance(least, int | float) and least > 0) or is_positive(name, uses, value)
+    owner = values.places[name.rpartition(".")[0]] if symbol is None else Origin()
+    place = values.place(name) if symbol is not None else replace(owner, component=name)
     return FlatParameter(name, unit, meaning, value, positive, place)
-
-
-def _check_values(parts: Iterable[Part], values: Values) -> None:
-    for part in parts:
-        for use in part.uses:
-            if use.value.names <= values.nominal.keys():
-                value = _value(use.value, values.nominal)
-                if problem := KINDS[part.kind].role(use.role).problem(value):
-                    raise ModelError(f"its {use.role} ({use.meaning}) is {value:g}: it {problem}", use.origin)
-
-
-def _value(expression: Laurent, nominal: Mapping[str, float]) -> float:
-    """Infinite where it has none."""
-    try:
-        return float(expression.value(nominal))
-    except (ZeroDivisionError, OverflowError):
-        return float("inf")
 
 
 # --- Units that the user's own equations tell: of variables and parameters declared without one -----------------------

@@ -14,9 +14,7 @@ from pymoca import ast
 from pymoca.tree import InstanceClass, InstanceSymbol, ModelicaError, flatten_instance, instantiate
 
 from monitor_core.kernel.tables import ONE
-from monitor_core.modeling.components.connections import End, Joint, connect
-from monitor_core.modeling.components.fragments import Fragment, join
-from monitor_core.modeling.components.linear import Linear
+from monitor_core.modeling.components.fragments import End, Fragment, Joint, Linear, connect, join
 from monitor_core.modeling.flat import (
     CONSTANT,
     FlatEquation,

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 from pymoca import ast
 
 from monitor_core.modeling.components import KINDS, fragment
-from monitor_core.modeling.components.connections import End, Joint
-from monitor_core.modeling.components.fragments import Fragment
+from monitor_core.modeling.components.fragments import End, Fragment, Joint
 from monitor_core.modeling.components.units import Use
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
-from monitor_core.modeling.modelica.arithmetic import number_of
 from monitor_core.modeling.modelica.library import BEARING, REFUSED, SIGNAL_SOURCE, Leaf
-from monitor_core.modeling.modelica.values import Values, is_given, plain
+from monitor_core.modeling.modelica.values import Values, is_given, number_of, plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +65,8 @@ def _part(placed: Placed, values: Values) -> Part:
     kind, leaf = KINDS[placed.leaf.kind], placed.leaf
     parameters = {role: values.parameter(placed.inside(name)) for role, name in leaf.roles.items()}
     uses = tuple(
-        Use(
-            parameters[role],
-            kind.role(role).unit,
-            _written_at(name, placed, values),
-            role,
-            kind.role(role).meaning,
-        )
-        for role, name in leaf.roles.items()
+        Use(value, kind.role(role).unit, _written_at(leaf.roles[role], placed, values), kind.role(role))
+        for role, value in parameters.items()
     )
     fixed = {role: Laurent.number(value) for role, value in leaf.fixed.items()}
     flanges = tuple(placed.inside(name) for name in kind.flanges)
@@ -95,7 +87,7 @@ def _bearing(placed: Placed, values: Values) -> Iterator[Part]:
     ):
         if found.value:
             about = KINDS[kind].role(role)
-            use = Use(found.value, about.unit if found.has_unit else "", origin, role, about.meaning)
+            use = Use(found.value, about.unit if found.has_unit else "", origin, about)
             yield Part(name, kind, {role: found.value}, placed.origin, (use,), at)
 
 

@@ -16,9 +16,9 @@ from pymoca.parser import ModelicaFile
 from pymoca.tree import NameLookupError, find_name
 
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.modelica.arithmetic import FUNCTIONS
 from monitor_core.modeling.modelica.library import SOURCES, library
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, place_of
+from monitor_core.modeling.modelica.values import FUNCTIONS
 
 _LIBRARY = ("Modelica", "AxisWatch")
 _MODELS = ("model", "block", "class")

@@ -53,34 +53,24 @@ def is_parameter(symbol: ast.Symbol) -> bool:
     return not {"parameter", "constant"}.isdisjoint(symbol.prefixes)
 
 
+_NOT = "is not supported"
+_ONE_BY_ONE = f"{_NOT}: write linear equations and connect(...) one by one"
+_WANTED = f"{_NOT}: write the model with the class that is wanted"
 _REFUSED = {
-    "Algorithm_sectionContext": "an algorithm",
-    "Equation_ifContext": "an if-equation",
-    "Equation_forContext": "a for-loop",
-    "Equation_whenContext": "a when-equation",
-    "Equation_functionContext": "a function call as an equation",
-    "Expression_ifContext": "an if-expression",
-    "Element_redeclarationContext": '"redeclare"',
-    "Element_replaceableContext": '"replaceable"',
-    "Replaceable_elementContext": '"replaceable"',
-    "Class_spec_derContext": "a class of this form",
-    "Class_spec_extendsContext": "a class of this form",
-    "Named_argumentsContext": "a call with named arguments",
+    "Algorithm_sectionContext": f"an algorithm {_NOT}: write its linear equations out",
+    "Equation_ifContext": f"an if-equation {_ONE_BY_ONE}",
+    "Equation_forContext": f"a for-loop {_ONE_BY_ONE}",
+    "Equation_whenContext": f"a when-equation {_ONE_BY_ONE}",
+    "Equation_functionContext": f"a function call as an equation {_ONE_BY_ONE}",
+    "Expression_ifContext": f"an if-expression {_NOT}",
+    "Element_redeclarationContext": f'"redeclare" {_WANTED}',
+    "Element_replaceableContext": f'"replaceable" {_WANTED}',
+    "Replaceable_elementContext": f'"replaceable" {_WANTED}',
+    "Class_spec_derContext": f"a class of this form {_NOT}",
+    "Class_spec_extendsContext": f"a class of this form {_NOT}",
+    "Named_argumentsContext": f"a call with named arguments {_NOT}",
 }
 """Rules of the grammar that a drive must not use: pymoca ignores them, or they have no place in a linear drive."""
-
-_ONE_BY_ONE = ": write linear equations and connect(...) one by one"
-_WANTED = ": write the model with the class that is wanted"
-_INSTEAD = {
-    "Algorithm_sectionContext": ": write its linear equations out",
-    "Equation_ifContext": _ONE_BY_ONE,
-    "Equation_forContext": _ONE_BY_ONE,
-    "Equation_whenContext": _ONE_BY_ONE,
-    "Equation_functionContext": _ONE_BY_ONE,
-    "Element_redeclarationContext": _WANTED,
-    "Element_replaceableContext": _WANTED,
-    "Replaceable_elementContext": _WANTED,
-}
 
 
 class _Listener(ASTListener):  # type: ignore[misc]
@@ -94,7 +84,7 @@ class _Listener(ASTListener):  # type: ignore[misc]
     def enterEveryRule(self, ctx: Any) -> None:
         rule = type(ctx).__name__
         if rule in _REFUSED:
-            self._refuse(f"{_REFUSED[rule]} is not supported{_INSTEAD.get(rule, '')}", ctx)
+            self._refuse(_REFUSED[rule], ctx)
 
     def exitEveryRule(self, ctx: Any) -> None:
         node = self.ast.get(ctx)
@@ -125,9 +115,8 @@ class _Listener(ASTListener):  # type: ignore[misc]
 
     def exitClass_spec_base(self, ctx: Any) -> None:
         super().exitClass_spec_base(ctx)
-        self.class_node.causality = (
-            ctx.base_prefix().getText()
-        )  # "input" of: connector RealInput = input Real
+        # "input" of: connector RealInput = input Real
+        self.class_node.causality = ctx.base_prefix().getText()
 
     def exitComponent_declaration(self, ctx: Any) -> None:
         super().exitComponent_declaration(ctx)

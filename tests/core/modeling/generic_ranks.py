@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.modular import Seed, krylov_rank, points_of, random_points, rank, residues
+from monitor_core.modeling.modular import (
+    Seed,
+    krylov_basis,
+    points_of,
+    random_points,
+    rank,
+    residue,
+    residues,
+)
 from monitor_core.modeling.statespace import Definition, StateSpace
 
 
@@ -16,15 +26,19 @@ def generic_rank(
     entries = {(i, j): entry for i, row in enumerate(rows) for j, entry in enumerate(row) if entry}
     names = set[str]().union(*(e.names for e in entries.values()), *(d.value.names for d in definitions))
     shape = (len(rows), max((len(row) for row in rows), default=0))
-    points = random_points(names, definitions, seed)
-    return max(rank(residues(entries, shape, point), point.prime) for point in points)
+    ranks = []
+    for point in random_points(names, definitions, seed):
+        matrix = np.zeros(shape, dtype=np.int64)
+        for place, entry in entries.items():
+            matrix[place] = residue(entry, point)
+        ranks.append(rank(matrix, point.prime))
+    return max(ranks)
 
 
 def minimality(ss: StateSpace, seed: Seed) -> tuple[int, int]:
     """Dimensions of the part that the inputs reach and of the part that the sensors see, for generic values."""
-    n, m, q = len(ss.states), len(ss.inputs), len(ss.sensors)
     ranks = []
     for point in points_of(ss, seed):
-        A, B, C = (residues(e, s, point) for e, s in ((ss.A, (n, n)), (ss.B, (n, m)), (ss.C, (q, n))))
-        ranks.append((krylov_rank(A, B, point.prime), krylov_rank(A.T, C.T, point.prime)))
+        A, B, C = residues(ss, point)
+        ranks.append((len(krylov_basis(A, B, point.prime)), len(krylov_basis(A.T, C.T, point.prime))))
     return max(c for c, _ in ranks), max(o for _, o in ranks)

@@ -145,12 +145,6 @@ def test_connections_and_signals_make_up_for_the_missing_equations(kind: Kind) -
         assert {f"x.{flange}.phi", f"x.{flange}.tau"} <= {v.name for v in part.variables}
 
 
-@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
-def test_every_parameter_has_its_say(kind: Kind) -> None:
-    used = {name for e in whole(kind.name).equations for c in e.terms.values() for name in c.names}
-    assert used == {role.name for role in kind.roles}
-
-
 def test_units_of_the_parameters_make_the_equations_homogeneous() -> None:
     for kind in KINDS.values():
         part = whole(kind.name)

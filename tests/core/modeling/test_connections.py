@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.modeling.components.connections import End, Joint, connect, merged
+from monitor_core.modeling.components.fragments import End, Joint, connect, merged
 from monitor_core.modeling.flat import FlatEquation, Origin
 from monitor_core.modeling.laurent import Laurent
 

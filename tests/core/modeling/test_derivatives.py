@@ -23,8 +23,7 @@ from monitor_core.modeling.drawing import Drawing, from_tables
 from monitor_core.modeling.drive_drawings import five_mass, three_mass, two_mass
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.numbers import drive_of
-from monitor_core.modeling.statespace import StateSpace
+from monitor_core.modeling.statespace import StateSpace, drive_of
 from monitor_core.modeling.symbolic import expression, matrices, symbols_of
 from tests.core.modeling.random_drives import RandomDrive, drives
 from tests.core.oracle.system import derivatives
@@ -202,12 +201,6 @@ laurents = st.dictionaries(monomials, fractions, max_size=5).map(lambda terms: L
 def test_the_derivative_of_a_laurent_sum_is_sympys(value: Laurent, name: str) -> None:
     difference = expression(value.derivative(name), SYMBOLS) - expression(value, SYMBOLS).diff(SYMBOLS[name])
     assert sympy.expand(difference) == 0
-
-
-@given(left=laurents, right=laurents, name=st.sampled_from(sorted(SYMBOLS)))
-def test_the_derivative_of_a_product(left: Laurent, right: Laurent, name: str) -> None:
-    whole = (left * right).derivative(name)
-    assert whole == left.derivative(name) * right + left * right.derivative(name)
 
 
 @given(value=laurents, name=st.sampled_from(sorted(SYMBOLS)), t=st.fractions(1, 9, max_denominator=9))

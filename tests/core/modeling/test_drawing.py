@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import random
 import textwrap
 from collections.abc import Callable
-from fractions import Fraction
 
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling import drawing as drawing_module
@@ -30,62 +27,30 @@ from monitor_core.modeling.drawing import (
     TorqueOffset,
     from_tables,
 )
-from monitor_core.modeling.flat import FlatModel, ModelError
+from monitor_core.modeling.flat import ModelError
 from tests.core.modeling.drawings import TABLES, two_mass
-from tests.core.modeling.trees import PRIME, Tree, modulo, solve, trees
+from tests.core.modeling.modelica.transfer import PRIME, responses
+from tests.core.modeling.random_drives import RandomDrive, drives
 
 # --- the equations ---------------------------------------------------------------------------------------
 
 
-def response(flat: FlatModel, values: dict[str, int], s: int) -> int:
-    """Sensor's angle over torque from all equations as they are, modulo PRIME; one equation for each unknown."""
-    index = {v.name: j for j, v in enumerate(flat.variables)}
-    assert len(index) == len(flat.variables) == len(flat.equations)
-    (torque,) = (i.name for i in flat.inputs if i.kind == TORQUE)
-    A = [[0] * len(index) for _ in flat.equations]
-    b = [0] * len(flat.equations)
-    for row, equation in enumerate(flat.equations):
-        for (name, order), c in equation.terms.items():
-            if name in index:
-                A[row][index[name]] += modulo(Fraction(c.value(values))) * s**order
-            else:
-                b[row] -= modulo(Fraction(c.value(values))) * (name == torque)
-    return solve(A, b)[index[flat.sensors[0].angle]]
-
-
 @settings(max_examples=40, deadline=None)
-@given(trees(), st.integers(0, 2**32))
-def test_the_response_is_that_of_the_mass_damping_and_stiffness_matrices(tree: Tree, numbers: int) -> None:
-    """Exactly, at a random s.  A singular system of equations would have no response."""
-    draw = random.Random(numbers)
-    flat = tree.drawing().flat()
-    values = {p.name: draw.randrange(1, PRIME) for p in flat.parameters}
-    s = draw.randrange(1, PRIME)
-    assert response(flat, values, s) == tree.response(values, s)
-
-
-@settings(max_examples=40, deadline=None)
-@given(trees())
-def test_equations_and_unknowns_are_as_many_as_the_components_bring(tree: Tree) -> None:
-    drawing = tree.drawing()
-    flat = drawing.flat()
-    unknowns = {"Inertia": 7, "Spring": 6, "Damper": 8, "SpringDamper": 8, "IdealGear": 4, "Fixed": 2}
-    unknowns |= {"ViscousFriction": 3, "Torque": 2, "SpeedSensor": 3, "AngleSensor": 3}
-    kinds = ["".join(w.capitalize() for w in part.kind.name.split("-")) for part in drawing.components]
-    kinds += ["Fixed"] * any("ground" in part.nodes for part in drawing.components)
-    assert len(flat.variables) == len(flat.equations) == sum(unknowns[kind] for kind in kinds)
+@given(drives())
+def test_the_equations_hold_all_that_is_declared_and_nothing_else(drive: RandomDrive) -> None:
+    """That they say the right thing is seen in what the elimination makes of them."""
+    flat = from_tables("random", drive.parts).flat()
     known = {v.name for v in flat.variables} | {i.name for i in flat.inputs}
+    assert len(flat.variables) == len(flat.equations)
     assert {name for e in flat.equations for name, _ in e.terms} == known
     assert {s.angle for s in flat.sensors} <= known
-    assert {n for e in flat.equations for c in e.terms.values() for n in c.names} == {
-        p.name for p in flat.parameters
-    }
+    occurring = {n for e in flat.equations for c in e.terms.values() for n in c.names}
+    assert occurring == {p.name for p in flat.parameters} == set(drive.exact)
 
 
 def test_a_mass_at_one_node_or_between_two_or_twice_at_one_is_the_same() -> None:
-    values = {"J": 5, "k": 7, "d": 11}
+    values = {"J": 5, "k": 7, "d": 11, "torque.kT": 1}
     placed = [Inertia("mass", "a", J="J"), Inertia("mass", "a", "b", J="J"), Inertia("mass", "a", "a", J="J")]
-    found = set()
     for mass in placed:
         last = mass.nodes[-1]
         spring = SpringDamper("spring", last, "ground", c="k", d="d")
@@ -93,8 +58,8 @@ def test_a_mass_at_one_node_or_between_two_or_twice_at_one_is_the_same() -> None
         with pytest.raises(ModelError, match="but J is in"):
             flat.flat()
         flat = Drawing("one", [Torque("torque", "a"), mass, spring, AngleSensor("s", last)])
-        found.add(response(flat.flat(), {**values, "torque.kT": 1}, 3))
-    assert found == {pow(5 * 9 + 11 * 3 + 7, -1, PRIME)}
+        expected = pow(5 * 9 + 11 * 3 + 7, -1, PRIME)
+        assert responses(flat.flat(), values.__getitem__, 3) == {("angle", 0): {TORQUE: expected}}
 
 
 def test_inputs_of_the_motion_and_the_constant() -> None:

@@ -31,11 +31,7 @@ WHERE = Origin("axis.drive", "demo.toml", 12)
         (3, {"at": None}, 'belt: at, where it is connected, is missing: write at = ["shaft", "load"]'),
         (3, {"at": [1, 2]}, "belt: at, where it is connected, is [1, 2]"),
         (3, {"at": "shaft"}, "belt: it is at shaft, but the type spring-damper is at two nodes"),
-        (
-            3,
-            {"at": ["shaft", "shaft"]},
-            "belt: both ends are at the node 'shaft': it joins two different nodes",
-        ),
+        (3, {"at": ["shaft", "shaft"]}, "belt: both ends are at the node 'shaft': it joins two different nodes"),
         (3, {"at": ["shaft", ""]}, "belt: a node has an empty name"),
         (1, {"at": ["a", "b", "c"]}, "motor: it is at a, b, c, but the type inertia is at one node or two"),
         (5, {"at": ["a", "b"]}, "encoder: it is at a, b, but the type speed-sensor is at one node"),
@@ -51,7 +47,7 @@ WHERE = Origin("axis.drive", "demo.toml", 12)
         (3, {"d": float("inf")}, "belt: its d (damping) is inf: it must be finite"),
         (4, {"name": "motor"}, "motor: 2 components are called 'motor': each needs a name of its own"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_tables_name_the_component(number: int, change: dict[str, Any], problem: str) -> None:
     tables = [dict(t) for t in TABLES]
     tables[number] = {k: v for k, v in {**tables[number], **change}.items() if v is not None}
@@ -78,24 +74,15 @@ def test_a_spring_constant_given_to_an_inertia_names_both() -> None:
             {"Jmm": 1.0},
             "nominal value of 'Jmm', which is no parameter: did you mean 'Jm'? there are kT, Jm, fm, k, d, Ja",
         ),
-        (
-            {"Jm": -1.0},
-            "motor: nominal value of Jm (inertia of the motor) is -1: it must be greater than zero",
-        ),
-        (
-            {"kT": 0.0},
-            "torque: nominal value of kT (torque constant of the torque) is 0: it must be greater than",
-        ),
+        ({"Jm": -1.0}, "motor: nominal value of Jm (inertia of the motor) is -1: it must be greater than zero"),
+        ({"kT": 0.0}, "torque: nominal value of kT (torque constant of the torque) is 0: it must be greater than"),
         (
             {"fm": float("nan")},
             "bearing: nominal value of fm (viscous friction of the bearing) is nan: it must be finite",
         ),
-        (
-            {"fm": "a"},
-            "bearing: nominal value of fm (viscous friction of the bearing) is 'a': it must be finite",
-        ),
+        ({"fm": "a"}, "bearing: nominal value of fm (viscous friction of the bearing) is 'a': it must be finite"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_nominal_values(nominal: dict[str, Any], problem: str) -> None:
     with pytest.raises(ModelError) as caught:
         two_mass(**nominal).flat()
@@ -132,16 +119,12 @@ def test_expressions_are_checked_where_all_values_are_known(
         ([], {}, "the drive has no components"),
         ([Fixed("a", "n"), Fixed("b", "n")], {}, "the node 'n' is fixed already"),
         ([Inertia("ground", "ground")], {}, "2 components are called 'ground'"),
-        (
-            [Inertia("arm", "a")],
-            {"meanings": {"J": "x"}},
-            "meaning of 'J', which is no parameter: there is arm.J",
-        ),
+        ([Inertia("arm", "a")], {"meanings": {"J": "x"}}, "meaning of 'J', which is no parameter: there is arm.J"),
         ([Inertia("arm", "a")], {"units": {"J": "x"}}, "unit of 'J', which is no parameter"),
         ([Inertia("arm", "a", J="J")], {"units": {"J": "mm"}}, "unit 'mm': mm is not among"),
         ([Damper("d", "a", "b", d="J"), Inertia("arm", "a", J="J")], {}, "but J is in N m s/rad"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_drawings(parts: list[Part], more: dict[str, Any], problem: str) -> None:
     with pytest.raises(ModelError) as caught:
         Drawing("arm", parts, **more).flat()
@@ -149,6 +132,6 @@ def test_mistakes_in_drawings(parts: list[Part], more: dict[str, Any], problem: 
 
 
 def test_an_unknown_parameter_of_a_component() -> None:
-    arm = Part(KINDS["inertia"], "arm", ("a",), {"j": "Ja"})
+    arm = Part(KINDS["inertia"], "arm", ("a",), {"j": "Ja"}, Origin("arm"))
     with pytest.raises(ModelError, match="inertia has no parameter 'j': there is J"):
         Drawing("arm", [arm]).flat()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sympy import QQ
@@ -13,7 +12,6 @@ from sympy.polys.matrices import DomainMatrix
 from monitor_core.modeling.drawing import from_tables
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel
-from monitor_core.modeling.numbers import drive_of, nominal_of
 from monitor_core.modeling.statespace import Entries, StateSpace
 from tests.core.modeling.generic_ranks import minimality
 from tests.core.modeling.random_drives import RandomDrive, drives
@@ -136,20 +134,3 @@ def check_minimal(ss: StateSpace, drive: RandomDrive) -> None:
         assert moved == n - 1
         assert ss.sensors[0].quantity == "angle"
         assert minimality(eliminate(flat(drive), "speed"), 1) == (n - 1, n - 1)
-
-
-@LAWS
-@given(drive=drives(most=4), frequency=st.floats(0.1, 30))
-def test_frequency_response_in_floating_point(drive: RandomDrive, frequency: float) -> None:
-    ss = reduced(drive)
-    numeric = drive_of(ss)
-    values = nominal_of(ss, {name: float(value) for name, value in drive.exact.items()})
-    A, B, C = (numeric.matrix(which, values) for which in ("A", "B", "C"))
-    s = 1j * frequency
-    got = (C @ np.linalg.solve(s * np.eye(len(A)) - A, B))[0, 0]
-    M, D, K = (np.array(drive.form(which), dtype=float) for which in "MDK")
-    phi = np.linalg.solve(M * s**2 + D * s + K, np.array(drive.vector(drive.torque), dtype=float))
-    weights = np.array(drive.vector(drive.sensor), dtype=float)
-    want = weights @ phi * (s if numeric.output == "speed" else 1)
-    scale = np.abs(weights) @ np.abs(phi) * (frequency if numeric.output == "speed" else 1)
-    assert abs(got - want) <= 1e-9 * scale

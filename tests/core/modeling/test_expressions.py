@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from monitor_core.modeling.drawing.parameter_table import HIGHEST, LONGEST, parse
 from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.laurent import Laurent, NotLaurentError
+from monitor_core.modeling.laurent import Laurent
 
 VALUES = {"Jm": Fraction(2, 11), "r": Fraction(1, 118), "arm.l": Fraction(5), "x_1": Fraction(-101, 7)}
 
@@ -122,9 +122,3 @@ def test_deep_nesting_is_read(text: str) -> None:
 def test_deep_nesting_of_what_is_refused() -> None:
     with pytest.raises(ModelError, match="is not an expression"):
         parse("sin" + "(-" * 90 + "a" + ")" * 90)
-
-
-def test_the_quotient_by_a_sum_is_no_laurent_sum() -> None:
-    """What the error above rests on."""
-    with pytest.raises(NotLaurentError):
-        Laurent.number(1) / parse("a + b")

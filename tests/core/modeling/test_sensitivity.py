@@ -18,9 +18,9 @@ from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.sensitivity import INTERVAL_S, sensitivities_to, simulated, usual_torque
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 from monitor_core.modeling.identifiability import structural
-from monitor_core.modeling.numbers import drive_of
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
+from monitor_core.modeling.statespace import drive_of
 from tests.core.modeling.spaces import Chain, table
 
 law = settings(deadline=None, max_examples=20)

@@ -6,7 +6,7 @@ import random
 from fractions import Fraction
 
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.symbolic import as_latex, matrices, shapes, symbols_of
+from monitor_core.modeling.symbolic import as_latex, matrices, symbols_of
 from tests.service.reports.drives import merged, space
 
 
@@ -15,7 +15,7 @@ def test_sympy_gets_the_exact_entries(seed: int) -> None:
     values = {p.name: Fraction(source.randint(1, 99), source.randint(1, 99)) for p in drive.parameters}
     numbers = {symbol: values[name] for name, symbol in symbols_of(drive).items()}
     all_entries = (drive.A, drive.B, drive.C)
-    for matrix, entries, shape in zip(matrices(drive), all_entries, shapes(drive), strict=True):
+    for matrix, entries, shape in zip(matrices(drive), all_entries, drive.shapes, strict=True):
         assert matrix.shape == shape
         for row in range(shape[0]):
             for column in range(shape[1]):

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read
-from monitor_core.modeling.numbers import drive_of, nominal_of
+from monitor_core.modeling.statespace import drive_of, nominal_of
 from tests.service.modeling.descriptor import ordinary, transfer
 from tests.service.modeling.flattened import ROOT, FlatText, numbers
 
@@ -116,17 +115,6 @@ def case(model: str, output: Output, changes: dict[str, float], gravity: bool = 
     return Case(drive_of(ss), nominal_of(ss, changes), FlatText(text, model, changes), measured)
 
 
-def held(A: Array, B: Array, C: Array, u: Array, t: Array) -> Array:
-    """y at the ends of intervals (N,) over which the inputs (N, m) are constant, by exponentials."""
-    n, x, y = len(A), np.zeros(len(A)), []
-    for inputs, h in zip(u, np.diff(t, prepend=0.0), strict=True):
-        whole = np.zeros((n + 1, n + 1))
-        whole[:n, :n], whole[:n, n] = A, B @ inputs
-        x = (expm(whole * h) @ np.append(x, 1.0))[:n]
-        y.append((C @ x)[0])
-    return np.array(y)
-
-
 def steps(seed: int, count: int) -> tuple[Array, Array]:
     """Torques and the ends of their intervals, which are not regular."""
     rng = np.random.default_rng(seed)
@@ -136,17 +124,6 @@ def steps(seed: int, count: int) -> tuple[Array, Array]:
 def agree(got: Array, want: Array) -> None:
     assert np.abs(got - want).max() <= TOLERANCE * np.abs(want).max()
     assert np.abs(want).max() > 0
-
-
-@pytest.mark.parametrize("output", OUTPUTS)
-@pytest.mark.parametrize("model", [*SHIPPED, "Crane"])
-def test_response_to_steps_of_torque(model: str, output: Output, seed: int) -> None:
-    both = case(model, output, NONE)
-    torque, t = steps(seed, 40)
-    A, B, C = both.matrices()
-    u = np.zeros((len(t), B.shape[1]))
-    u[:, both.drive.inputs.index(TORQUE)] = torque
-    agree(held(A, B, C, u, t), ordinary(both.flat, "tau").response(both.output, torque, t))
 
 
 @pytest.mark.parametrize("output", OUTPUTS)

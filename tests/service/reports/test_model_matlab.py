@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from monitor_core.modeling.statespace import Entries
-from monitor_core.modeling.symbolic import shapes
 from service.reports.model_matlab import KEYWORDS, as_matlab, matlab_name, matlab_names
 from tests.service.reports.drives import merged, renamed, space
 
@@ -67,7 +66,7 @@ def test_matrices_are_those_of_the_drive(output: Output, names: dict[str, str], 
     drive, source = renamed(space(output), names), random.Random(seed)
     values = {p.name: source.uniform(0.1, 10) for p in drive.parameters}
     found = called(as_matlab(drive, {}), *values.values(), 0.0)
-    for letter, entries, shape in zip("ABC", (drive.A, drive.B, drive.C), shapes(drive), strict=True):
+    for letter, entries, shape in zip("ABC", (drive.A, drive.B, drive.C), drive.shapes, strict=True):
         np.testing.assert_allclose(found[letter], numeric(entries, shape, values), rtol=1e-12)
     n = len(drive.states)
     shown = {name: found[name].shape for name in ("D", "K", "x0")}

@@ -14,7 +14,6 @@ from rich.console import Console
 from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Entries, StateSpace
-from monitor_core.modeling.symbolic import shapes
 from service.reports.model_facts import facts_of
 from service.reports.model_text import elimination_words, equations, matrix, matrix_lines, print_text
 from tests.service.reports.drives import merged, space
@@ -147,7 +146,7 @@ def test_equations_are_the_matrices(seed: int) -> None:
     signals = {f"x{i}": source.uniform(-1, 1) for i in range(1, 7)} | {
         f"u{i}": source.uniform(-1, 1) for i in range(1, 4)
     }
-    (n, _), _, _ = shapes(drive)
+    (n, _), _, _ = drive.shapes
 
     def row(entries: Entries, number: int, letter: str) -> float:
         return sum(

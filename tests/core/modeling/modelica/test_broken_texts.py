@@ -36,40 +36,9 @@ end Lib;
 """
 TOKENS = [re.findall(r'"(?:\\"|[^"])*"|[\w.]+|\s+|.', text) for text in (TWO_MASS, NESTED)]
 ODD = [
-    *(
-        "",
-        ";",
-        "(",
-        ")",
-        "=",
-        "end",
-        "1",
-        "-1",
-        "0",
-        "flange_a",
-        "J",
-        "model",
-        "Real",
-        "extends",
-        "der",
-        "true",
-    ),
-    *(
-        "1e400",
-        "Arm",
-        "Drive",
-        "parameter",
-        "constant",
-        "equation",
-        "connect",
-        "[1]",
-        "{1}",
-        "if",
-        "u",
-        "torque",
-        ".",
-    ),
-]
+    "", ";", "(", ")", "=", "end", "1", "-1", "0", "flange_a", "J", "model", "Real", "extends", "der", "true", "1e400",
+    "Arm", "Drive", "parameter", "constant", "equation", "connect", "[1]", "{1}", "if", "u", "torque", ".",
+]  # fmt: skip
 
 
 @st.composite

@@ -18,14 +18,6 @@ class Mistake(NamedTuple):
     problem: str
 
 
-def check(mistake: Mistake) -> None:
-    with pytest.raises(ModelError) as error:
-        flat(mistake.text)
-    assert mistake.problem in error.value.problem
-    where = error.value.origin
-    assert (where.file, where.line, where.component) == ("d.mo", mistake.line, mistake.component)
-
-
 DRIVE = drive()
 SYNTAX = {
     "semicolon": Mistake(DRIVE.replace("motor(J = 1);", "motor(J = 1)"), 3, "", '";" is missing behind ")"'),
@@ -242,29 +234,23 @@ EQUATIONS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SYNTAX)
-def test_syntax(name: str) -> None:
-    check(SYNTAX[name])
+TABLES = {
+    "syntax": SYNTAX,
+    "classes": CLASSES,
+    "modifications": MODIFICATIONS,
+    "values": VALUES,
+    "equations": EQUATIONS,
+}
 
 
-@pytest.mark.parametrize("name", CLASSES)
-def test_classes(name: str) -> None:
-    check(CLASSES[name])
-
-
-@pytest.mark.parametrize("name", MODIFICATIONS)
-def test_modifications(name: str) -> None:
-    check(MODIFICATIONS[name])
-
-
-@pytest.mark.parametrize("name", VALUES)
-def test_values(name: str) -> None:
-    check(VALUES[name])
-
-
-@pytest.mark.parametrize("name", EQUATIONS)
-def test_equations(name: str) -> None:
-    check(EQUATIONS[name])
+@pytest.mark.parametrize(("table", "name"), [(table, name) for table in TABLES for name in TABLES[table]])
+def test_a_mistake_is_told_with_its_place(table: str, name: str) -> None:
+    mistake = TABLES[table][name]
+    with pytest.raises(ModelError) as error:
+        flat(mistake.text)
+    assert mistake.problem in error.value.problem
+    where = error.value.origin
+    assert (where.file, where.line, where.component) == ("d.mo", mistake.line, mistake.component)
 
 
 def test_the_file_of_several_is_named() -> None:
