@@ -13,15 +13,13 @@ from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import stopped_by_signals
 from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.restoring import loss_messages, restore, restore_trends
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.checkpointing import Checkpointer, loss_messages, restore, restore_trends
 from service.pipeline.warming import CacheFiller
 from service.pipeline.worker import BusIntake, Recording, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
-from service.texts.timestamps import now_us
+from service.texts import now_us
 
 log = structlog.get_logger(__name__)
 

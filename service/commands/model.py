@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
-from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained
-from service.commands.options import AxisName, JsonCommand, JsonFile
+from service.commands.options import AxisName, JsonCommand, JsonFile, axis_named, configuration
 from service.commands.output_files import STDOUT, write
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import LIBRARY, model_called, model_of_axis
@@ -54,9 +53,6 @@ OutputOption = Annotated[
     typer.Option("--output", help="Measured quantity, overriding the drawing or the configuration."),
 ]
 Latex = Annotated[bool, typer.Option("--latex", help="Print A, B, C as LaTeX instead.")]
-Matlab = Annotated[
-    Path | None, typer.Option("--matlab", metavar="FILE.m", help="Also write a function for MATLAB's idgrey.")
-]
 Record = Annotated[
     Path | None,
     typer.Option(
@@ -85,7 +81,6 @@ def model(
     output: OutputOption = None,
     latex: Latex = False,
     json: JsonFile = None,
-    matlab: Matlab = None,
     record: Record = None,
 ) -> None:
     """Derive the minimal state space x' = A x + B u, y = C x of a drive, in symbols.
@@ -93,7 +88,7 @@ def model(
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
     distinguish, in principle and from a record. A report on standard output replaces the text.
     """
-    files = {"--latex": STDOUT if latex else None, "--json": json, "--matlab": matlab}
+    files = {"--latex": STDOUT if latex else None, "--json": json}
     _check({option: path for option, path in files.items() if path is not None})
     _check_source(drive, name, config, axis, record)
     with explained():
@@ -101,7 +96,7 @@ def model(
             found = _drive_of_axis(config, axis, output, record)
         else:
             found = Drive(model_called(drive or "", name, output).space, {})
-        texts = list(_reports(found, latex, json, matlab))
+        texts = list(_reports(found, latex, json))
         for path, text in texts:
             write(path, text)
         if STDOUT not in (path for path, _ in texts):
@@ -112,7 +107,7 @@ def _check(files: Mapping[str, Path]) -> None:
     """Check the paths before anything is computed.
 
     Raises:
-        typer.BadParameter: two reports on standard output, a drawing to be overwritten, an invalid MATLAB name.
+        typer.BadParameter: two reports on standard output, a drawing to be overwritten.
     """
     shown = [option for option, path in files.items() if path == STDOUT]
     if len(shown) > 1:
@@ -120,25 +115,6 @@ def _check(files: Mapping[str, Path]) -> None:
     for option, path in files.items():
         if path.suffix == SUFFIX:
             raise typer.BadParameter(f"{path} is a drawing, it will not be overwritten", param_hint=option)
-    if "--matlab" in files:
-        _function_name(files["--matlab"])
-
-
-def _function_name(path: Path) -> str:
-    """MATLAB finds a function by the name of its file.
-
-    Raises:
-        typer.BadParameter: it cannot be one.
-    """
-    from service.reports.model_matlab import is_function_name, matlab_names
-
-    name = "drive" if path == STDOUT else path.stem
-    if not is_function_name(name) or (path != STDOUT and path.suffix != ".m"):
-        raise typer.BadParameter(
-            f"{path.name}: MATLAB finds a function by its file, so call it {matlab_names([name])[name]}.m",
-            param_hint="--matlab",
-        )
-    return name
 
 
 def _check_source(
@@ -195,7 +171,7 @@ def _experiment(path: Path, config: Config, axis: NamedAxis) -> TorqueExperiment
     return TorqueExperiment(torque, interval_s, words, predictor_of(axis.config).output_noise)
 
 
-def _reports(drive: Drive, latex: bool, json: Path | None, matlab: Path | None) -> Iterator[tuple[Path, str]]:
+def _reports(drive: Drive, latex: bool, json: Path | None) -> Iterator[tuple[Path, str]]:
     """Path and text of each requested report."""
     if json is not None:
         from service.reports.model_facts import as_json, facts_of
@@ -205,12 +181,6 @@ def _reports(drive: Drive, latex: bool, json: Path | None, matlab: Path | None) 
         from monitor_core.modeling.symbolic import as_latex
 
         yield STDOUT, as_latex(drive.space)
-    if matlab is not None:
-        from monitor_core.modeling import nominal_of
-        from service.reports.model_matlab import as_matlab
-
-        nominal = nominal_of(drive.space, drive.values)
-        yield matlab, as_matlab(drive.space, nominal, _function_name(matlab))
 
 
 def _print(drive: Drive) -> None:

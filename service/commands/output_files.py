@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +13,6 @@ import typer
 from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE
-from service.store.atomic_files import replace_text
 
 STDOUT = Path("-")
 
@@ -122,3 +122,31 @@ def page_in(where: Path, name: str) -> Path:
 def _cannot_write(path: Path, why: str | None) -> typer.Exit:
     typer.echo(f"axiswatch: cannot write {path}: {why}", err=True)
     return typer.Exit(MISTAKE)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write the whole text or nothing: a reader sees the old or the new file, never a part.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    target = path.resolve()  # of a link, what it points to
+    mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(name, mode)
+        os.replace(name, target)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def _umask() -> int:
+    """Permissions that new files must not have; they can only be read by setting them."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask

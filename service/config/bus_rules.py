@@ -7,10 +7,8 @@ from monitor_core.wording import did_you_mean
 from service.can.bus import interface_names
 from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 from service.config.base_table import Table
-from service.config.positions import Keys
-from service.config.problems import Finding
-from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
-from service.config.schema_signals import FurtherConfig, SignalConfig
+from service.config.problems import Finding, Keys
+from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
 
 QUANTITIES = ("torque", "angle", "speed")
 _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"

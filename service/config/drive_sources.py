@@ -11,11 +11,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import service
 from monitor_core.drive import Drive, Output
 from monitor_core.modeling import FlatModel, ModelError, Origin, StateSpace
 from monitor_core.wording import did_you_mean
 from service.config.base_table import SUFFIX
-from service.config.resources import shipped
 
 if TYPE_CHECKING:
     from service.config.schema import AxisConfig
@@ -166,3 +166,23 @@ def _model(flat: FlatModel, output: Output | None, called: str | None) -> Modell
         space = replace(space, name=called)
     values = {p.name: p.value for p in space.drawn if p.value is not None}
     return Modelled(space, drive_of(space), values)
+
+
+# --- The files of config/ as they come with the program: example configurations, drives -------------------------------
+
+
+_PLACES = ("shipped", "../config")
+"""In an installed wheel; in the source tree."""
+
+
+def shipped(name: str) -> Path:
+    """The file of that name.
+
+    Raises:
+        FileNotFoundError: the program is not completely installed.
+    """
+    for place in _PLACES:
+        path = (Path(service.__file__).parent / place / name).resolve()
+        if path.is_file():
+            return path
+    raise FileNotFoundError(f"{name} is missing: the program is not completely installed")

@@ -10,7 +10,7 @@ from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.monitoring import AxisMonitor
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal
-from service.texts.alarm_texts import episode_words
+from service.texts import episode_words
 
 RETRY_S = 1.0
 

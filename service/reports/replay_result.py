@@ -16,9 +16,7 @@ from service.pipeline.alarms import Quantity, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.formats import Provenance, plain
 from service.reports.replay_course import Course
-from service.texts.alarm_texts import episode_words
-from service.texts.timestamps import iso
-from service.texts.trend_texts import reach_words, trend_words
+from service.texts import episode_words, iso, reach_words, trend_words
 
 
 class ReplayedAxis(NamedTuple):

@@ -14,7 +14,8 @@ from monitor_core.calibration.surrogate_records import LANES, SAMPLES
 from monitor_core.monitoring import AxisBatch
 from service.commands.calibrate import calibrate_axis
 from service.config import load
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from service.ingest.calibration_records import read
 from service.reports.formats import Provenance
 from tests.bench.measure import Say

@@ -19,8 +19,9 @@ from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.config import AxisConfig, NamedAxis
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
 from service.config.base_table import Reading
+from service.config.drives import axis_model
 from tests.core.alarm_versions import alarm_versions
 from tests.real.drives import ONE_MASS
 from tests.real.test_ur10e import INTERVAL_S, SPEED_SCALE, estimate, read

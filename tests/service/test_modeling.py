@@ -24,8 +24,8 @@ from service.config.drive_sources import (
     model_of_drawing,
     model_of_file,
     model_of_library,
+    shipped,
 )
-from service.config.resources import shipped
 from tests.service.pipeline.robots import demo
 
 MODEL, READ = modeling._model, modelica.read

@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.drive.operating_conditions import Gate, Term
 from service.config import NamedAxis, conditions_of
-from service.simulation.simulated_conditions import PERIOD_S, SimulatedConditions
+from service.simulation.axis import PERIOD_S, SimulatedConditions
 from tests.service.ingest.plant import axis1, axis2, make_config
 
 VALUES = {"kT": 1.0, "fm": 0.06, "Jm": 0.006, "Jg": 280.0, "Ja": 96.0, "kg": 3e5, "ka": 3e5, "dg": 870.0}

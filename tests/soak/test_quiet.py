@@ -10,7 +10,7 @@ import pytest
 
 from monitor_core.samples import SampleBlock
 from service.config import Config, load
-from service.config.resources import shipped
+from service.config.drive_sources import shipped
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault, Moment, SimulatedRobot

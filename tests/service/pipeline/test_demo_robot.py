@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from service.pipeline.alarms import AxisAlarm
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault, FaultError, SimulatedRobot
 from tests.service.pipeline.robots import blocks, demo, live
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, AxisStatus
 from monitor_core.settings import Settings
-from service.pipeline.publishing import RecentHistory
+from service.pipeline.snapshot import RecentHistory
 from service.pipeline.worker import BOUNDS_S, ProcessingTime
 
 FACTS = AxisMonitor(reference_model(), Settings.paper(interval_s=0.005)).status()
