@@ -136,7 +136,7 @@ _UNITS = (
 )
 """Each with the longest time that is told in it [s]."""
 _YEAR_S = 365.25 * _DAY_S
-_DATED_US = 10**15
+DATED_US = 10**15
 """Earlier times are those of a record without dates."""
 
 
@@ -188,7 +188,7 @@ def reach_words(r: Reach, now_us: int) -> str:
 
 def _since(r: Reach, now_us: int) -> str:
     ends = [r.low_us, r.low_us if r.high_us is None else r.high_us]
-    if ends[0] >= _DATED_US:
+    if ends[0] >= DATED_US:
         first, last = (_date(t) for t in ends)
         return f"since {first}" if first == last else f"since a time between {first} and {last}"
     later, sooner = (max(0.0, (now_us - t) / 1e6) for t in ends)
@@ -196,7 +196,7 @@ def _since(r: Reach, now_us: int) -> str:
 
 
 def _when(t: Trend) -> str:
-    if t.change_us >= _DATED_US:
+    if t.change_us >= DATED_US:
         return f"about {_date(t.change_us)}"
     return f"about {_times((t.time_us - t.change_us) / 1e6)} before the end"
 

@@ -131,11 +131,7 @@ def calibrate_axis(
 
 
 def seconds_of(text: str) -> float:
-    """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds.
-
-    Raises:
-        typer.BadParameter: the text is no time.
-    """
+    """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds."""
     try:
         return seconds_in(text)
     except ValueError as error:

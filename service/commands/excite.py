@@ -128,11 +128,7 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def _controller(kp: float | None, kd: float | None) -> Controller | None:
-    """None where neither is given.
-
-    Raises:
-        typer.BadParameter: one is given without the other.
-    """
+    """None where neither is given."""
     if kp is None and kd is None:
         return None
     if kp is None or kd is None:

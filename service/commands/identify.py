@@ -161,11 +161,7 @@ def identify(
 
 
 def _masses(text: str | None) -> int | None:
-    """How many at most.
-
-    Raises:
-        typer.BadParameter: it is neither auto nor a number of masses.
-    """
+    """How many at most."""
     from monitor_core.identification import MOST_MASSES, USUAL_MASSES
 
     if text is None:

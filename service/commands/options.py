@@ -119,11 +119,7 @@ def _line(problem: Problem) -> Text:
 
 
 def axis_of(config: Path, wanted: str | None) -> NamedAxis:
-    """The one axis of a configuration file that is wanted; it needs no bus.
-
-    Raises:
-        typer.BadParameter: there is none, or several.
-    """
+    """The one axis of a configuration file that is wanted; it needs no bus."""
     return axis_named(configuration(config, without_bus=True).axes, wanted)
 
 

@@ -1,4 +1,7 @@
-"""Output files of commands: written atomically, and checked before anything is computed."""
+"""Output files of commands: written atomically, and checked before anything is computed.
+
+A file that cannot be written ends the command, with status 2 and a message.
+"""
 
 from __future__ import annotations
 
@@ -53,11 +56,7 @@ class Files(NamedTuple):
     def write(
         self, values: str | None, report: str, as_json: Callable[[], str], show: Callable[[Console], None]
     ) -> None:
-        """Write the results, values only if there are any; ``show`` prints them unless the JSON is on standard output.
-
-        Raises:
-            typer.Exit: a file cannot be written.
-        """
+        """Write the results, values if there are any; ``show`` prints them unless the JSON is on standard output."""
         texts = [(self.report, report)] if values is None else [(self.values, values), (self.report, report)]
         if self.json is not None:
             texts.append((self.json, as_json()))
@@ -67,11 +66,7 @@ class Files(NamedTuple):
 
 
 def write_all(texts: Sequence[tuple[Path, str]]) -> None:
-    """Write files, and their names to the error stream.
-
-    Raises:
-        typer.Exit: one cannot be written.
-    """
+    """Write files, and their names to the error stream."""
     for path, text in texts:
         write(path, text)
     written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
@@ -79,11 +74,7 @@ def write_all(texts: Sequence[tuple[Path, str]]) -> None:
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file, a text atomically: a reader never sees a part of it.
-
-    Raises:
-        typer.Exit: it cannot be written.
-    """
+    """Write a file, a text atomically: a reader never sees a part of it."""
     try:
         if isinstance(content, bytes):
             path.write_bytes(content)
@@ -98,11 +89,7 @@ def write(path: Path, content: str | bytes) -> None:
 
 
 def page_in(where: Path, name: str) -> Path:
-    """The .html file of ``where``: itself, or ``name`` in a folder, which is created if needed.
-
-    Raises:
-        typer.Exit: nothing can be written there.
-    """
+    """The .html file of ``where``: itself, or ``name`` in a folder, which is created if needed."""
     is_file = where.suffix.lower() in {".html", ".htm"} and not where.is_dir()
     folder, path = (where.parent, where) if is_file else (where, where / name)
     try:

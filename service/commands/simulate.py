@@ -33,11 +33,7 @@ FaultAfter = Annotated[
 
 
 def factors(options: list[str]) -> dict[str, float]:
-    """{"fm": 1.3} from ["fm=1.3"].
-
-    Raises:
-        typer.BadParameter: not of that form.
-    """
+    """{"fm": 1.3} from ["fm=1.3"]."""
     found = {}
     for text in options:
         name, _, factor = text.partition("=")

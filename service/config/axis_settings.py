@@ -164,21 +164,13 @@ def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
 
 
 def configured_detectors(axis: NamedAxis) -> Detectors:
-    """``detectors_of`` the axis with its own model and settings.
-
-    Raises:
-        AxisError: the axis cannot be monitored as configured.
-    """
+    """``detectors_of`` the axis with its own model and settings."""
     model = axis_model(axis.config)
     return detectors_of(axis, model, axis_settings(axis, model))
 
 
 def detectors_in_words(axis: NamedAxis) -> str:
-    """Which detector alarms, and which one runs in shadow mode.
-
-    Raises:
-        AxisError: the axis cannot be monitored as configured.
-    """
+    """Which detector alarms, and which one runs in shadow mode."""
     found = configured_detectors(axis)
     if found.alarm_source == "multimodel":
         return f"alarms: multimodel ({found.why})"

@@ -130,11 +130,7 @@ class TableRecord:
         return Quality({axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()})
 
     def steps(self) -> Iterator[Step]:
-        """The samples in order, once.
-
-        Raises:
-            RecordError: a cell is no number, or the file is damaged.
-        """
+        """The samples in order, once."""
         first_row = 0
         for rows in self._table.rows(list(self._wanted)):
             samples = {axis_id: axis.samples(rows, first_row)[1] for axis_id, axis in self._axes.items()}
@@ -175,11 +171,7 @@ class LogRecord:
         )
 
     def frames(self) -> Iterator[tuple[dict[str, list[Frame]], float]]:
-        """The frames by name of their bus, and how much of the log has been read, 0 to 1.
-
-        Raises:
-            RecordError: the file is damaged.
-        """
+        """The frames by name of their bus, and how much of the log has been read, 0 to 1."""
         channels: Mapping[str, str] | None = None
         for block in self._log.blocks():
             if channels is None:
@@ -194,11 +186,7 @@ class LogRecord:
             yield of_bus, block.done
 
     def steps(self) -> Iterator[Step]:
-        """The samples in order, once.
-
-        Raises:
-            RecordError: the file is damaged.
-        """
+        """The samples in order, once."""
         for of_bus, done in self.frames():
             fed = [self._ingests[bus].feed(frames) for bus, frames in of_bus.items()]
             yield Step({axis_id: block_of(found) for axes in fed for axis_id, found in axes.items()}, done)

@@ -1,6 +1,7 @@
 """Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
 
 import math
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -25,24 +26,6 @@ class HistoryPoint:
 
 
 @dataclass(frozen=True, slots=True)
-class History:
-    """The last points, oldest first, in immutable chunks: appending shares all chunks but the last."""
-
-    chunks: tuple[tuple[HistoryPoint, ...], ...] = ()
-
-    def append(self, point: HistoryPoint, chunk: int = 60, most: int = 60) -> "History":
-        """A history with one more point; the oldest chunk of ``chunk`` points goes when there are ``most``."""
-        if self.chunks and len(self.chunks[-1]) < chunk:
-            return History((*self.chunks[:-1], (*self.chunks[-1], point)))
-        return History((*self.chunks, (point,))[-most:])
-
-    @property
-    def points(self) -> tuple[HistoryPoint, ...]:
-        """All points, oldest first."""
-        return tuple(point for chunk in self.chunks for point in chunk)
-
-
-@dataclass(frozen=True, slots=True)
 class AxisSnapshot:
     """One axis.  ``id`` is "robot.axis" and identifies it in the API and in the metrics."""
 
@@ -64,7 +47,8 @@ class AxisSnapshot:
     """Values that did not become a sample, by reason (service.ingest.assemble.REASONS)"""
     clock: Mapping[str, int]
     """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
-    history: History
+    history: tuple[HistoryPoint, ...]
+    """The last points, oldest first"""
     gated_by: str = ""
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
     stamps: Stamps = NOT_KNOWN
@@ -122,27 +106,23 @@ class Snapshot:
 # --- How they are made: status of the monitor, recent history of the estimates, alarms as recorded in the journal -----
 
 
-_CHUNK = 60
-
-
 class RecentHistory:
-    """Estimates of an axis, one point in each interval of its sample time."""
+    """Estimates of an axis, one point in each interval of its sample time, the last ones of this length."""
 
     def __init__(self, interval_s: float, length_s: float) -> None:
         self._interval_us = round(interval_s * 1e6)
-        # The oldest chunk is dropped as a whole: one more, so that the length is covered at any time.
-        self._chunks = math.ceil(length_s / interval_s / _CHUNK) + 1
-        self._last_us: int | None = None
-        self.history = History()
+        self._points = deque[HistoryPoint](maxlen=math.ceil(length_s / interval_s))
+        self.points: tuple[HistoryPoint, ...] = ()
+        """Oldest first, for snapshots"""
 
     def add(self, status: AxisStatus) -> None:
         """Append the newest status of the axis, if a point is due."""
         t = status.time_us
         # A clock that was set back leaves no gap of that length.
-        if t is None or (self._last_us is not None and abs(t - self._last_us) < self._interval_us):
+        if t is None or (self._points and abs(t - self._points[-1].time_us) < self._interval_us):
             return
-        self._last_us = t
-        self.history = self.history.append(_point(t, status), _CHUNK, self._chunks)
+        self._points.append(_point(t, status))
+        self.points = tuple(self._points)
 
 
 def _point(t_us: int, status: AxisStatus) -> HistoryPoint:
@@ -187,7 +167,7 @@ class AxisView:
             open_alarms=open_alarms,
             dropped={**source.dropped, **monitors.dropped(axis.id)},
             clock=source.events,
-            history=self._history.history,
+            history=self._history.points,
             gated_by=monitors.waits_for(axis.id),
             stamps=source.stamps,
             other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),

@@ -60,7 +60,7 @@ def history(
     a: AxisSnapshot, parameter: str | None = None, since_us: int | None = None, limit: int = 3600
 ) -> models.History:
     """The last ``limit`` points of an axis after ``since_us``, of one parameter or of all."""
-    points = [point for point in a.history.points if since_us is None or point.time_us > since_us][-limit:]
+    points = [point for point in a.history if since_us is None or point.time_us > since_us][-limit:]
     wanted = [(i, p) for i, p in enumerate(a.status.parameters) if parameter is None or p.name == parameter]
     return models.History(
         axis=a.id,

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import load
-from service.config.nominal_file import read_nominal
+from service.config.found_file import read_found
+from service.config.nominal_file import NominalFile
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import replayed
 from tests.service.pipeline.test_operating_conditions import VARYING, frames_of, robot
@@ -40,7 +41,7 @@ def test_what_was_identified_is_followed(tmp_path: Path, seed: int) -> None:
     schedule = ("--schedule", "fm: temperature", "--schedule", "Ja: cos(angle2)")
     result = CliRunner().invoke(app, ["identify", str(tmp_path / "healthy.log"), *where, *schedule])
     assert result.exit_code == 0, result.output
-    found = read_nominal(tmp_path / "nominal.toml")
+    found = read_found(NominalFile, tmp_path / "nominal.toml")
     slopes = {v.parameter: v.slope for v in found.schedule}
     print(f"slopes {slopes}, colour {found.predictor.colour:.3g}")
     assert slopes["fm"] == pytest.approx(-0.0012, rel=0.01)
