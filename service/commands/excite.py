@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 import typer
+from rich.console import Console
 
 from monitor_core.drive import Drive
 from monitor_core.excitation import (
@@ -28,9 +29,10 @@ from service.commands.output_files import write
 from service.config import NamedAxis, drive_of, given_values, predictor_of
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
+from service.reports.excitation_report import as_csv, as_picture, print_text
 
 if TYPE_CHECKING:
-    from monitor_core.excitation import Command, Controller, Experiment
+    from monitor_core.excitation import Command  # at run time main would take it for the class of the command
 
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE.csv", help="Where to write it.", show_default=False)
@@ -95,28 +97,15 @@ def excite(
         raise typer.BadParameter("two of the files to be written are the same", param_hint="--output")
     found, controller, band_hz = axis_of(config, axis), _controller(kp, kd), _band(band)
     with explained(ValueError):
-        from monitor_core.excitation import Limits
-        from service.commands.excite import Asked, planned
-
         limits = (math.inf if limit is None else limit for limit in (torque_limit, speed_limit, angle_limit))
-        within = Limits(*limits)
         names = names_in(free), names_in(find)
-        asked = Asked(found, seconds, periods, band_hz, lines, as_, *names, within, controller)
+        asked = Asked(found, seconds, periods, band_hz, lines, as_, *names, Limits(*limits), controller)
         experiment = planned(asked, seed)
-    _write_all(experiment, found.id, output, {"svg": svg, "png": png})
-
-
-def _write_all(experiment: Experiment, axis: str, output: Path, pictures: dict[str, Path | None]) -> None:
-    """The table, the pictures, then what there is to say."""
-    from rich.console import Console
-
-    from service.reports.excitation_report import as_csv, as_picture, print_text
-
     write(output, "".join(as_csv(experiment)))
-    for form, path in pictures.items():
+    for form, path in (("svg", svg), ("png", png)):
         if path is not None:
-            write(path, as_picture(experiment, f"Experiment for {axis}", form))
-    print_text(experiment, axis, Console(highlight=False))
+            write(path, as_picture(experiment, f"Experiment for {found.id}", form))
+    print_text(experiment, found.id, Console(highlight=False))
 
 
 def _band(text: str) -> tuple[float, float]:
@@ -133,8 +122,6 @@ def _controller(kp: float | None, kd: float | None) -> Controller | None:
         return None
     if kp is None or kd is None:
         raise typer.BadParameter("--kp and --kd go together", param_hint="--kp")
-    from monitor_core.excitation import Controller
-
     return Controller(kp, kd)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from monitor_core.samples import SampleBlock, concatenate
 from service.can.frames import Frame
@@ -43,23 +43,6 @@ class Quality(NamedTuple):
     """How often the time line of an axis restarted, by cause"""
     axis_stamps: Mapping[str, Stamps] = _NONE
     """Scatter of the time stamps of each axis"""
-
-
-class Record(Protocol):
-    """Samples from a file."""
-
-    path: Path
-
-    def steps(self) -> Iterator[Step]:
-        """The samples in order, once.
-
-        Raises:
-            RecordError: the file is damaged.
-        """
-
-    @property
-    def quality(self) -> Quality:
-        """Of what has been read so far."""
 
 
 def read_record(path: Path, config: Config) -> Record:
@@ -205,3 +188,7 @@ class LogRecord:
         if len(buses) == 1 and not seen & known.keys():
             return {"": buses[0].name}
         return known
+
+
+Record = TableRecord | LogRecord
+"""Samples from a file, of either kind"""
