@@ -159,6 +159,8 @@ def _unknown_sections(over: _Overrides) -> Iterator[Finding]:
 
 
 # --- Cross-checks: names that must differ or exist, values that must agree --------------------------------------------
+# They run once the schema holds.  Each check takes a table and yields findings with paths relative to that table.
+# Where it depends on a value that another check reports, it raises ``Undecidable``.
 
 
 T = TypeVar("T")
