@@ -65,7 +65,6 @@ def episode_words(e: Alarm, nominal: float, unit: str) -> str:
 
 
 def _alike(parameter: str, causes: tuple[Cause, ...]) -> str:
-    """Other causes that would produce the same data."""
     alike = next((cause.alike for cause in causes if cause.parameter == parameter), ())
     return f"; {' or '.join(alike)} would look the same" if alike else ""
 

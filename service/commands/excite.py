@@ -117,7 +117,6 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def _controller(kp: float | None, kd: float | None) -> Controller | None:
-    """None where neither is given."""
     if kp is None and kd is None:
         return None
     if kp is None or kd is None:

@@ -273,7 +273,6 @@ def _noise(
 
 
 def _doubts(records: Sequence[Record], known: Known) -> list[str]:
-    """Doubts about the records, in sentences."""
     findings = [
         (finding.severity, f"{record.name}: {finding.sentence}.")
         for record in records

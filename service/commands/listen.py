@@ -85,7 +85,6 @@ def _buses(config: Config, sources: _Sources) -> list[str]:
 
 
 def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
-    """Recommendations for the configuration from the scatter of the time stamps."""
     return [
         words
         for axis in config.axes

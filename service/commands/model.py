@@ -111,7 +111,6 @@ def model(
 
 
 def _check_output(latex: bool, json: Path | None) -> None:
-    """Check the path before anything is computed."""
     if latex and json == STDOUT:
         raise typer.BadParameter("--latex and --json cannot both write to standard output")
     if json is not None and json.suffix == SUFFIX:
@@ -136,7 +135,6 @@ def _check_source(
 def _drive_of_axis(
     config: Path, axis: str | None, output: Literal["speed", "angle"] | None, record: Path | None
 ) -> Drive:
-    """The drive of a configured axis, and the torque of a record of it."""
     from service.config import given_values, predictor_of
 
     read = configuration(config, without_bus=True)
@@ -149,7 +147,6 @@ def _drive_of_axis(
 
 
 def _experiment(path: Path, config: Config, axis: NamedAxis) -> TorqueExperiment:
-    """The experiment of a record."""
     from monitor_core.excitation import TorqueExperiment
     from service.can.user_errors import RecordError
     from service.config import predictor_of

@@ -67,7 +67,6 @@ def _missing(table: type[Table], key: str) -> str:
 
 
 def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
-    """All axes with their paths."""
     for i, robot in enumerate(config.robot):
         for k, axis in enumerate(robot.axis):
             yield ("robot", i, "axis", k), axis
@@ -109,7 +108,6 @@ class _Use(NamedTuple):
 
 
 def _values(config: Config) -> Iterator[_Use]:
-    """Torque and motion of all axes."""
     for path, axis in _axes(config):
         for quantity in QUANTITIES:
             s = getattr(axis, quantity)

@@ -161,7 +161,6 @@ def _names(axis: AxisConfig) -> list[str]:
 
 
 def _signal(v: Schedule, axis: AxisConfig) -> str:
-    """The signal of a term."""
     try:
         return term_of(v.signal, _names(axis)).signal
     except ValueError:  # which another check reports

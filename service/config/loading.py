@@ -32,8 +32,6 @@ _AT = re.compile(r"(?P<message>.*) \(at (?:line (?P<line>\d+), column (?P<column
 
 
 class _Override(NamedTuple):
-    """A variable and its text, as the user wrote them."""
-
     variable: str
     text: str
 

@@ -274,7 +274,6 @@ class _ListenedLog(LogRecord):
 
 
 def _held(received: list[tuple[int, float]], t_us: NDArray[np.int64]) -> Floats:
-    """The last value received by each time."""
     if not received:
         return np.full(len(t_us), np.nan)
     times, values = np.array([t for t, _ in received]), np.array([value for _, value in received])

@@ -176,7 +176,6 @@ _MODEST = 10
 
 
 def _experiment_words(local: LocalIdentifiability) -> str:
-    """What the figures stand on."""
     noise = f"{local.noise:.3g} {OUTPUT_UNITS[local.quantity]}"
     return f"{local.experiment.words}; noise {noise}; standard deviation of each parameter:"
 
@@ -188,7 +187,6 @@ def _deviation_cells(local: LocalIdentifiability) -> Iterator[str]:
 
 
 def _local_words(local: LocalIdentifiability) -> tuple[str, ...]:
-    """What is not told, what was assumed."""
     words = local.accuracy.words()
     if local.accuracy.condition > _MODEST:
         words += (f"Condition of the scaled sensitivities: {local.accuracy.condition:.3g}.",)

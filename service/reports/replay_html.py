@@ -97,7 +97,6 @@ def _alarm(axis: ReplayedAxis, alarm: Alarm) -> dict[str, Any]:
 
 
 def _time(axis: ReplayedAxis, t_us: int | None) -> tuple[str | None, str]:
-    """Time since the first sample, and date; None: not yet."""
     if t_us is None:
         return None, ""
     line = _course(axis).timeline

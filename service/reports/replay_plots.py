@@ -262,7 +262,6 @@ def _draw_directions(axes: Axes, increase: Line | None, decrease: Line | None) -
 
 
 def _draw_evidence(axes: Axes, course: Course, bank: BankCourse, name: str, unit: TimeUnit) -> None:
-    """The evidence for an increase and for a decrease of a parameter."""
     groups = (Group(name, way) for way in (1, -1))
     lines = (_evidence(course, bank, group, unit) if group in bank.groups else None for group in groups)
     _finish(axes, _draw_directions(axes, *lines))

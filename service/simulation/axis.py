@@ -269,7 +269,6 @@ class SimulatedConditions:
 
 
 def _swing(name: str, conditions: Conditions) -> tuple[float, float]:
-    """Middle and amplitude of a signal."""
     gates = [gate for gate in conditions.gates if gate.signal == name]
     follows = [follow for follow in conditions.follows if follow.term.signal == name]
     if gates:

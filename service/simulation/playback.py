@@ -87,7 +87,6 @@ def play_frames(
 
 
 def _wait(wait_s: float, stop: threading.Event) -> None:
-    """Wait for that time, or until ``stop`` is set."""
     if wait_s > _NAP_S:
         stop.wait(wait_s)
     elif wait_s > 0:
