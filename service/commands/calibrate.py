@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained
 from service.commands.options import (
     AxisName,
@@ -18,6 +17,8 @@ from service.commands.options import (
     JsonFile,
     RecordRanges,
     ReportFile,
+    axis_named,
+    configuration,
 )
 from service.commands.output_files import Files
 from service.commands.progress import steps_bar
@@ -89,8 +90,7 @@ def calibrate(
     chosen = axis_named(read.axes, axis)
     with explained():
         from monitor_core.calibration import CalibrationOptions
-        from service.reports.calibration_files import as_json, as_toml
-        from service.reports.calibration_html import as_html
+        from service.reports.calibration_files import as_html, as_json, as_toml
         from service.reports.calibration_report import print_text
         from service.reports.formats import Provenance
 
@@ -117,8 +117,8 @@ def calibrate_axis(
     """
     from monitor_core.calibration import calibrate as find_thresholds
     from service.commands.progress import Background
-    from service.config.axis_settings import axis_model, axis_settings
-    from service.config.detector_choice import alarm_source_of
+    from service.config.axis_settings import alarm_source_of, axis_settings
+    from service.config.drives import axis_model
     from service.ingest.calibration_records import read
     from service.reports.calibration_report import Calibration, warnings
 
@@ -131,11 +131,7 @@ def calibrate_axis(
 
 
 def seconds_of(text: str) -> float:
-    """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds.
-
-    Raises:
-        typer.BadParameter: the text is no time.
-    """
+    """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds."""
     try:
         return seconds_in(text)
     except ValueError as error:

@@ -7,12 +7,11 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.commands.configuration import configuration
 from service.commands.exit_codes import explained
-from service.commands.options import ConfigPath
+from service.commands.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words, nominal_file_of
+from service.config.axis_settings import detectors_in_words
 from service.config.base_table import SUFFIX
-from service.config.detector_choice import in_words as detectors_in_words
 from service.config.remarks import remarks
 
 

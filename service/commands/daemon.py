@@ -13,15 +13,15 @@ from service.can.log_files import FrameRecorder
 from service.commands.exit_codes import stopped_by_signals
 from service.config import Config
 from service.pipeline.alarms import Alarms, quantities
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.restoring import loss_messages, restore, restore_trends
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.checkpointing import Checkpointer, loss_messages, restore, restore_trends
 from service.pipeline.warming import CacheFiller
 from service.pipeline.worker import BusIntake, Recording, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
-from service.texts.timestamps import now_us
+from service.texts import now_us
+from service.web.app import create_app
+from service.web.server import serve
 
 log = structlog.get_logger(__name__)
 
@@ -74,7 +74,7 @@ def run_daemon(
             ready(url)
             compiled.add_done_callback(lambda done: None if done.exception() else keeping_up())
 
-        _serve(config, worker, journal, begin, stop)
+        serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
         log.info("stopping")
     if worker.error is not None:
         raise DaemonFailedError(
@@ -146,15 +146,6 @@ def _worker(
     buses = [BusIntake(name, r, core.ingests[name], recording) for name, r in readers.items()]
     worker = Worker(config, core, buses, recording, alarms, saver, compiled, now_us, messages, stop.set)
     return worker, journal
-
-
-def _serve(
-    config: Config, worker: Worker, journal: Journal, begin: Callable[[int], None], stop: threading.Event
-) -> None:
-    from service.web.app import create_app
-    from service.web.server import serve
-
-    serve(create_app(lambda: worker.snapshot, journal), config.web.host, config.web.port, begin, stop)
 
 
 def _shown(host: str) -> str:

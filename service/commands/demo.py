@@ -10,16 +10,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained
-from service.commands.options import Port
+from service.commands.options import Port, axis_named, configuration
 from service.commands.run import configure_logs
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
-from service.config.resources import shipped
+from service.config.drive_sources import shipped
 from service.simulation.demonstration import usual_fault, watching, with_drive
-from service.simulation.robot import Fault
-from service.simulation.sending import RobotThread
+from service.simulation.robot import Fault, RobotThread
 
 _MOST_AXES = 6
 

@@ -253,11 +253,7 @@ def _problem(
 def _noise(
     kind: Predictor, configured: ConfiguredPredictor, used: Sequence[Loaded], request: Request
 ) -> Disturbance | None:
-    """The noise that K follows from; None: white noise of unknown level.
-
-    Raises:
-        IdentificationError: noise for output error, which has no K; no configured noises to hold.
-    """
+    """The noise that K follows from; None: white noise of unknown level."""
     if kind == "output-error" and (request.disturbance_s is not None or request.hold_noise):
         raise IdentificationError(
             "output error has no gain, so no noise: leave out --disturbance and --hold-noise"
@@ -277,11 +273,6 @@ def _noise(
 
 
 def _doubts(records: Sequence[Record], known: Known) -> list[str]:
-    """Doubts about the records, in sentences.
-
-    Raises:
-        IdentificationError: one of them is refused.
-    """
     findings = [
         (finding.severity, f"{record.name}: {finding.sentence}.")
         for record in records
@@ -293,11 +284,7 @@ def _doubts(records: Sequence[Record], known: Known) -> list[str]:
 
 
 def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[str]:
-    """Doubts about the sample intervals of records, in sentences.
-
-    Raises:
-        IdentificationError: an interval is far from the configured one.
-    """
+    """Doubts about the sample intervals of records, in sentences."""
     for record in records:
         ratio = record.interval_s / interval_s
         apart = f"its samples are {record.interval_s:.6g} s apart"

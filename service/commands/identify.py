@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import MISTAKE, explained
 from service.commands.options import (
     AxisName,
@@ -19,6 +18,8 @@ from service.commands.options import (
     JsonFile,
     RecordRanges,
     ReportFile,
+    axis_named,
+    configuration,
     names_in,
 )
 from service.commands.output_files import Files
@@ -160,11 +161,7 @@ def identify(
 
 
 def _masses(text: str | None) -> int | None:
-    """How many at most.
-
-    Raises:
-        typer.BadParameter: it is neither auto nor a number of masses.
-    """
+    """How many at most."""
     from monitor_core.identification import MOST_MASSES, USUAL_MASSES
 
     if text is None:

@@ -14,13 +14,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from service.can.bus_reader import CanReader
-from service.commands.configuration import configuration
 from service.commands.exit_codes import explained, stopped_by_signals
-from service.commands.options import ConfigPath, Seconds
+from service.commands.options import ConfigPath, Seconds, configuration
 from service.config import Config, needed
 from service.ingest.bus_samples import Ingest, Value
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
-from service.texts.timestamps import now_us
+from service.texts import now_us
 
 _TAKE_S, _LINES_S = 0.1, 1.0
 
@@ -86,7 +85,6 @@ def _buses(config: Config, sources: _Sources) -> list[str]:
 
 
 def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
-    """Recommendations for the configuration from the scatter of the time stamps."""
     return [
         words
         for axis in config.axes

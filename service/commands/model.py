@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
+from rich.console import Console
 
-from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained
-from service.commands.options import AxisName, JsonCommand, JsonFile
+from service.commands.options import AxisName, JsonCommand, JsonFile, axis_named, configuration
 from service.commands.output_files import STDOUT, write
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import LIBRARY, model_called, model_of_axis
+from service.reports.model_facts import as_json, facts_of
+from service.reports.model_text import print_text
 
 if TYPE_CHECKING:
     from monitor_core.excitation import TorqueExperiment
@@ -54,9 +56,6 @@ OutputOption = Annotated[
     typer.Option("--output", help="Measured quantity, overriding the drawing or the configuration."),
 ]
 Latex = Annotated[bool, typer.Option("--latex", help="Print A, B, C as LaTeX instead.")]
-Matlab = Annotated[
-    Path | None, typer.Option("--matlab", metavar="FILE.m", help="Also write a function for MATLAB's idgrey.")
-]
 Record = Annotated[
     Path | None,
     typer.Option(
@@ -85,7 +84,6 @@ def model(
     output: OutputOption = None,
     latex: Latex = False,
     json: JsonFile = None,
-    matlab: Matlab = None,
     record: Record = None,
 ) -> None:
     """Derive the minimal state space x' = A x + B u, y = C x of a drive, in symbols.
@@ -93,62 +91,36 @@ def model(
     Shows states, parameters, A, B, C, poles and resonances at nominal values, and which parameters the sensors can
     distinguish, in principle and from a record. A report on standard output replaces the text.
     """
-    files = {"--latex": STDOUT if latex else None, "--json": json, "--matlab": matlab}
-    _check({option: path for option, path in files.items() if path is not None})
+    _check_output(latex, json)
     _check_source(drive, name, config, axis, record)
     with explained():
         if config is not None:
             found = _drive_of_axis(config, axis, output, record)
         else:
             found = Drive(model_called(drive or "", name, output).space, {})
-        texts = list(_reports(found, latex, json, matlab))
-        for path, text in texts:
-            write(path, text)
-        if STDOUT not in (path for path, _ in texts):
-            _print(found)
+        if latex:
+            from monitor_core.modeling.symbolic import as_latex
+
+            write(STDOUT, as_latex(found.space))
+        if json is not None or not latex:
+            facts = facts_of(*found)
+            if json is not None:
+                write(json, as_json(facts))
+            if not latex and json != STDOUT:
+                print_text(facts, Console(highlight=False))
 
 
-def _check(files: Mapping[str, Path]) -> None:
-    """Check the paths before anything is computed.
-
-    Raises:
-        typer.BadParameter: two reports on standard output, a drawing to be overwritten, an invalid MATLAB name.
-    """
-    shown = [option for option, path in files.items() if path == STDOUT]
-    if len(shown) > 1:
-        raise typer.BadParameter(f"{' and '.join(shown)} cannot both write to standard output")
-    for option, path in files.items():
-        if path.suffix == SUFFIX:
-            raise typer.BadParameter(f"{path} is a drawing, it will not be overwritten", param_hint=option)
-    if "--matlab" in files:
-        _function_name(files["--matlab"])
-
-
-def _function_name(path: Path) -> str:
-    """MATLAB finds a function by the name of its file.
-
-    Raises:
-        typer.BadParameter: it cannot be one.
-    """
-    from service.reports.model_matlab import is_function_name, matlab_names
-
-    name = "drive" if path == STDOUT else path.stem
-    if not is_function_name(name) or (path != STDOUT and path.suffix != ".m"):
-        raise typer.BadParameter(
-            f"{path.name}: MATLAB finds a function by its file, so call it {matlab_names([name])[name]}.m",
-            param_hint="--matlab",
-        )
-    return name
+def _check_output(latex: bool, json: Path | None) -> None:
+    if latex and json == STDOUT:
+        raise typer.BadParameter("--latex and --json cannot both write to standard output")
+    if json is not None and json.suffix == SUFFIX:
+        raise typer.BadParameter(f"{json} is a drawing, it will not be overwritten", param_hint="--json")
 
 
 def _check_source(
     drive: str | None, name: str | None, config: Path | None, axis: str | None, record: Path | None
 ) -> None:
-    """Check that the command line names one drive.
-
-    Raises:
-        typer.BadParameter: none or two, or an option that does not fit.
-    """
+    """Check that the command line names one drive."""
     if (drive is None) == (config is None):
         known = f"a file ({SUFFIX}), one of {', '.join(LIBRARY)}, or --config FILE"
         raise typer.BadParameter(f"give {'a drive' if drive is None else 'one drive, not two'}: {known}")
@@ -163,7 +135,6 @@ def _check_source(
 def _drive_of_axis(
     config: Path, axis: str | None, output: Literal["speed", "angle"] | None, record: Path | None
 ) -> Drive:
-    """The drive of a configured axis, and the torque of a record of it."""
     from service.config import given_values, predictor_of
 
     read = configuration(config, without_bus=True)
@@ -176,11 +147,6 @@ def _drive_of_axis(
 
 
 def _experiment(path: Path, config: Config, axis: NamedAxis) -> TorqueExperiment:
-    """The experiment of a record.
-
-    Raises:
-        RecordError: it cannot be read, or has fewer than two samples of the axis.
-    """
     from monitor_core.excitation import TorqueExperiment
     from service.can.user_errors import RecordError
     from service.config import predictor_of
@@ -193,30 +159,3 @@ def _experiment(path: Path, config: Config, axis: NamedAxis) -> TorqueExperiment
     seconds = len(torque) * interval_s
     words = f"the torque of {path.name}, {seconds:.3g} s at {1 / interval_s:.4g} samples a second"
     return TorqueExperiment(torque, interval_s, words, predictor_of(axis.config).output_noise)
-
-
-def _reports(drive: Drive, latex: bool, json: Path | None, matlab: Path | None) -> Iterator[tuple[Path, str]]:
-    """Path and text of each requested report."""
-    if json is not None:
-        from service.reports.model_facts import as_json, facts_of
-
-        yield json, as_json(facts_of(*drive))
-    if latex:
-        from monitor_core.modeling.symbolic import as_latex
-
-        yield STDOUT, as_latex(drive.space)
-    if matlab is not None:
-        from monitor_core.modeling import nominal_of
-        from service.reports.model_matlab import as_matlab
-
-        nominal = nominal_of(drive.space, drive.values)
-        yield matlab, as_matlab(drive.space, nominal, _function_name(matlab))
-
-
-def _print(drive: Drive) -> None:
-    from rich.console import Console
-
-    from service.reports.model_facts import facts_of
-    from service.reports.model_text import print_text
-
-    print_text(facts_of(*drive), Console(highlight=False))

@@ -1,13 +1,19 @@
-"""Options that several commands share, and --json, whose file may be left out."""
+"""What several commands share: options, --json, whose file may be left out, the configuration and the axis."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Console
+from rich.text import Text
 from typer.core import TyperCommand
+
+from service.commands.exit_codes import MISTAKE
+from service.config import Config, ConfigErrors, NamedAxis, Problem, load
 
 ConfigPath = Annotated[
     Path, typer.Option("--config", "-c", help="Configuration file (TOML).", show_default=True, metavar="FILE")
@@ -65,3 +71,69 @@ class JsonCommand(TyperCommand):
 def names_in(text: str) -> tuple[str, ...]:
     """Names separated by commas; those of merged parameters contain blanks."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+# --- The configuration of a command line, the report of a wrong file, and the axis that is wanted ---------------------
+
+
+_NO_BUS = (
+    "no bus: such a configuration is for `identify`, `excite` and `model`; add [[bus]] with its DBC and, to each axis,"
+    " bus, and message and signal of torque and motion"
+)
+
+
+def configuration(path: Path, without_bus: bool = False, thresholds: bool = True) -> Config:
+    """The configuration of a file and the environment.
+
+    Args:
+        path: the file.
+        without_bus: the command needs no bus.
+        thresholds: use the files of thresholds that it names.
+
+    Raises:
+        typer.Exit: with status 2, after all problems have been written to the error stream.
+    """
+    try:
+        found = load(path, thresholds=thresholds)
+    except ConfigErrors as errors:
+        console = Console(stderr=True, soft_wrap=True, highlight=False)
+        for problem in errors.problems:
+            console.print(_line(problem))
+        count = len(errors.problems)
+        console.print(f"{count} problem{'s' if count > 1 else ''} in the configuration", style="bold red")
+        raise typer.Exit(MISTAKE) from None
+    if not found.bus and not without_bus:
+        typer.echo(f"axiswatch: {path}: {_NO_BUS}", err=True)
+        raise typer.Exit(MISTAKE)
+    return found
+
+
+def _line(problem: Problem) -> Text:
+    """``file:line: key = value: message`` with the place and the key set apart by colour."""
+    text = Text(str(problem))
+    text.stylize("cyan", 0, len(problem.place))
+    if problem.key:
+        start = len(problem.place) + 2
+        text.stylize("bold", start, start + len(problem.key))
+    return text
+
+
+def axis_of(config: Path, wanted: str | None) -> NamedAxis:
+    """The one axis of a configuration file that is wanted; it needs no bus."""
+    return axis_named(configuration(config, without_bus=True).axes, wanted)
+
+
+def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--axis") -> NamedAxis:
+    """The one of these axes that is wanted: by its name, with or without its robot, or the only one.
+
+    Raises:
+        typer.BadParameter: there is none, or several.
+    """
+    names = ", ".join(a.id for a in axes)
+    if wanted is None and len(axes) > 1:
+        raise typer.BadParameter(f"say which axis: there is {names}", param_hint=option)
+    found = [a for a in axes if wanted in (None, a.id, a.id.split(".", 1)[1])]
+    if len(found) != 1:
+        what = "is in more than one robot" if found else "is not there"
+        raise typer.BadParameter(f"{wanted} {what}; there is {names}", param_hint=option)
+    return found[0]

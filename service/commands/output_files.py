@@ -1,9 +1,13 @@
-"""Output files of commands: written atomically, and checked before anything is computed."""
+"""Output files of commands: written atomically, and checked before anything is computed.
+
+A file that cannot be written ends the command, with status 2 and a message.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +16,6 @@ import typer
 from rich.console import Console
 
 from service.commands.exit_codes import MISTAKE
-from service.store.atomic_files import replace_text
 
 STDOUT = Path("-")
 
@@ -53,11 +56,7 @@ class Files(NamedTuple):
     def write(
         self, values: str | None, report: str, as_json: Callable[[], str], show: Callable[[Console], None]
     ) -> None:
-        """Write the results, values only if there are any; ``show`` prints them unless the JSON is on standard output.
-
-        Raises:
-            typer.Exit: a file cannot be written.
-        """
+        """Write the results, values if there are any; ``show`` prints them unless the JSON is on standard output."""
         texts = [(self.report, report)] if values is None else [(self.values, values), (self.report, report)]
         if self.json is not None:
             texts.append((self.json, as_json()))
@@ -67,11 +66,7 @@ class Files(NamedTuple):
 
 
 def write_all(texts: Sequence[tuple[Path, str]]) -> None:
-    """Write files, and their names to the error stream.
-
-    Raises:
-        typer.Exit: one cannot be written.
-    """
+    """Write files, and their names to the error stream."""
     for path, text in texts:
         write(path, text)
     written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
@@ -79,11 +74,7 @@ def write_all(texts: Sequence[tuple[Path, str]]) -> None:
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file, a text atomically: a reader never sees a part of it.
-
-    Raises:
-        typer.Exit: it cannot be written.
-    """
+    """Write a file, a text atomically: a reader never sees a part of it."""
     try:
         if isinstance(content, bytes):
             path.write_bytes(content)
@@ -98,11 +89,7 @@ def write(path: Path, content: str | bytes) -> None:
 
 
 def page_in(where: Path, name: str) -> Path:
-    """The .html file of ``where``: itself, or ``name`` in a folder, which is created if needed.
-
-    Raises:
-        typer.Exit: nothing can be written there.
-    """
+    """The .html file of ``where``: itself, or ``name`` in a folder, which is created if needed."""
     is_file = where.suffix.lower() in {".html", ".htm"} and not where.is_dir()
     folder, path = (where.parent, where) if is_file else (where, where / name)
     try:
@@ -122,3 +109,31 @@ def page_in(where: Path, name: str) -> Path:
 def _cannot_write(path: Path, why: str | None) -> typer.Exit:
     typer.echo(f"axiswatch: cannot write {path}: {why}", err=True)
     return typer.Exit(MISTAKE)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write the whole text or nothing: a reader sees the old or the new file, never a part.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    target = path.resolve()  # of a link, what it points to
+    mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(name, mode)
+        os.replace(name, target)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def _umask() -> int:
+    """Permissions that new files must not have; they can only be read by setting them."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask

@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from service.commands.configuration import configuration
 from service.commands.exit_codes import explained, stopped_by_signals
-from service.commands.options import ConfigPath
+from service.commands.options import ConfigPath, configuration
 from service.commands.progress import progress_bar
 from service.config import Config
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from service.commands.configuration import configuration
 from service.commands.exit_codes import MISTAKE, explained
-from service.commands.options import ConfigPath
+from service.commands.options import ConfigPath, configuration
 from service.commands.output_files import STDOUT, page_in, write, write_all
 from service.commands.progress import progress_bar
 from service.config import Config

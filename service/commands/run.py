@@ -9,9 +9,8 @@ import structlog
 import typer
 from structlog.typing import Processor
 
-from service.commands.configuration import configuration
 from service.commands.exit_codes import explained
-from service.commands.options import ConfigPath, Port
+from service.commands.options import ConfigPath, Port, configuration
 
 Record = Annotated[
     Path | None,

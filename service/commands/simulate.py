@@ -7,11 +7,9 @@ import typer
 from rich.console import Console
 
 from monitor_core.drive import DELAY
-from service.commands.configuration import axis_named, configuration
 from service.commands.exit_codes import explained, stopped_by_signals
-from service.commands.options import ConfigPath, Seconds
-from service.simulation.robot import Fault, SimulatedRobot
-from service.simulation.sending import open_buses, run_robot
+from service.commands.options import ConfigPath, Seconds, axis_named, configuration
+from service.simulation.robot import Fault, SimulatedRobot, open_buses, run_robot
 
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of motion and noise, to repeat a run.")]
 
@@ -35,11 +33,7 @@ FaultAfter = Annotated[
 
 
 def factors(options: list[str]) -> dict[str, float]:
-    """{"fm": 1.3} from ["fm=1.3"].
-
-    Raises:
-        typer.BadParameter: not of that form.
-    """
+    """{"fm": 1.3} from ["fm=1.3"]."""
     found = {}
     for text in options:
         name, _, factor = text.partition("=")

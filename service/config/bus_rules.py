@@ -7,10 +7,8 @@ from monitor_core.wording import did_you_mean
 from service.can.bus import interface_names
 from service.can.dbc import DbcError, find_counter, find_message, find_signal, read_dbc
 from service.config.base_table import Table
-from service.config.positions import Keys
-from service.config.problems import Finding
-from service.config.schema import AxisConfig, BusConfig, Config, RobotConfig
-from service.config.schema_signals import FurtherConfig, SignalConfig
+from service.config.problems import Finding, Keys
+from service.config.schema import AxisConfig, BusConfig, Config, FurtherConfig, RobotConfig, SignalConfig
 
 QUANTITIES = ("torque", "angle", "speed")
 _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only tables are to be identified"
@@ -69,7 +67,6 @@ def _missing(table: type[Table], key: str) -> str:
 
 
 def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
-    """All axes with their paths."""
     for i, robot in enumerate(config.robot):
         for k, axis in enumerate(robot.axis):
             yield ("robot", i, "axis", k), axis
@@ -111,7 +108,6 @@ class _Use(NamedTuple):
 
 
 def _values(config: Config) -> Iterator[_Use]:
-    """Torque and motion of all axes."""
     for path, axis in _axes(config):
         for quantity in QUANTITIES:
             s = getattr(axis, quantity)

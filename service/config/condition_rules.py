@@ -12,8 +12,7 @@ from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
 from service.config.conditions import Schedule, follow_of, term_of, varying_of
 from service.config.model_rules import decided_model
-from service.config.positions import Keys
-from service.config.problems import Finding
+from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig, RobotConfig
 
 
@@ -162,7 +161,6 @@ def _names(axis: AxisConfig) -> list[str]:
 
 
 def _signal(v: Schedule, axis: AxisConfig) -> str:
-    """The signal of a term."""
     try:
         return term_of(v.signal, _names(axis)).signal
     except ValueError:  # which another check reports

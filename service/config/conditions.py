@@ -8,10 +8,9 @@ from collections.abc import Iterable, Iterator
 from monitor_core.drive import FUNCTIONS, Conditions, Follow, Gate, Term
 from monitor_core.wording import did_you_mean
 from service.config.nominal_file import ScheduleTable, nominal_file_of
-from service.config.positions import Keys
-from service.config.schema import AxisConfig, NamedAxis
+from service.config.problems import Keys
+from service.config.schema import AxisConfig, GateConfig, NamedAxis, Source
 from service.config.schema_model import ScheduleConfig
-from service.config.schema_signals import GateConfig, Source
 
 Schedule = ScheduleTable | ScheduleConfig
 """Nominal values that follow a signal, as a file of nominal values or the configuration has them"""

@@ -1,7 +1,7 @@
 """Drives by the names that a user gives: a Modelica file, a drive of the library, components in the configuration.
 
 Each drive is read, reduced to its state space and converted once in a process, however many axes have it.  Mistakes in
-a drawing are reported with the file and line of the drawing.
+a drawing are reported with its file and line; each function raises ModelError where there is no drive.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import service
 from monitor_core.drive import Drive, Output
 from monitor_core.modeling import FlatModel, ModelError, Origin, StateSpace
 from monitor_core.wording import did_you_mean
 from service.config.base_table import SUFFIX
-from service.config.resources import shipped
 
 if TYPE_CHECKING:
     from service.config.schema import AxisConfig
@@ -35,11 +35,7 @@ class Modelled(NamedTuple):
 
 
 def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
-    """The drive of a configured axis, for what is measured there or for the ``output`` given.
-
-    Raises:
-        ModelError: it has none.
-    """
+    """The drive of a configured axis, for what is measured there or for the ``output`` given."""
     m, measured = axis.model, output or axis.output
     if m.components:
         return model_of_drawing(m.components, measured)
@@ -49,36 +45,16 @@ def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
 
 
 def model_called(name: str, model: str | None = None, output: Output | None = None) -> Modelled:
-    """The drive of a file, if the name ends with .mo, or of the library.
-
-    Raises:
-        ModelError: there is none.
-    """
-    if name.endswith(SUFFIX):
-        return model_of_file(Path(name), model, output)
-    return model_of_library(name, model, output)
-
-
-def model_of_file(path: Path, model: str | None = None, output: Output | None = None) -> Modelled:
-    """The drive in a Modelica file.
+    """The drive of a Modelica file, if the name ends with .mo, or one that comes with the program.
 
     Args:
-        path: the file.
-        model: which of its models; None where it has one.
+        name: of the file, or in the library.
+        model: which model of the file; None where it has one.
         output: what the sensor measures, where it is not what was drawn.
-
-    Raises:
-        ModelError: the file cannot be read, or what is drawn there is no drive.
     """
-    return _model_of_text(str(path), _text(path), model, output, None)
-
-
-def model_of_library(name: str, model: str | None = None, output: Output | None = None) -> Modelled:
-    """A drive that comes with the program.
-
-    Raises:
-        ModelError: there is none of that name.
-    """
+    if name.endswith(SUFFIX):
+        path = Path(name)
+        return _model_of_text(str(path), _text(path), model, output, None)
     if name not in LIBRARY:
         hint = did_you_mean(name, LIBRARY)
         raise ModelError(f'no such drive: {hint}; the name of a Modelica file ends with "{SUFFIX}"')
@@ -95,11 +71,7 @@ def _of_python(name: str, output: Output) -> Modelled:
 
 
 def model_of_drawing(components: Mapping[str, Mapping[str, Any]], output: Output | None = None) -> Modelled:
-    """The drive of components by name: {"motor": {"type": "inertia", "at": "shaft", "J": "Jm"}, ...}.
-
-    Raises:
-        ModelError: they are no drive.
-    """
+    """The drive of components by name: {"motor": {"type": "inertia", "at": "shaft", "J": "Jm"}, ...}."""
     tables = [{**table, "name": name} for name, table in components.items()]
 
     def read() -> FlatModel:
@@ -166,3 +138,23 @@ def _model(flat: FlatModel, output: Output | None, called: str | None) -> Modell
         space = replace(space, name=called)
     values = {p.name: p.value for p in space.drawn if p.value is not None}
     return Modelled(space, drive_of(space), values)
+
+
+# --- The files of config/ as they come with the program: example configurations, drives -------------------------------
+
+
+_PLACES = ("shipped", "../config")
+"""In an installed wheel; in the source tree."""
+
+
+def shipped(name: str) -> Path:
+    """The file of that name.
+
+    Raises:
+        FileNotFoundError: the program is not completely installed.
+    """
+    for place in _PLACES:
+        path = (Path(service.__file__).parent / place / name).resolve()
+        if path.is_file():
+            return path
+    raise FileNotFoundError(f"{name} is missing: the program is not completely installed")

@@ -1,7 +1,7 @@
 """The drive of an axis with its nominal values, scales, bounds and limits, as named or drawn in the configuration.
 
 The skew between torque and motion, ``monitor = [.., "delay"]``, is no parameter of the drawing: every drive can have
-it; its nominal value is ``torque_delay_s`` of the axis.
+it; its nominal value is ``torque_delay_s`` of the axis.  ModelError: the axis has no drive.
 """
 
 from __future__ import annotations
@@ -24,20 +24,13 @@ def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
     """The drive of an axis, for the measured output, or for the ``output`` given.
 
     It includes the state of a torque disturbance if the nominal values were found with one.
-
-    Raises:
-        ModelError: the axis has none.
     """
     drive, found = plain_drive_of(axis, output), nominal_file_of(axis)
     return drive.with_disturbance() if found is not None and found.drive.torque_disturbance else drive
 
 
 def plain_drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive as it is drawn, where its sensor averages with a mean speed as output.
-
-    Raises:
-        ModelError: there is none.
-    """
+    """The drive as it is drawn, where its sensor averages with a mean speed as output."""
     drive = model_of_axis(axis, output).drive
     return drive.with_mean_speed() if output is None and axis.interval_mean else drive
 
@@ -47,9 +40,6 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
 
     Those of a file of nominal values take precedence over the drawing's; a cross-check compares them with the
     configuration. The values of the library are those of one robot, so they are not used.
-
-    Raises:
-        ModelError: the axis has no drive.
     """
     is_library = not axis.model.components and not axis.model.drive.endswith(SUFFIX)
     drawn = {} if is_library else model_of_axis(axis).values
@@ -71,11 +61,7 @@ def has_own_delay(drive: Drive) -> bool:
 
 
 def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive of an axis as it is monitored.
-
-    Raises:
-        ModelError: it has none.
-    """
+    """The drive of an axis as it is monitored."""
     drive = drive_of(axis, output)
     return drive.with_delay() if watches_skew(axis) and not has_own_delay(drive) else drive
 

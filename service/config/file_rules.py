@@ -17,8 +17,7 @@ from service.config.drives import plain_drive_of
 from service.config.found_file import FoundFileError, alike, read_found
 from service.config.model_rules import usable_drive, with_merged
 from service.config.nominal_file import NominalFile, nominal_file_of, structure_of
-from service.config.positions import Keys
-from service.config.problems import Finding
+from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig
 from service.config.thresholds_file import ThresholdsFile, thresholds_file_of
 

@@ -19,8 +19,7 @@ from service.config.drives import (
     watched_values,
     watches_skew,
 )
-from service.config.positions import Keys
-from service.config.problems import Finding
+from service.config.problems import Finding, Keys
 from service.config.schema import AxisConfig
 
 _SAME = 1e-6

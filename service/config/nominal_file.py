@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
 from service.config.base_table import NotNegative, Positive, Real
-from service.config.found_file import FoundFile, FoundTable, found_of, read_found
+from service.config.found_file import FoundFile, FoundTable, found_of
 from service.config.schema import AxisConfig
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
@@ -124,15 +123,6 @@ class NominalFile(FoundFile):
         value = abs(self.values.get(base, 0.0))
         size = 1 / value if inverse and value else value
         return self.standard_deviations.get(name, 0.0) <= DOUBTFUL * size
-
-
-def read_nominal(path: Path) -> NominalFile:
-    """The file, kept until it changes.
-
-    Raises:
-        FoundFileError: it cannot be read, or is no such file.
-    """
-    return read_found(NominalFile, path)
 
 
 def nominal_file_of(axis: AxisConfig) -> NominalFile | None:

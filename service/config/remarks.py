@@ -8,9 +8,16 @@ from collections.abc import Iterator
 from monitor_core.monitoring import short_memory, unidentifiable_words
 from monitor_core.wording import duration
 from service.can.dbc import find_message, find_signal, read_dbc
-from service.config.axis_settings import axis_model, axis_settings, predictor_of, rounded, step_noise, untold
+from service.config.axis_settings import (
+    axis_settings,
+    configured_detectors,
+    predictor_of,
+    rounded,
+    step_noise,
+    untold,
+)
 from service.config.conditions import varying_of
-from service.config.detector_choice import configured_detectors
+from service.config.drives import axis_model
 from service.config.schema import AxisConfig, Config, NamedAxis, RobotConfig
 from service.config.thresholds_file import thresholds_file_of
 

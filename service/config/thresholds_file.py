@@ -104,7 +104,6 @@ def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile)
 
 
 def _difference(left: Mapping[str, object], right: Mapping[str, object]) -> str:
-    """What differs, in words; empty: nothing."""
     for name, value in left.items():
         other = right.get(name)
         if not alike(value, other):

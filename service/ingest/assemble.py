@@ -29,8 +29,6 @@ class _Value(NamedTuple):
 
 
 class _Lane:
-    """Waiting values of one of the two quantities."""
-
     def __init__(self) -> None:
         self.waiting: list[_Value] = []
         self.given_up: deque[int] = deque(maxlen=8)

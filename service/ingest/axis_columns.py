@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.user_errors import RecordError
-from service.config.schema import AxisConfig
-from service.config.schema_signals import SignalConfig, Source
+from service.config.schema import AxisConfig, SignalConfig, Source
 from service.ingest.assemble import REASONS
 from service.ingest.quantities import HeldColumns
 from service.ingest.tables import Rows

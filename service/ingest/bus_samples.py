@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,6 @@ import numpy as np
 from monitor_core.samples import SampleBlock
 from service.can.dbc import Decoder
 from service.can.frames import Frame, FrameKey, Sample
-from service.can.user_errors import IngestError
 from service.config.schema import Config
 from service.ingest.axis_input import AxisInput, wanted_signals
 from service.ingest.quantities import HeldSignal
@@ -45,7 +43,7 @@ class Ingest:
 
     Args:
         config: the whole configuration.
-        bus: name of the bus.
+        bus: name of one of its buses.
 
     Raises:
         DbcError: the DBC cannot be read, or has no such message or signal.
@@ -54,7 +52,8 @@ class Ingest:
 
     def __init__(self, config: Config, bus: str) -> None:
         axes = [axis for axis in config.axes if axis.config.bus == bus]
-        self.decoder = Decoder(_dbc(config, bus), [pair for axis in axes for pair in wanted_signals(axis)])
+        dbc = next(described.dbc for described in config.bus if described.name == bus)
+        self.decoder = Decoder(dbc, [pair for axis in axes for pair in wanted_signals(axis)])
         self.axes = {axis.id: AxisInput(axis, self.decoder) for axis in axes}
         """The axes on this bus, by their names"""
         self._inputs: dict[FrameKey, list[AxisInput]] = {key: [] for key in self.decoder.keys}
@@ -119,10 +118,3 @@ class Ingest:
         if len(signals) < len(self.decoder.wanted(frame.key)):
             self._dropped["signal_absent"] += 1
         return signals or None
-
-
-def _dbc(config: Config, name: str) -> Path:
-    for bus in config.bus:
-        if bus.name == name:
-            return bus.dbc
-    raise IngestError(f"no bus {name} in the configuration; there is {', '.join(b.name for b in config.bus)}")

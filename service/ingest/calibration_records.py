@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -43,9 +42,11 @@ def read(
     samples, sources = [], []
     for number, text in enumerate(texts):
         want = wanted(text)
-        block = samples_of(
-            read_record(want.path, config), axis.id, partial(_part, progress, number, len(texts))
-        )
+
+        def part(done: float, before: int = number) -> None:
+            progress((before + done) / len(texts))
+
+        block = samples_of(read_record(want.path, config), axis.id, part)
         if not block.size:
             raise RecordError(f"{want.path}: no samples of axis {axis.id}")
         block = _with_conditions(block._replace(name=want.path.name), axis, model)
@@ -60,10 +61,6 @@ def read(
         seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
         sources.append(Source(text, sha256_of(want.path), block.size, seconds))
     return samples, sources
-
-
-def _part(progress: Callable[[float], None], number: int, count: int, done: float) -> None:
-    progress((number + done) / count)
 
 
 def _with_conditions(block: SampleBlock, axis: NamedAxis, model: AxisModel) -> SampleBlock:

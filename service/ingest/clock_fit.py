@@ -77,8 +77,6 @@ class Line:
 
 
 class _Early(NamedTuple):
-    """A frame that was early."""
-
     over_us: float  # delay over the fit
     place_us: float
     delay_us: float

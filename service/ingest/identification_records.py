@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import Record, between
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.dbc import Decoder
+from service.can.frames import Frame
 from service.can.user_errors import RecordError
 from service.config.schema import Config, NamedAxis
 from service.ingest.axis_columns import AxisColumns
@@ -118,11 +119,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
 
 
 def sha256_of(path: Path) -> str:
-    """Hash of a file.
-
-    Raises:
-        RecordError: it cannot be read.
-    """
+    """Hash of a file."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -235,7 +232,7 @@ def _refused(rows: Rows, columns: AxisColumns, axis: NamedAxis) -> dict[str, Boo
 
 def _log_samples(path: Path, config: Config, axis: NamedAxis) -> _AxisSamples:
     """Samples from a CAN log, with the signals as last received up to half an interval after each."""
-    log = LogRecord(path, config)
+    log = _ListenedLog(path, config, axis)
     block = samples_of(log, axis.id)
     dropped = dict(log.quality.axis_dropped[axis.id])
     sound = (abs(block.u) <= PHYSICAL_LIMITS["torque"]) & (
@@ -244,32 +241,39 @@ def _log_samples(path: Path, config: Config, axis: NamedAxis) -> _AxisSamples:
     block = block.select(sound)
     dropped["absurd"] += int(np.count_nonzero(~sound))
     late = round(axis.config.sample_interval_s * 1e6 / 2)
-    received = _received(path, config, axis)
-    return _with_signals(block, {name: _held(r, block.t_us + late) for name, r in received.items()}, dropped)
+    signals = {name: _held(received, block.t_us + late) for name, received in log.received.items()}
+    return _with_signals(block, signals, dropped)
 
 
-def _received(path: Path, config: Config, axis: NamedAxis) -> dict[str, list[tuple[int, float]]]:
-    """The auxiliary signals of an axis, by name: times of receipt and values."""
-    sources = [s for s in axis.sources if s.message is not None and s.signal is not None]
-    received: dict[str, list[tuple[int, float]]] = {s.name: [] for s in sources}
-    if not sources:
-        return received
-    bus = next(bus for bus in config.bus if bus.name == axis.config.bus)
-    decoder = Decoder(bus.dbc, [(str(s.message), str(s.signal)) for s in sources])
-    quantities = [quantity_of(s.name, s, decoder) for s in sources]
-    for of_bus, _ in LogRecord(path, config).frames():
-        for frame in of_bus.get(bus.name, ()):
-            found = decoder.decode(frame)
-            for q in quantities:
-                if q.key == frame.key and not isinstance(found, str):
-                    value = q.value(found)
-                    if value is not None:
-                        received[q.name].append((frame.t_us, value))
-    return received
+class _ListenedLog(LogRecord):
+    """A log that keeps the auxiliary signals of an axis while it is read: times of receipt and values, by name."""
+
+    def __init__(self, path: Path, config: Config, axis: NamedAxis) -> None:
+        super().__init__(path, config)
+        sources = [s for s in axis.sources if s.message is not None and s.signal is not None]
+        bus = next(bus for bus in config.bus if bus.name == axis.config.bus)
+        self._bus, self._decoder = (
+            bus.name,
+            Decoder(bus.dbc, [(str(s.message), str(s.signal)) for s in sources]),
+        )
+        self._quantities = [quantity_of(s.name, s, self._decoder) for s in sources]
+        self.received: dict[str, list[tuple[int, float]]] = {s.name: [] for s in sources}
+
+    def frames(self) -> Iterator[tuple[dict[str, list[Frame]], float]]:
+        for of_bus, done in super().frames():
+            for frame in of_bus.get(self._bus, ()) if self._quantities else ():
+                found = self._decoder.decode(frame)
+                for q in self._quantities:
+                    if (
+                        q.key == frame.key
+                        and not isinstance(found, str)
+                        and (value := q.value(found)) is not None
+                    ):
+                        self.received[q.name].append((frame.t_us, value))
+            yield of_bus, done
 
 
 def _held(received: list[tuple[int, float]], t_us: NDArray[np.int64]) -> Floats:
-    """The last value received by each time."""
     if not received:
         return np.full(len(t_us), np.nan)
     times, values = np.array([t for t, _ in received]), np.array([value for _, value in received])

@@ -14,7 +14,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from service.can.dbc import Decoder
 from service.can.frames import FrameKey
-from service.config.schema_signals import AngleConfig, SignalConfig, Source
+from service.config.schema import AngleConfig, SignalConfig, Source
 
 
 class Quantity(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from monitor_core.samples import SampleBlock, concatenate
 from service.can.frames import Frame
@@ -43,23 +43,6 @@ class Quality(NamedTuple):
     """How often the time line of an axis restarted, by cause"""
     axis_stamps: Mapping[str, Stamps] = _NONE
     """Scatter of the time stamps of each axis"""
-
-
-class Record(Protocol):
-    """Samples from a file."""
-
-    path: Path
-
-    def steps(self) -> Iterator[Step]:
-        """The samples in order, once.
-
-        Raises:
-            RecordError: the file is damaged.
-        """
-
-    @property
-    def quality(self) -> Quality:
-        """Of what has been read so far."""
 
 
 def read_record(path: Path, config: Config) -> Record:
@@ -130,11 +113,7 @@ class TableRecord:
         return Quality({axis_id: dict(columns.dropped) for axis_id, columns in self._axes.items()})
 
     def steps(self) -> Iterator[Step]:
-        """The samples in order, once.
-
-        Raises:
-            RecordError: a cell is no number, or the file is damaged.
-        """
+        """The samples in order, once."""
         first_row = 0
         for rows in self._table.rows(list(self._wanted)):
             samples = {axis_id: axis.samples(rows, first_row)[1] for axis_id, axis in self._axes.items()}
@@ -175,11 +154,7 @@ class LogRecord:
         )
 
     def frames(self) -> Iterator[tuple[dict[str, list[Frame]], float]]:
-        """The frames by name of their bus, and how much of the log has been read, 0 to 1.
-
-        Raises:
-            RecordError: the file is damaged.
-        """
+        """The frames by name of their bus, and how much of the log has been read, 0 to 1."""
         channels: Mapping[str, str] | None = None
         for block in self._log.blocks():
             if channels is None:
@@ -194,11 +169,7 @@ class LogRecord:
             yield of_bus, block.done
 
     def steps(self) -> Iterator[Step]:
-        """The samples in order, once.
-
-        Raises:
-            RecordError: the file is damaged.
-        """
+        """The samples in order, once."""
         for of_bus, done in self.frames():
             fed = [self._ingests[bus].feed(frames) for bus, frames in of_bus.items()]
             yield Step({axis_id: block_of(found) for axes in fed for axis_id, found in axes.items()}, done)
@@ -217,3 +188,7 @@ class LogRecord:
         if len(buses) == 1 and not seen & known.keys():
             return {"": buses[0].name}
         return known
+
+
+Record = TableRecord | LogRecord
+"""Samples from a file, of either kind"""

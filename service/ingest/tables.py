@@ -6,7 +6,7 @@ import csv
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, Protocol
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -30,21 +30,6 @@ class Rows(NamedTuple):
 
     columns: Mapping[str, Floats]
     done: float
-
-
-class Table(Protocol):
-    """A file with columns."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """The columns there are."""
-
-    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
-        """The rows of these columns, which must exist, in blocks.
-
-        Raises:
-            RecordError: a cell is no number, or the file is damaged.
-        """
 
 
 def open_table(path: Path) -> Table:
@@ -95,9 +80,14 @@ class CsvTable:
         ]
         self.has_names = not all(_is_number(cell) for cell in cells)
         self.names: Sequence[str] = cells if self.has_names else [str(i) for i in range(len(cells))]
+        """The columns there are"""
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
-        """See Table."""
+        """The rows of these columns, which must exist, in blocks.
+
+        Raises:
+            RecordError: a cell is no number, or the file is damaged.
+        """
         size = max(1, self._path.stat().st_size)
         with self._path.open("rb") as file:
             try:
@@ -167,7 +157,7 @@ class ParquetTable:
         return tuple(self._file.schema_arrow.names)
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
-        """See Table."""
+        """See CsvTable."""
         read, total = 0, self._file.metadata.num_rows
         batches = self._file.iter_batches(batch_size=_ROWS, columns=list(names))
         while True:
@@ -210,7 +200,7 @@ class MatTable:
         return tuple(self._arrays)
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
-        """See Table."""
+        """See CsvTable."""
         columns = {name: self._vector(name) for name in names}
         lengths = {name: len(column) for name, column in columns.items()}
         if len(set(lengths.values())) > 1:
@@ -235,3 +225,7 @@ def _flat(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
             yield from _flat(value, f"{above}{name}.")
         elif not name.startswith("__"):
             yield above + name, value
+
+
+Table = CsvTable | ParquetTable | MatTable
+"""A file with columns, of any kind"""

@@ -82,8 +82,6 @@ class StampMeter:
 
 
 class _Spread:
-    """Running mean and variance."""
-
     def __init__(self) -> None:
         self.count, self._mean, self.variance = 0, 0.0, 0.0
 

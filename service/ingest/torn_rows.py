@@ -47,7 +47,6 @@ def torn(values: Floats, broken: Bools) -> Bools:
 
 
 def _near(broken: Bools) -> Bools:
-    """Rows near a broken one (N,)."""
     counts = np.cumsum(np.pad(broken.astype(np.int64), (_NEAR + 1, _NEAR)))
     return np.asarray(counts[2 * _NEAR + 1 :] > counts[: -2 * _NEAR - 1], np.bool_)
 

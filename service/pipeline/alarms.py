@@ -10,7 +10,7 @@ from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.monitoring import AxisMonitor
 from service.store.database import StoreError
 from service.store.journal import Entry, Journal
-from service.texts.alarm_texts import episode_words
+from service.texts import episode_words
 
 RETRY_S = 1.0
 
@@ -22,6 +22,11 @@ class AxisAlarm(NamedTuple):
 
     axis_id: str
     alarm: Alarm
+
+    @property
+    def key(self) -> tuple[str, AlarmKey]:
+        """Of the alarm, whatever becomes of it."""
+        return self.axis_id, self.alarm.key
 
 
 class Quantity(NamedTuple):
@@ -46,9 +51,6 @@ def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Qua
     return found
 
 
-_Key = tuple[str, AlarmKey]  # with the axis
-
-
 class Alarms:
     """Writes changes to the journal and knows which alarms are open there.
 
@@ -68,15 +70,15 @@ class Alarms:
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._journal, self._quantities, self._clock = journal, quantities, clock
-        self._open: dict[_Key, AxisAlarm] = {}
-        self._waiting: dict[_Key, AxisAlarm] = {}
+        self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
+        self._waiting: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._next_try = -RETRY_S
         self.problem: str | None = None
         """Why alarms wait, for the operator; None while none wait."""
 
     def adopt(self, open_alarms: Iterable[AxisAlarm]) -> None:
         """Adopt alarms that are open in the journal from an earlier run."""
-        self._open |= {_key(*change): change for change in open_alarms}
+        self._open |= {change.key: change for change in open_alarms}
 
     def open(self, axis_id: str) -> tuple[Alarm, ...]:
         """The alarms of an axis that are open in the journal."""
@@ -85,7 +87,7 @@ class Alarms:
     def record(self, changes: Iterable[AxisAlarm]) -> None:
         """Add changes, and write all waiting ones, unless the last try has failed a moment ago."""
         for change in changes:
-            self._waiting[_key(*change)] = change
+            self._waiting[change.key] = change
         if self._waiting and self._clock() >= self._next_try:
             self._write()
 
@@ -106,7 +108,7 @@ class Alarms:
 
     def _show(self, change: AxisAlarm) -> None:
         """Show the alarm as it is in the journal, and log the change."""
-        key, alarm = _key(*change), change.alarm
+        key, alarm = change.key, change.alarm
         before = self._open.pop(key, None)
         if alarm.ended_us is not None:
             log.info("alarm ended", **self._facts(change))
@@ -135,10 +137,6 @@ class Alarms:
             "causes": {cause.parameter: round(cause.probability, 3) for cause in e.causes},
             "words": episode_words(e, quantity.nominal, quantity.unit),
         }
-
-
-def _key(axis_id: str, alarm: Alarm) -> _Key:
-    return axis_id, alarm.key
 
 
 def _name(e: Alarm) -> tuple[str, ...]:

@@ -1,15 +1,17 @@
-"""Monitors of all configured axes: samples by axis in, changed alarms out."""
+"""Monitors of all configured axes: samples by axis in, changed alarms out; and from the frames of all buses to them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
 from monitor_core.drive import Operating
 from monitor_core.monitoring import NEVER, AxisMonitor, AxisTrace, Fleet
 from monitor_core.samples import SampleBlock
-from service.config import NamedAxis, conditions_of
-from service.config.axis_settings import axis_model, axis_settings
-from service.config.detector_choice import detectors_of
+from service.can.frames import Frame, Sample
+from service.config import Config, NamedAxis, conditions_of
+from service.config.axis_settings import axis_settings, detectors_of
+from service.config.drives import axis_model
+from service.ingest.bus_samples import Ingest, block_of
 from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.trends import Trends
@@ -114,3 +116,40 @@ def _motion(monitor: AxisMonitor) -> Motion | None:
     A, _, C = monitor.model.matrices()
     angle, speed = float(C[0] @ state.x[:, lane]), float((C @ A)[0] @ state.x[:, lane])
     return Motion(int(state.t[lane]), angle, speed * 1e-6)
+
+
+# --- From frames to changed alarms: without clock, thread or file -----------------------------------------------------
+
+
+class FramePipeline:
+    """Ingest of every bus and the monitors of every axis.
+
+    Raises:
+        AxisError: an axis cannot be monitored as configured.
+        DbcError, IngestError: a bus cannot be decoded as configured.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.monitors = AxisMonitors(config.axes)
+        self.ingests: Mapping[str, Ingest] = {bus.name: Ingest(config, bus.name) for bus in config.bus}
+        self._samples: dict[str, list[Sample]] = {}
+
+    def take(self, bus: str, frames: Iterable[Frame]) -> None:
+        """Take frames of a bus, in the order of their receipt; their samples wait for ``update``."""
+        self._keep(self.ingests[bus].feed(frames))
+
+    def update(self) -> list[AxisAlarm]:
+        """Pass all waiting samples to the monitors; returns the alarms that changed."""
+        waiting, self._samples = self._samples, {}
+        if not waiting:
+            return []
+        return self.monitors.update({axis_id: block_of(samples) for axis_id, samples in waiting.items()})
+
+    def flush(self) -> None:
+        """End of the frames: values without a partner are counted; the last samples wait for ``update``."""
+        for ingest in self.ingests.values():
+            self._keep(ingest.flush())
+
+    def _keep(self, samples: Mapping[str, list[Sample]]) -> None:
+        for axis_id, found in samples.items():
+            self._samples.setdefault(axis_id, []).extend(found)

@@ -1,15 +1,22 @@
-"""Checkpoints of all monitors, at an interval and at the end."""
+"""Checkpoints of all monitors, at an interval and at the end; and the restart from them."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from time import monotonic
 from typing import Literal, NamedTuple
 
+import numpy as np
 import structlog
 
+from monitor_core.arrays import Floats
+from monitor_core.detection import Alarm
 from monitor_core.monitoring import Arrays, AxisMonitor
-from service.pipeline.trends import Trends
-from service.store.checkpoints import AxisState, Checkpoints
+from monitor_core.trend import SlowHistory
+from service.pipeline.alarms import AxisAlarm
+from service.pipeline.trends import Trends, completed_id, gathered_id
+from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.database import StoreError
+from service.store.journal import Journal
 
 log = structlog.get_logger(__name__)
 
@@ -95,3 +102,179 @@ class Checkpointer:
                 arrays = state.arrays()
                 if arrays is not None:
                     yield AxisState(state.name, state.key, arrays)
+
+
+# --- Restart: estimates and trends from the checkpoints, open alarms from the journal, a report of what was lost ------
+
+
+PART_NAMES: Mapping[Part, str] = {
+    "estimates": "the estimates",
+    "multimodel": "the evidence of the multi-model detector",
+    "history": "the long-term history",
+}
+
+
+class Loss(NamedTuple):
+    """A saved state that cannot be used and was quarantined."""
+
+    axis_id: str
+    part: Part
+    reason: str
+    parameter: str = ""
+    """Of a history; empty: the entries that were being gathered, of all parameters"""
+
+
+class Restored(NamedTuple):
+    """What was restored.
+
+    ``open`` are the alarms that are open in the journal; ``unrecorded`` those that it does not have yet.
+    """
+
+    checkpoint_us: int | None
+    open: tuple[AxisAlarm, ...]
+    unrecorded: tuple[AxisAlarm, ...]
+    messages: tuple[str, ...]
+    losses: tuple[Loss, ...] = ()
+
+
+def restore(
+    monitors: Mapping[str, AxisMonitor], checkpoints: Checkpoints, journal: Journal, now_us: int
+) -> Restored:
+    """Bring the monitors to the state of the last run.
+
+    The journal decides which alarms are open, as it may be newer than the checkpoint.  Only an alarm that the journal
+    has never seen, as its file was damaged and created again, is taken from the checkpoint.
+
+    Raises:
+        StoreError: a file cannot be read or written.
+    """
+    messages: list[str] = [*checkpoints.messages, *journal.messages]
+    loader, times = _Loader(checkpoints, now_us), list[int]()
+    opened: list[AxisAlarm] = []
+    unrecorded: list[AxisAlarm] = []
+    for axis_id, monitor in monitors.items():
+        for state in states_of(axis_id, monitor):
+            at = Loss(axis_id, state.part, "")
+            found = loader.load(at, state.name, state.key)
+            if found is not None and loader.use(at, state.name, state.restore, found.arrays):
+                times.append(found.at_us)
+        messages += _close_unmonitored(axis_id, monitor, journal, now_us)
+        recorded = journal.open_alarms(axis_id)
+        opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
+        changes = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
+        unrecorded += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, changes, journal)]
+    messages += _removed_axes(monitors, journal)
+    return Restored(
+        min(times, default=None), tuple(opened), tuple(unrecorded), tuple(messages), tuple(loader.losses)
+    )
+
+
+def restore_trends(trends: Trends, checkpoints: Checkpoints, now_us: int) -> list[Loss]:
+    """Restore the long-term histories; returns those that cannot be used.
+
+    A history that is damaged, or was made with other nominal values, is quarantined, counted, and starts again.
+
+    Raises:
+        StoreError: the file cannot be read or written.
+    """
+    loader = _Loader(checkpoints, now_us)
+    for axis_id, (names, monitor, key) in trends.axes.items():
+        each = [(Loss(axis_id, "history", "", name), completed_id(axis_id, name)) for name in names]
+        completed = [loader.load(at, name, key) for at, name in each]
+        gathered = loader.load(Loss(axis_id, "history", ""), gathered_id(axis_id), key)
+        opened = {} if gathered is None else gathered.arrays
+        for (at, name), history, found in zip(each, monitor.histories, completed, strict=True):
+            nothing: Arrays = {"entries": history.closed_to_array()}
+            resume = partial(_restore_history, history, np.asarray(opened.get(at.parameter, ()), float))
+            loader.use(at, name, resume, nothing if found is None else found.arrays)
+    trends.resume(loss.axis_id for loss in loader.losses)
+    return loader.losses
+
+
+def _restore_history(history: SlowHistory, gathered: Floats, arrays: Arrays) -> None:
+    history.restore(np.asarray(arrays["entries"], float), gathered)
+
+
+class _Loader:
+    """Loads checkpoints; those that cannot be used are quarantined, and are ``losses``."""
+
+    def __init__(self, checkpoints: Checkpoints, now_us: int) -> None:
+        self._checkpoints, self._now_us = checkpoints, now_us
+        self.losses: list[Loss] = []
+
+    def load(self, at: Loss, name: str, key: str) -> Checkpoint | None:
+        found = self._checkpoints.load(name, key, self._now_us)
+        if isinstance(found, QuarantinedCheckpoint):
+            self.losses.append(at._replace(reason=found.reason))
+            return None
+        return found
+
+    def use(self, at: Loss, name: str, restore: Callable[[Arrays], None], arrays: Arrays) -> bool:
+        """Restore the state; whether it fits."""
+        try:
+            restore(dict(arrays))
+        except (KeyError, ValueError) as error:
+            reason = f"it does not fit this version ({error})"
+            self._checkpoints.quarantine(name, reason, self._now_us)
+            self.losses.append(at._replace(reason=reason))
+            return False
+        return True
+
+
+# --- open alarms ----------------------------------------------------------------------------------------
+
+
+def _close_unmonitored(axis_id: str, monitor: AxisMonitor, journal: Journal, now_us: int) -> list[str]:
+    ended = journal.close_unmonitored(axis_id, monitor.causes, now_us)
+    return [f"{axis_id}: the alarm of {a.parameter} was ended: that is no longer monitored" for a in ended]
+
+
+def _adopt(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journal: Journal) -> list[Alarm]:
+    """Let the monitor have the open alarms of the journal; returns those that the journal has never seen."""
+    now = {alarm.key: alarm for alarm in recorded}
+    unknown = [a for a in monitor.open_alarms if a.key not in now and not _is_known(axis_id, a, journal)]
+    monitor.adopt([*now.values(), *unknown])
+    return unknown
+
+
+def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
+    found, _ = journal.query(axis_id, since_us=alarm.raised_us, until_us=alarm.raised_us + 1)
+    return any(recorded.first == alarm.first for recorded in found)
+
+
+def _removed_axes(monitors: Mapping[str, AxisMonitor], journal: Journal) -> list[str]:
+    alarms, _ = journal.query(active=True, limit=1000)
+    removed = dict.fromkeys(alarm.axis for alarm in alarms if alarm.axis not in monitors)
+    return [f"{axis} is no longer configured, but has open alarms in the journal" for axis in removed]
+
+
+# --- report ---------------------------------------------------------------------------------------------
+
+
+def loss_messages(losses: Iterable[Loss]) -> Iterator[str]:
+    """One message for each axis: why its checkpoint is not used, and what restarts because of that."""
+    by_axis: dict[str, list[Loss]] = {}
+    for loss in losses:
+        by_axis.setdefault(loss.axis_id, []).append(loss)
+    for axis_id, lost in by_axis.items():
+        share = "" if "estimates" in {loss.part for loss in lost} else "part of "
+        by_reason: dict[str, list[Loss]] = {}
+        for loss in lost:
+            by_reason.setdefault(loss.reason, []).append(loss)
+        reasons = "; ".join(f"{reason} (restarted: {_parts(found)})" for reason, found in by_reason.items())
+        yield f"{axis_id}: {share}its checkpoint is not used and was quarantined: {reasons}"
+
+
+def _parts(losses: list[Loss]) -> str:
+    """The estimates, the evidence of .. and the long-term history of kT and fm."""
+    found = []
+    for part, name in PART_NAMES.items():
+        of_part = [loss for loss in losses if loss.part == part]
+        parameters = list(dict.fromkeys(loss.parameter for loss in of_part if loss.parameter))
+        if of_part:
+            found.append(f"{name} of {_listed(parameters)}" if parameters else name)
+    return _listed(found)
+
+
+def _listed(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)

@@ -1,11 +1,16 @@
 """Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import AxisStatus, ParameterTrend
+from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
+from service.config import NamedAxis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
+from service.pipeline.alarms import Alarms
+from service.pipeline.axis_monitors import FramePipeline
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,24 +23,6 @@ class HistoryPoint:
     g_up: tuple[float, ...]
     g_down: tuple[float, ...]
     nominals: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class History:
-    """The last points, oldest first, in immutable chunks: appending shares all chunks but the last."""
-
-    chunks: tuple[tuple[HistoryPoint, ...], ...] = ()
-
-    def append(self, point: HistoryPoint, chunk: int = 60, most: int = 60) -> "History":
-        """A history with one more point; the oldest chunk of ``chunk`` points goes when there are ``most``."""
-        if self.chunks and len(self.chunks[-1]) < chunk:
-            return History((*self.chunks[:-1], (*self.chunks[-1], point)))
-        return History((*self.chunks, (point,))[-most:])
-
-    @property
-    def points(self) -> tuple[HistoryPoint, ...]:
-        """All points, oldest first."""
-        return tuple(point for chunk in self.chunks for point in chunk)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +47,8 @@ class AxisSnapshot:
     """Values that did not become a sample, by reason (service.ingest.assemble.REASONS)"""
     clock: Mapping[str, int]
     """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
-    history: History
+    history: tuple[HistoryPoint, ...]
+    """The last points, oldest first"""
     gated_by: str = ""
     """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
     stamps: Stamps = NOT_KNOWN
@@ -113,3 +101,93 @@ class Snapshot:
     def axis(self, axis_id: str) -> AxisSnapshot | None:
         """The axis of that id."""
         return next((axis for axis in self.axes if axis.id == axis_id), None)
+
+
+# --- How they are made: status of the monitor, recent history of the estimates, alarms as recorded in the journal -----
+
+
+class RecentHistory:
+    """Estimates of an axis, one point in each interval of its sample time, the last ones of this length."""
+
+    def __init__(self, interval_s: float, length_s: float) -> None:
+        self._interval_us = round(interval_s * 1e6)
+        self._points = deque[HistoryPoint](maxlen=math.ceil(length_s / interval_s))
+        self.points: tuple[HistoryPoint, ...] = ()
+        """Oldest first, for snapshots"""
+
+    def add(self, status: AxisStatus) -> None:
+        """Append the newest status of the axis, if a point is due."""
+        t = status.time_us
+        # A clock that was set back leaves no gap of that length.
+        if t is None or (self._points and abs(t - self._points[-1].time_us) < self._interval_us):
+            return
+        self._points.append(_point(t, status))
+        self.points = tuple(self._points)
+
+
+def _point(t_us: int, status: AxisStatus) -> HistoryPoint:
+    ps = status.parameters
+    return HistoryPoint(
+        time_us=t_us,
+        estimates=tuple(p.estimate for p in ps),
+        standard_deviations=tuple(p.standard_deviation for p in ps),
+        g_up=tuple(p.g_up for p in ps),
+        g_down=tuple(p.g_down for p in ps),
+        nominals=tuple(p.nominal for p in ps),
+    )
+
+
+class AxisView:
+    """Snapshots of one axis, from its input, its monitor and the journal."""
+
+    def __init__(
+        self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: RecentHistory
+    ) -> None:
+        self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
+        self._model = model = pipeline.monitors.by_id[axis.id].model
+        self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
+
+    def snapshot(self) -> AxisSnapshot:
+        """Snapshot of the axis now.  Its alarms are those of the journal: no others are shown."""
+        axis, drive, monitors = self._axis, self._model.drive, self._pipeline.monitors
+        monitor = monitors.by_id[axis.id]
+        source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
+        status, open_alarms = monitor.status(), self._alarms.open(axis.id)
+        self._history.add(status)
+        return AxisSnapshot(
+            id=axis.id,
+            robot=axis.robot,
+            name=axis.config.name,
+            bus=axis.config.bus,
+            drive=drive.name,
+            output=drive.output,
+            interval_s=axis.config.sample_interval_s,
+            nominal=self._nominal,
+            status=_as_recorded(status, open_alarms),
+            open_alarms=open_alarms,
+            dropped={**source.dropped, **monitors.dropped(axis.id)},
+            clock=source.events,
+            history=self._history.points,
+            gated_by=monitors.waits_for(axis.id),
+            stamps=source.stamps,
+            other_causes=tuple(c for c in monitor.causes if c not in self._model.monitored),
+            trends=monitors.trends.for_axis(axis.id),
+            histories_lost=monitors.trends.lost[axis.id],
+        )
+
+
+def _as_recorded(status: AxisStatus, open_alarms: Iterable[Alarm]) -> AxisStatus:
+    """The status with the alarms of the journal, where the monitor is ahead of the journal."""
+    recorded = {e.parameter for e in open_alarms if e.kind != "forecast"}
+    if all((p.status is Status.ALARM) == (p.name in recorded) for p in status.parameters):
+        return status
+    return replace(
+        status,
+        parameters=tuple(replace(p, status=_status(p.status, p.name in recorded)) for p in status.parameters),
+    )
+
+
+def _status(status: Status, recorded: bool) -> Status:
+    if recorded:
+        return Status.ALARM
+    return Status.TRACKING if status is Status.ALARM else status

@@ -24,6 +24,7 @@ compile_kernel(int(sys.argv[1]))
 """
 
 log = structlog.get_logger(__name__)
+_FAILED = "the kernel could not be compiled in a process of its own"
 
 
 HYPOTHESES = 0
@@ -89,7 +90,7 @@ class CacheFiller:
                     start_new_session=True, env=_effort(lanes),
                 )  # fmt: skip
             except OSError as error:
-                _log_failure(str(error))
+                log.warning(_FAILED, reason=str(error))
                 return None
             self._children.append(child)
             return child
@@ -97,7 +98,9 @@ class CacheFiller:
     def _wait(self, child: subprocess.Popen[str]) -> None:
         _, messages = child.communicate()
         if child.returncode != 0 and not self._stopped:
-            _log_failure(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
+            log.warning(
+                _FAILED, reason=messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}"
+            )
 
 
 def _effort(lanes: int) -> dict[str, str]:
@@ -125,7 +128,3 @@ def _shape(lanes: int) -> str:
     if lanes == HYPOTHESES:
         return "hypotheses"
     return "few-axes" if lanes < FEWEST_LANES else "many-axes"
-
-
-def _log_failure(reason: str) -> None:
-    log.warning("the kernel could not be compiled in a process of its own", reason=reason)

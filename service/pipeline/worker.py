@@ -20,10 +20,9 @@ from service.can.user_errors import RecordError
 from service.config import Config
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarms import Alarms
+from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.publishing import AxisView, RecentHistory
-from service.pipeline.snapshot import BusSnapshot, Histogram, Snapshot
+from service.pipeline.snapshot import AxisView, BusSnapshot, Histogram, RecentHistory, Snapshot
 
 TICK_S = 0.1
 """Time between blocks and between snapshots: long enough for one call of the kernel to pay."""

@@ -1,21 +1,27 @@
-"""Numbers, tables, JSON and TOML as all reports write them, and how a result was made."""
+"""Numbers, tables, JSON, TOML and pages as all reports write them, and how a result was made."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import shlex
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table as RichTable
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 _FULL = 1e7
 _MANY = 10.0
@@ -161,3 +167,42 @@ def toml_key(name: str) -> str:
 def one_line(text: str) -> str:
     """As it can stand in a comment."""
     return "".join(c if c.isprintable() else " " for c in text)
+
+
+# --- HTML pages from the templates in this folder; values are escaped -------------------------------------------------
+
+
+TEMPLATES = Path(__file__).parent / "templates"
+_NOT_HTML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def render(template: str, **values: Any) -> str:
+    """The page that a template makes of these values; pictures are ``safe`` HTML."""
+    return _environment().get_template(template).render(**values)
+
+
+def safe(html: str) -> str:
+    """HTML that is made by the program itself, as a picture, and is not escaped."""
+    from markupsafe import Markup
+
+    return Markup(html)
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
+
+    def clean(value: Any) -> Any:
+        is_text = isinstance(value, str) and not isinstance(value, Markup)
+        return _NOT_HTML.sub("", value) if is_text else value
+
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        finalize=clean,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )

@@ -1,19 +1,31 @@
-"""The report of an identification as one HTML page."""
+"""The report of an identification as one HTML page, with its plots."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monitor_core.identification import LEVEL, ParameterRow
+from monitor_core.arrays import Floats
+from monitor_core.identification import (
+    LEVEL,
+    UNITS,
+    Bode,
+    Correlation,
+    FrequencyResponse,
+    ParameterRow,
+    Trace,
+)
 from service.reports import identification_report as content
-from service.reports.formats import percent
-from service.reports.html import render, safe
-from service.reports.identification_plots import bode_picture, residual_picture, trace_picture
+from service.reports.formats import percent, render, safe
 from service.reports.identification_report import IdentificationReport
+from service.reports.plot_style import BEFORE, FOUND, INK, MEASURED, OTHER, SIMULATED, as_svg, figure, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import XAxis
 
 _LEAST, _MOST = 1e-4, 1.0
 """Standard deviations at the ends of their bars, which are logarithmic."""
@@ -90,3 +102,149 @@ def _correlation(r: float) -> dict[str, Any]:
         return {"value": None}
     kind = " ".join(["minus"] * (r < 0) + ["strong"] * (abs(r) > _STRONG))
     return {"value": f"{r:.2f}", "kind": kind, "opacity": f"{0.75 * abs(r):.2f}"}
+
+
+# --- Plots: measurement and prediction, tests of the errors, Bode plot ------------------------------------------------
+
+
+_ZOOM_S = 2.0
+_SIGMAS = 2.0
+_FLOOR_DB = 15.0
+"""Room below and above the drive's own curve."""
+
+
+def trace_picture(trace: Trace, output: str, salt: str) -> str:
+    """The whole record, some seconds of it in detail, and the errors."""
+    quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
+    with figure(7.4) as drawn:
+        full, detail, run, ahead = drawn.subplots(4, 1, height_ratios=(2, 2, 1.1, 1.1))
+        _lines(full, trace, slice(None))
+        full.set(title="Whole record", ylabel=quantity)
+        full.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, borderaxespad=0.2)
+        part = _lively(trace)
+        _lines(detail, trace, part)
+        detail.set(title="In detail", ylabel=quantity, xlim=trace.t[part][[0, -1]])
+        run.plot(*thinned(trace.t, trace.y - trace.simulated), color=SIMULATED, lw=0.9)
+        run.set(title="Errors of the simulation", ylabel="error")
+        ahead.plot(*thinned(trace.t, trace.y - trace.predicted), color=FOUND, lw=0.9)
+        ahead.set(title="Errors one step ahead", ylabel="error", xlabel="time [s]")
+        for axes in (full, run, ahead):
+            axes.set_xlim(trace.t[0], trace.t[-1])
+        return as_svg(drawn, f"{quantity} measured, predicted and simulated", salt)
+
+
+def _lines(axes: Axes, trace: Trace, part: slice) -> None:
+    t = trace.t[part]
+    axes.plot(*thinned(t, trace.y[part]), color=MEASURED, lw=2.6, label="measured")
+    axes.plot(*thinned(t, trace.simulated[part]), color=SIMULATED, lw=1.2, label="simulated")
+    axes.plot(
+        *thinned(t, trace.predicted[part]),
+        color=FOUND,
+        lw=1.0,
+        ls=(0, (4, 2)),
+        label="predicted one step ahead",
+    )
+
+
+def _lively(trace: Trace) -> slice:
+    """The seconds in which the output moves most."""
+    h = float(np.median(np.diff(trace.t)))
+    count = min(trace.t.size, max(20, round(_ZOOM_S / h)))
+    moves = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(np.nan_to_num(trace.simulated), 2)))))
+    if moves.size <= count:
+        return slice(0, count)
+    start = int(np.argmax(moves[count:] - moves[:-count]))
+    return slice(start, start + count)
+
+
+def residual_picture(report: IdentificationReport) -> str:
+    """Autocorrelation of the prediction errors, and their correlation with the torque, with 99 % limits."""
+    e = report.result.estimate
+    with figure(2.9) as drawn:
+        left, right = drawn.subplots(1, 2)
+        _stems(left, e.whiteness, "Errors with earlier errors")
+        _stems(right, e.independence, "Errors with earlier torque")
+        return as_svg(drawn, "correlations of the prediction errors, with their limits", "residuals")
+
+
+def _stems(axes: Axes, c: Correlation, title: str) -> None:
+    axes.axhspan(-c.limit, c.limit, color=FOUND, alpha=0.16, lw=0)
+    outside = np.abs(c.values) > c.limit
+    for which, colour in ((~outside, FOUND), (outside, SIMULATED)):
+        axes.vlines(c.lags[which], 0, c.values[which], color=colour, lw=2)
+    axes.axhline(0, color=INK, lw=0.8)
+    largest = max(4 * c.limit, 1.15 * float(np.abs(c.values).max(initial=0.0)), 1e-3)
+    axes.set(title=title, xlabel="lag [samples]", ylabel="correlation", ylim=(-largest, largest))
+    axes.grid(axis="x", visible=False)
+
+
+def bode_picture(bode: Bode) -> str:
+    """Gain and phase from torque to speed over the excited band: drive with its band, black box, record."""
+    from matplotlib.ticker import MultipleLocator
+
+    with figure(6.2) as drawn:
+        gain, phase = drawn.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        if bode.measured is not None:
+            _measured(gain, phase, bode.measured, bode.drive)
+        if bode.before is not None:
+            _dashed(gain, phase, bode.before, BEFORE, (0, (1, 2)))
+        if bode.black_box is not None:
+            _dashed(gain, phase, bode.black_box, OTHER, (0, (5, 2)))
+        _banded(gain, phase, bode.drive)
+        lowest, highest = float(np.nanmin(bode.drive.db)), float(np.nanmax(bode.drive.db))
+        gain.set(
+            ylabel="gain [dB, rad/s per N m]", xscale="log", ylim=(lowest - _FLOOR_DB, highest + _FLOOR_DB)
+        )
+        phase.set(ylabel="phase [degrees]", xlabel="frequency [rad/s]")
+        phase.yaxis.set_major_locator(MultipleLocator(90))
+        degrees = np.degrees(bode.drive.phase)
+        phase.set_ylim(float(degrees.min()) - 60, float(degrees.max()) + 60)
+        gain.set_xlim(_omega(bode.drive)[[0, -1]])
+        hertz = gain.secondary_xaxis("top", functions=(lambda w: w / (2 * np.pi), lambda f: f * 2 * np.pi))
+        hertz.set_xlabel("frequency [Hz]")
+        for axis in (gain.xaxis, hertz.xaxis):
+            _plain_decades(axis)
+        gain.legend(loc="lower left")
+        return as_svg(drawn, "frequency responses from torque to speed", "bode")
+
+
+def _omega(response: FrequencyResponse) -> Floats:
+    return 2 * np.pi * response.frequency_hz
+
+
+def _banded(gain: Axes, phase: Axes, response: FrequencyResponse) -> None:
+    w, sd = _omega(response), np.degrees(_SIGMAS * response.sd_phase)
+    gain.fill_between(w, *response.band_db(_SIGMAS), color=FOUND, alpha=0.25, lw=0)
+    gain.plot(
+        w, response.db, color=FOUND, lw=1.8, label=f"{response.name} (band: {_SIGMAS:g} standard deviations)"
+    )
+    degrees = np.degrees(response.phase)
+    phase.fill_between(w, degrees - sd, degrees + sd, color=FOUND, alpha=0.25, lw=0)
+    phase.plot(w, degrees, color=FOUND, lw=1.8)
+
+
+def _dashed(
+    gain: Axes, phase: Axes, response: FrequencyResponse, colour: str, dashes: tuple[float, tuple[float, ...]]
+) -> None:
+    gain.plot(_omega(response), response.db, color=colour, ls=dashes, label=response.name)
+    phase.plot(_omega(response), np.degrees(response.phase), color=colour, ls=dashes)
+
+
+def _measured(gain: Axes, phase: Axes, response: FrequencyResponse, near: FrequencyResponse) -> None:
+    """Points with their deviations; the phase by whole turns nearest to the drive's."""
+    w = _omega(response)
+    low, high = response.band_db(_SIGMAS)
+    gain.vlines(w, low, high, color=MEASURED, lw=0.8, alpha=0.5)
+    gain.plot(w, response.db, ".", color=MEASURED, ms=3.5, label=response.name)
+    degrees = np.degrees(np.angle(response.G))
+    expected = np.interp(w, _omega(near), np.degrees(near.phase))
+    phase.plot(w, degrees + 360 * np.rint((expected - degrees) / 360), ".", color=MEASURED, ms=3.5)
+
+
+def _plain_decades(axis: XAxis) -> None:
+    """1, 2, 5, 10, 20, .. written as they are."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.modeling import FlatInput, FlatSensor, Laurent, StateSpace
+from monitor_core.modeling import Laurent, StateSpace
 from service.reports.formats import json_text
 
 if TYPE_CHECKING:
@@ -84,28 +83,7 @@ def _not_examined(space: StateSpace) -> str:
     return ""
 
 
-# --- What goes into a drive and comes out, the same in all reports ----------------------------------------------------
-
-
 OUTPUT_UNITS = {"speed": "rad/s", "angle": "rad"}
-_INPUTS = {
-    TORQUE: "motor torque, N m",
-    COULOMB: "direction of motion, tanh(speed/scale)",
-    ONE: "constant 1",
-    COSINE: "cosine of the angle",
-    SINE: "sine of the angle",
-}
-
-
-def input_words(given: FlatInput) -> str:
-    """``torque.tau: motor torque, N m``."""
-    words = _INPUTS[given.kind]
-    return words if given.kind == ONE else f"{given.name}: {words}"
-
-
-def output_words(sensor: FlatSensor) -> str:
-    """``encoder: speed, rad/s``."""
-    return f"{sensor.name}: {sensor.quantity}, {OUTPUT_UNITS[sensor.quantity]}"
 
 
 def matrices(space: StateSpace) -> dict[str, list[list[str]]]:
@@ -120,37 +98,6 @@ def matrices(space: StateSpace) -> dict[str, list[list[str]]]:
             ("C", space.C, p, n),
         )
     }
-
-
-# --- What a record tells of the parameters of a drive -----------------------------------------------------------------
-
-
-_MODEST = 10
-"""Condition of the scaled sensitivities below which nothing is said of it."""
-
-
-def experiment_words(local: LocalIdentifiability) -> str:
-    """What the figures stand on."""
-    noise = f"{local.noise:.3g} {OUTPUT_UNITS[local.quantity]}"
-    return f"{local.experiment.words}; noise {noise}; standard deviation of each parameter:"
-
-
-def deviation_cells(local: LocalIdentifiability) -> Iterator[str]:
-    """``Jm 0.3 %`` for each parameter."""
-    for name, sd in zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True):
-        yield f"{name} {100 * sd:.2g} %" if sd < math.inf else f"{name}: not told"
-
-
-def local_words(local: LocalIdentifiability) -> tuple[str, ...]:
-    """What is not told, what was assumed."""
-    words = local.accuracy.words()
-    if local.accuracy.condition > _MODEST:
-        words += (f"Condition of the scaled sensitivities: {local.accuracy.condition:.3g}.",)
-    if local.held:
-        words += (f"Held known: {', '.join(local.held)}.",)
-    if local.left_out:
-        words += (f"Zero at nominal, left out: {', '.join(local.left_out)}.",)
-    return words
 
 
 # --- JSON -------------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Iterator
 from typing import Literal
 
@@ -10,17 +11,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from monitor_core.drive import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.excitation import LocalIdentifiability
-from monitor_core.modeling import Laurent, Resonances, StateSpace, modes
-from service.reports.model_facts import (
-    Facts,
-    deviation_cells,
-    experiment_words,
-    input_words,
-    local_words,
-    matrices,
-    output_words,
-)
+from monitor_core.modeling import FlatInput, FlatSensor, Laurent, Resonances, StateSpace, modes
+from service.reports.model_facts import OUTPUT_UNITS, Facts, matrices
 
 _PAPER = "three-mass"
 _INDENT = 2
@@ -95,8 +89,8 @@ def _grid(
 
 def _signals(space: StateSpace) -> Table:
     rows = [(f"x{i}", f"{s.name}, {s.unit}") for i, s in enumerate(space.states, 1)]
-    rows += [(f"u{i}", input_words(u)) for i, u in enumerate(space.inputs, 1)]
-    rows += [(f"y{i}", output_words(s)) for i, s in enumerate(space.sensors, 1)]
+    rows += [(f"u{i}", _input_words(u)) for i, u in enumerate(space.inputs, 1)]
+    rows += [(f"y{i}", _output_words(s)) for i, s in enumerate(space.sensors, 1)]
     return _grid(rows, key="cyan")
 
 
@@ -138,10 +132,10 @@ def _resonances(motion: Resonances) -> RenderableType:
 
 def _told(local: LocalIdentifiability) -> RenderableType:
     """The standard deviation of each parameter, side by side to save lines, and what is not told, in words."""
-    cells = list(deviation_cells(local))
+    cells = list(_deviation_cells(local))
     starts = range(0, len(cells), _SIDE_BY_SIDE)
     table = _grid(tuple(cells[start : start + _SIDE_BY_SIDE]) for start in starts)
-    return Group(Text(experiment_words(local)), table, _sentences(local_words(local)) or Text(""))
+    return Group(Text(_experiment_words(local)), table, _sentences(_local_words(local)) or Text(""))
 
 
 def _lines(lines: Iterable[str]) -> RenderableType | None:
@@ -152,6 +146,55 @@ def _lines(lines: Iterable[str]) -> RenderableType | None:
 def _sentences(sentences: Iterable[str]) -> RenderableType | None:
     table = _grid((("-", sentence) for sentence in sentences), gap=1)
     return table if table.row_count else None
+
+
+# --- What goes into a drive and comes out, and what a record tells of its parameters, in words ------------------------
+
+
+_INPUTS = {
+    TORQUE: "motor torque, N m",
+    COULOMB: "direction of motion, tanh(speed/scale)",
+    ONE: "constant 1",
+    COSINE: "cosine of the angle",
+    SINE: "sine of the angle",
+}
+
+
+def _input_words(given: FlatInput) -> str:
+    """``torque.tau: motor torque, N m``."""
+    words = _INPUTS[given.kind]
+    return words if given.kind == ONE else f"{given.name}: {words}"
+
+
+def _output_words(sensor: FlatSensor) -> str:
+    """``encoder: speed, rad/s``."""
+    return f"{sensor.name}: {sensor.quantity}, {OUTPUT_UNITS[sensor.quantity]}"
+
+
+_MODEST = 10
+"""Condition of the scaled sensitivities below which nothing is said of it."""
+
+
+def _experiment_words(local: LocalIdentifiability) -> str:
+    noise = f"{local.noise:.3g} {OUTPUT_UNITS[local.quantity]}"
+    return f"{local.experiment.words}; noise {noise}; standard deviation of each parameter:"
+
+
+def _deviation_cells(local: LocalIdentifiability) -> Iterator[str]:
+    """``Jm 0.3 %`` for each parameter."""
+    for name, sd in zip(local.accuracy.names, local.accuracy.standard_deviations.tolist(), strict=True):
+        yield f"{name} {100 * sd:.2g} %" if sd < math.inf else f"{name}: not told"
+
+
+def _local_words(local: LocalIdentifiability) -> tuple[str, ...]:
+    words = local.accuracy.words()
+    if local.accuracy.condition > _MODEST:
+        words += (f"Condition of the scaled sensitivities: {local.accuracy.condition:.3g}.",)
+    if local.held:
+        words += (f"Held known: {', '.join(local.held)}.",)
+    if local.left_out:
+        words += (f"Zero at nominal, left out: {', '.join(local.left_out)}.",)
+    return words
 
 
 # --- A, B and C in lines of text: as matrices where they fit, else as equations ---------------------------------------

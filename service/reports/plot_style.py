@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from service.reports.html import TEMPLATES
+from service.reports.formats import TEMPLATES
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

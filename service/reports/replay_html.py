@@ -9,8 +9,7 @@ from typing import Any
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import ParameterStatus, Status
 from monitor_core.trend import COVERED
-from service.reports.formats import percent, plain
-from service.reports.html import render, safe
+from service.reports.formats import percent, plain, render, safe
 from service.reports.replay_course import SIGMAS, Course
 from service.reports.replay_plots import axis_pictures
 from service.reports.replay_result import (
@@ -98,7 +97,6 @@ def _alarm(axis: ReplayedAxis, alarm: Alarm) -> dict[str, Any]:
 
 
 def _time(axis: ReplayedAxis, t_us: int | None) -> tuple[str | None, str]:
-    """Time since the first sample, and date; None: not yet."""
     if t_us is None:
         return None, ""
     line = _course(axis).timeline

@@ -10,25 +10,24 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.monitoring import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, ParameterStatus
-from service.reports import multimodel_plots as bank_plots
 from service.reports import replay_course as rows
-from service.reports.multimodel_plots import DECREASE, INCREASE, H
 from service.reports.plot_style import (
     ALARM,
     BEFORE,
     FOUND,
     GRID,
     INK,
+    OTHER,
     QUIET,
+    SIMULATED,
     add_percent,
     as_svg,
     figure,
     legend_of,
     with_unit,
 )
-from service.reports.replay_course import SIGMAS, Course, Group
+from service.reports.replay_course import SIGMAS, BankCourse, Course, Group, zigzag
 from service.reports.replay_result import ReplayedAxis, TimeUnit, duration, time_unit
-from service.reports.timeline import zigzag
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,6 +39,7 @@ _ESTIMATE, _G, _FATE, _LEGEND = 1.75, 1.05, 0.2, 0.9
 """Heights, inches."""
 _NARROWEST = 0.003
 """Of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
+INCREASE, DECREASE, H = "g of an increase", "g of a decrease", "h"
 _LINES = (
     *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "nominal ± ν"),
     *(INCREASE, DECREASE, H, "onset"),
@@ -71,7 +71,7 @@ def _picture(axis: ReplayedAxis, course: Course, chosen: Sequence[int], salt: st
     of_each = [_ESTIMATE, _G] if course.beside is None else [_ESTIMATE, _G, _G]
     others = list[Group]()
     if course.beside is not None and chosen[-1] == len(axis.status.parameters) - 1:
-        others = bank_plots.others(course.beside, [p.name for p in axis.status.parameters])
+        others = _others(course.beside, [p.name for p in axis.status.parameters])
     heights = of_each * len(chosen) + [_G] * bool(others) + [_FATE * (len(fates) + 1)] * bool(fates)
     with figure(sum(heights) + _LEGEND) as drawn:
         grid = drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
@@ -81,7 +81,7 @@ def _picture(axis: ReplayedAxis, course: Course, chosen: Sequence[int], salt: st
             _draw_parameter(own, axis, course, i, unit)
         if others and course.beside is not None:
             axes = panels[len(of_each) * len(chosen)]
-            bank_plots.draw_others(axes, course, course.beside, others, unit)
+            _draw_others(axes, course, course.beside, others, unit)
             _mark_alarms((axes,), axis, course, "", unit)
             _shade(axes, course, unit)
         if fates:
@@ -103,7 +103,7 @@ def _draw_parameter(
     _draw_g(panels[1], course, i, unit)
     if course.beside is not None:
         panels[1].set(ylabel="CUSUM\ng / h")
-        bank_plots.draw_parameter(panels[2], course, course.beside, p.name, unit)
+        _draw_evidence(panels[2], course, course.beside, p.name, unit)
     _mark_alarms(panels, axis, course, p.name, unit)
     for axes in panels:
         _shade(axes, course, unit)
@@ -138,7 +138,7 @@ def _draw_estimate(axes: Axes, course: Course, i: int, p: ParameterStatus, unit:
 def _draw_g(axes: Axes, course: Course, i: int, unit: TimeUnit) -> None:
     h = float(course.h[i])
     (t, up), (_, down) = (_ups_and_downs(course, row, i, unit) for row in (rows.UP, rows.DOWN))
-    top = bank_plots.draw_directions(axes, (t, up / h), (t, down / h))
+    top = _draw_directions(axes, (t, up / h), (t, down / h))
     axes.set(ylabel="g / h", ylim=(0, 1.15 * max(top, 1.0)))
 
 
@@ -233,3 +233,82 @@ def _runs(where: Marks, course: Course, unit: TimeUnit) -> Iterator[tuple[float,
     edges = course.edges / unit.seconds
     for start, end in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
         yield float(edges[start]), max(float(edges[end] - edges[start]), _NARROWEST * float(edges[-1]))
+
+
+# --- g / h of the multi-model detector: beside the CUSUM tests of a parameter, and of the other causes ----------------
+
+
+Line = tuple[Floats, Floats]
+_COLOURS = ((INK, "-"), (OTHER, "-"), (BEFORE, "-"), (SIMULATED, (0, (3, 1))), (FOUND, (0, (3, 1))))
+"""Of the causes that are named in the panel: the likeliest ones."""
+_WORTH_A_NAME = 0.3
+"""g / h that a cause must have reached to be named."""
+_LINEAR = 1.6
+"""Up to here g / h is drawn as it is; beyond, its part above h by its logarithm, as after a change it grows fast."""
+
+
+def _draw_directions(axes: Axes, increase: Line | None, decrease: Line | None) -> float:
+    """g / h for an increase and for a decrease, and h; returns the largest."""
+    top = 0.0
+    for line, colour, dashes, label in (
+        (increase, FOUND, "-", INCREASE),
+        (decrease, SIMULATED, (0, (3, 1)), DECREASE),
+    ):
+        if line is not None:
+            axes.plot(*line, color=colour, lw=1.2, ls=dashes, label=label)
+            top = max(top, float(np.nanmax(line[1], initial=0.0)))
+    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
+    return top
+
+
+def _draw_evidence(axes: Axes, course: Course, bank: BankCourse, name: str, unit: TimeUnit) -> None:
+    groups = (Group(name, way) for way in (1, -1))
+    lines = (_evidence(course, bank, group, unit) if group in bank.groups else None for group in groups)
+    _finish(axes, _draw_directions(axes, *lines))
+
+
+def _others(bank: BankCourse, parameters: Sequence[str]) -> list[Group]:
+    """Causes that are no parameter, that with the largest g first."""
+    found = [group for group in bank.groups if group.cause not in parameters]
+    return sorted(found, key=lambda group: -bank.largest(group.cause))
+
+
+def _draw_others(
+    axes: Axes, course: Course, bank: BankCourse, groups: Sequence[Group], unit: TimeUnit
+) -> None:
+    """The evidence for each of these causes; the largest ones are named."""
+    named = [group for group in groups[: len(_COLOURS)] if bank.largest(group.cause) >= _WORTH_A_NAME]
+    lines = []
+    for k, group in reversed(list(enumerate(groups))):  # the largest is drawn last, over the others
+        colour, dashes, width = (*_COLOURS[k], 1.2) if k < len(named) else (QUIET, "-", 0.6)
+        lines += axes.plot(*_evidence(course, bank, group, unit), color=colour, ls=dashes, lw=width)
+    names = [group.cause for group in named]
+    axes.legend(
+        lines[::-1][: len(names)],
+        names,
+        loc="lower right",
+        bbox_to_anchor=(1, 0.97),
+        ncols=len(_COLOURS),
+        fontsize=8.5,
+        handlelength=1.6,
+        borderpad=0.1,
+    )
+    axes.set_title("other causes")
+    axes.axhline(1, color=ALARM, lw=1, ls=(0, (5, 2)), label=H)
+    _finish(axes, max(bank.largest(group.cause) for group in groups))
+
+
+def _evidence(course: Course, bank: BankCourse, group: Group, unit: TimeUnit) -> Line:
+    return zigzag(course.middles / unit.seconds, bank.low(group, course.used), bank.high(group, course.used))
+
+
+def _finish(axes: Axes, top: float) -> None:
+    axes.set(ylabel="multi-model\ng / h")
+    if top <= _LINEAR:
+        axes.set(ylim=(0, 1.15 * max(top, 1.0)))
+        return
+    axes.set_yscale("symlog", linthresh=1, linscale=0.8)
+    ticks = [0.0, 1.0, *(10.0**k for k in range(1, int(np.log10(top)) + 1))]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.set_yticks([], minor=True)
+    axes.set_ylim(0, 1.5 * top)

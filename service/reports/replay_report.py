@@ -14,8 +14,7 @@ from monitor_core.detection import Alarm, Name, Reach
 from monitor_core.monitoring import AxisStatus, ParameterStatus, ParameterTrend
 from service.reports.formats import fields_of, json_text
 from service.reports.replay_result import Replayed, ReplayedAxis, reached, trend_sentence
-from service.texts.timestamps import iso, maybe_iso
-from service.texts.trend_texts import reach_words, trend_words
+from service.texts import iso, maybe_iso, reach_words, trend_words
 
 Json = dict[str, Any]
 

@@ -16,9 +16,7 @@ from service.pipeline.alarms import Quantity, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.formats import Provenance, plain
 from service.reports.replay_course import Course
-from service.texts.alarm_texts import episode_words
-from service.texts.timestamps import iso
-from service.texts.trend_texts import reach_words, trend_words
+from service.texts import DATED_US, episode_words, iso, reach_words, trend_words
 
 
 class ReplayedAxis(NamedTuple):
@@ -148,8 +146,6 @@ def trend_sentence(trend: ParameterTrend) -> str:
     return "; ".join([trend_words(trend.name, trend.unit, trend.trend), *reached(trend)])
 
 
-_DATED_US = 10**15
-"""In 2001: times before are those of a record without dates."""
 REASONS: Mapping[str, str] = {
     "used": "learned from",
     "seeding": "taken to find P(0)",
@@ -214,4 +210,4 @@ def duration(s: float) -> str:
 
 def dated(t_us: int | None) -> str:
     """A time in UTC to a tenth of a second; empty where the times of the record have no date."""
-    return "" if t_us is None or t_us < _DATED_US else iso(t_us)[:21].replace("T", " ")
+    return "" if t_us is None or t_us < DATED_US else iso(t_us)[:21].replace("T", " ")

@@ -44,8 +44,6 @@ _ORDER = (_ENTRY, _COURSE, _FAN, _NOMINAL, _LIMIT, _REACHED, _NOW)
 
 
 class _Line(NamedTuple):
-    """From times since 1970 to places in the picture."""
-
     zero_us: int
     unit: TimeUnit
     end_s: float

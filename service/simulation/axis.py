@@ -1,19 +1,33 @@
 """A simulated axis: the drive, a soft position controller, a test signal, sensors with noise."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive import DELAY, AxisModel, split_name
+from monitor_core.drive import (
+    COSINE,
+    COULOMB,
+    DELAY,
+    SINE,
+    TORQUE,
+    AxisModel,
+    Conditions,
+    Follow,
+    Gate,
+    Operating,
+    split_name,
+)
 from monitor_core.excitation import faulty, multisine
 from monitor_core.modeling import SimulatedAxis
-from service.config import NamedAxis, conditions_of, drive_of, given_values, predictor_of
-from service.simulation.planned_motion import motion_of
-from service.simulation.simulated_conditions import SimulatedConditions
+from service.config import NamedAxis, conditions_of, drive_of, given_values, needed, predictor_of
+from service.config.drives import axis_model
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)
@@ -131,3 +145,155 @@ def lines_of_motion(interval_s: float) -> Floats:
     """The frequencies of the test signal [rad/s]."""
     low, high = (round(end * PERIOD_S) for end in _band(interval_s))
     return np.asarray(2 * np.pi / PERIOD_S * np.arange(max(low, 1), high + 1), dtype=float)
+
+
+# --- Its motion: controller and test signal from the frequency response of the drive, so for any drive ----------------
+
+
+SPEED_RMS = 3.0
+"""rad/s at the sensor, from the test signal alone: on the reference drive that takes 1.2 N m."""
+
+_BANDWIDTH = 2.0  # rad/s: slow, so that the test signal moves the axis and not the controller
+_RIGID = np.array([0.1, 0.2])  # rad/s: so slow that nothing bends
+
+
+class Weight(NamedTuple):
+    """The motor torque [N m] that holds a weight at angle zero, times cosine or sine of ``ratio`` * angle."""
+
+    kind: int
+    torque: float
+    ratio: float
+
+
+class Motion(NamedTuple):
+    """``kp`` [N m/rad] and ``kd`` [N m s/rad] of the position controller, ``torque_rms`` [N m] of the test signal."""
+
+    kp: float
+    kd: float
+    torque_rms: float
+    weights: tuple[Weight, ...] = ()
+
+    def holding(self, angle: float) -> float:
+        """Torque [N m] that balances all weights at this angle [rad]."""
+        return sum(
+            w.torque * (math.cos if w.kind == COSINE else math.sin)(w.ratio * angle) for w in self.weights
+        )
+
+
+def motion_of(model: AxisModel, lines: Floats) -> Motion:
+    """The motion of a drive whose output is the angle.
+
+    Args:
+        model: the drive with its nominal values.
+        lines: angular frequencies of the test signal [rad/s] (L,).
+    """
+    low, high = stiffness(model, _RIGID)[0].real
+    inertia = float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
+    kp, kd = inertia * _BANDWIDTH**2, inertia * _BANDWIDTH
+    torque, others = stiffness(model, lines)
+    # Of fc sign(w), at a speed of random phases and SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS follows the speed.
+    friction = np.abs(_of_kind(model, others, COULOMB)) * math.sqrt(2 / math.pi) / SPEED_RMS
+    closed = torque + kp + 1j * lines * (kd + friction)
+    speed = np.sqrt(np.mean(np.abs(lines / closed) ** 2))  # rms at a torque of 1 N m rms
+    return Motion(kp, kd, float(SPEED_RMS / speed), tuple(_weights(model)))
+
+
+def stiffness(model: AxisModel, omega: Floats) -> tuple[Floats, Floats]:
+    """Torque over angle (L,) and the torque (L, m) that acts like each input at 1; both complex."""
+    A, B, C = model.matrices()
+    s = 1j * omega[:, np.newaxis, np.newaxis] * np.eye(len(A))
+    inputs = np.broadcast_to(B, (len(omega), *B.shape)).astype(complex)
+    response = (C @ np.linalg.solve(s - A, inputs))[:, 0, :]
+    torque = _of_kind(model, response, TORQUE)
+    return 1 / torque, response / torque[:, np.newaxis]
+
+
+def _of_kind(model: AxisModel, by_input: Floats, kind: int) -> Floats:
+    return np.asarray(by_input[:, [k == kind for k in model.drive.inputs]].sum(axis=1))
+
+
+def _weights(model: AxisModel) -> Sequence[Weight]:
+    like_torque = stiffness(model, _RIGID)[1][0].real
+    ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
+    return [
+        Weight(kind, -float(like_torque[i]), float(ratio[i]))
+        for i, kind in enumerate(model.drive.inputs)
+        if kind in (COSINE, SINE)
+    ]
+
+
+# --- Operating conditions: auxiliary signals, and their effect on the drive -------------------------------------------
+
+
+SIGNAL_PERIOD_S = 60.0
+"""In which a signal that is followed swings through its range once."""
+_SIGNAL_SWING = 0.45
+"""Of the width of its range, to both sides of the middle."""
+_BACK = {"cos": math.acos, "sin": math.asin, "square": math.sqrt}
+
+
+class SimulatedConditions:
+    """Signals that keep the gates of an axis open, and parameters that follow them.
+
+    A signal of another axis is the motion that this axis sends.  A signal of a schedule swings through its range,
+    others are constant.
+    """
+
+    def __init__(self, axis: NamedAxis) -> None:
+        conditions = conditions_of(axis)
+        self._sources = needed(axis)
+        self._swings = [_swing(source.name, conditions) for source in self._sources]
+        self._model = axis_model(axis.config)
+        self._operating = Operating(self._model, replace(conditions, gates=(), min_speed=0.0))
+
+    def signals(self, time_s: float, others: Mapping[str, float]) -> tuple[float, ...]:
+        """The signals at that time; ``others`` are the motions of the other axes of the robot as sent, by name."""
+        phase = math.sin(2 * math.pi * time_s / SIGNAL_PERIOD_S)
+        return tuple(
+            middle + swing * phase
+            if source.axis is None
+            else source.factor * others.get(source.axis, math.nan) + source.offset
+            for source, (middle, swing) in zip(self._sources, self._swings, strict=True)
+        )
+
+    def followed(
+        self, signals: tuple[float, ...], values: Mapping[str, float]
+    ) -> Iterator[tuple[str, float]]:
+        """The parameters that follow the signals, with these values at the references."""
+        shift, _ = self._operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([signals]))
+        for name, moved, unit in zip(self._model.monitored, shift[0], self._model.unit, strict=True):
+            base, inverse = split_name(name)
+            if math.isfinite(moved) and moved != 0 and base in values:
+                value = (1 / values[base] if inverse else values[base]) + float(moved * unit)
+                yield base, 1 / value if inverse else value
+
+
+def _swing(name: str, conditions: Conditions) -> tuple[float, float]:
+    gates = [gate for gate in conditions.gates if gate.signal == name]
+    follows = [follow for follow in conditions.follows if follow.term.signal == name]
+    if gates:
+        candidates = list(_candidates(gates))
+        fitting = (v for v in candidates if all(gate.open(np.array([v])).all() for gate in gates))
+        return next(fitting, candidates[0]), 0.0
+    first = follows[0]
+    if not first.term.function and math.isfinite(first.high - first.low):
+        return (first.low + first.high) / 2, _SIGNAL_SWING * (first.high - first.low)
+    return _at_reference(first), 0.0
+
+
+def _candidates(gates: list[Gate]) -> Iterator[float]:
+    for gate in gates:
+        yield from gate.equals
+    above, below = max(g.above for g in gates), min(g.below for g in gates)
+    if math.isfinite(above) or math.isfinite(below):
+        span = 2.0 if math.isinf(above) or math.isinf(below) else below - above
+        yield above + span / 2 if math.isfinite(above) else below - span / 2
+    yield 0.0
+
+
+def _at_reference(follow: Follow) -> float:
+    back = _BACK.get(follow.term.function)
+    try:
+        return back(follow.reference) if back else follow.reference
+    except ValueError:  # a mean of a square, or what is no cosine at all
+        return 0.0

@@ -25,8 +25,7 @@ from service.config import (
 )
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import Modelled, model_called
-from service.simulation.axis import lines_of_motion
-from service.simulation.planned_motion import motion_of, stiffness
+from service.simulation.axis import lines_of_motion, motion_of, stiffness
 
 OUTPUT_NOISE = 1e-4  # rad, as in the demo with its own drive
 TORQUE_NOISE = 0.04  # of the torque, as there

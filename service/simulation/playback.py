@@ -44,12 +44,7 @@ def play_record(path: Path, config: Config) -> Iterator[PlayFrame]:
 
 
 def encode_table(record: Record, config: Config) -> Iterator[PlayFrame]:
-    """The frames that carry the samples of a record; sample counters follow the time.
-
-    Raises:
-        RecordError: a cell is no number, the file is damaged, or a value does not fit into its signal.
-        DbcError, IngestError: the configuration cannot be used.
-    """
+    """The frames that carry the samples of a record; sample counters follow the time."""
     encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
     interval_us = min(axis.config.sample_interval_s for axis in config.axes) * 1e6
     first_us: int | None = None
@@ -79,9 +74,6 @@ def play_frames(
         frames: what to send, in the order of time.
         speed: 2.0 is twice as fast; inf is as fast as the bus takes it.
         stop: ends it early, when set.
-
-    Raises:
-        BusError: a bus does not take a frame.
     """
     stop = stop or threading.Event()
     start = time.monotonic()
@@ -95,7 +87,6 @@ def play_frames(
 
 
 def _wait(wait_s: float, stop: threading.Event) -> None:
-    """Wait for that time, or until ``stop`` is set."""
     if wait_s > _NAP_S:
         stop.wait(wait_s)
     elif wait_s > 0:

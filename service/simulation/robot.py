@@ -1,12 +1,18 @@
-"""The simulated robot: all axes of a configuration, sample by sample, with faults."""
+"""The simulated robot: all axes of a configuration, sample by sample, with faults; and in real time on open buses."""
 
 import heapq
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
 import numpy as np
+import structlog
 
+from service.can.bus import open_bus, send
 from service.config import Config, given_values
+from service.ingest.encode import FrameEncoder
 from service.simulation.axis import ControlledAxis, Reading
 
 
@@ -40,7 +46,7 @@ class SimulatedRobot:
         faults: the faults and their times.
 
     Raises:
-        FaultError: a fault of an axis or a parameter that does not exist, or with an impossible value.
+        FaultError: a fault of a parameter that does not exist, or with an impossible value.
     """
 
     def __init__(self, config: Config, seed: int | None = None, faults: Sequence[Fault] = ()) -> None:
@@ -76,10 +82,7 @@ class SimulatedRobot:
 
 
 def _try_out(fault: Fault, config: Config) -> None:
-    axis = next((axis for axis in config.axes if axis.id == fault.axis_id), None)
-    if axis is None:
-        known = ", ".join(axis.id for axis in config.axes)
-        raise FaultError(f"fault: there is no axis {fault.axis_id}; there is {known}")
+    axis = next(axis for axis in config.axes if axis.id == fault.axis_id)
     try:
         ControlledAxis(axis, np.random.default_rng(0)).break_down(fault.factors)
     except KeyError as error:
@@ -87,3 +90,112 @@ def _try_out(fault: Fault, config: Config) -> None:
         raise FaultError(f"fault: no parameter {error} in axis {axis.id}; there is {known}") from None
     except (ValueError, ZeroDivisionError) as error:
         raise FaultError(f"fault: {error}") from None
+
+
+# --- In real time on open buses ---------------------------------------------------------------------------------------
+
+
+log = structlog.get_logger(__name__)
+
+_CATCH_UP = 0.7
+"""Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
+
+Send = Callable[[Moment], int]
+"""Sends the frames of a moment; how many there were."""
+
+
+@contextmanager
+def open_buses(config: Config) -> Iterator[Send]:
+    """All buses of the configuration, to send on.
+
+    Raises:
+        BusError: a bus cannot be opened or does not take a frame.
+        DbcError, IngestError: the configuration cannot be used, or a value does not fit into its signal.
+    """
+    with ExitStack() as stack:
+        encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
+        buses = {}
+        for bus in config.bus:
+            buses[bus.name] = opened = open_bus(bus, ())
+            stack.callback(opened.shutdown)
+
+        def send_moment(moment: Moment) -> int:
+            # All encoded, then all sent: the frames of a moment are close together on the bus.
+            frames = [
+                (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
+            ]
+            for bus, (key, data) in frames:
+                send(bus, key, data)
+            return len(frames)
+
+        yield send_moment
+
+
+def run_robot(
+    robot: SimulatedRobot,
+    send_moment: Send,
+    stop: threading.Event,
+    happened: Callable[[Fault], None] = lambda _: None,
+    duration_s: float | None = None,
+) -> int:
+    """Send the samples of a robot on a schedule that does not drift; returns the number of frames.
+
+    It ends when ``stop`` is set, or after ``duration_s``.
+    """
+    start = time.monotonic()
+    frames, earliest = 0, dict[float, float]()
+    for moment in robot.moments(happened):
+        due = max(start + moment.time_s, earliest.get(moment.interval_s, start))
+        wait_s = due - time.monotonic()
+        over = duration_s is not None and moment.time_s >= duration_s
+        if over or stop.is_set() or (wait_s > 0 and stop.wait(wait_s)):
+            break
+        frames += send_moment(moment)
+        earliest[moment.interval_s] = time.monotonic() + _CATCH_UP * moment.interval_s
+    return frames
+
+
+class RobotThread:
+    """A robot that runs in parallel to the daemon; an error of it stops the daemon.
+
+    Args:
+        config: of its axes and buses.
+        fault: the fault to simulate.
+        stop: ends it, and is set when it fails.
+
+    Raises:
+        FaultError: the fault cannot be simulated.
+    """
+
+    def __init__(self, config: Config, fault: Fault, stop: threading.Event) -> None:
+        self._config, self._stop = config, stop
+        self._robot = SimulatedRobot(config, faults=[fault])
+        self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
+        self._error: BaseException | None = None
+
+    def start(self) -> None:
+        """Start to move and to send."""
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait for the end.
+
+        Raises:
+            BusError, IngestError: the error that ended it, if it failed.
+        """
+        if self._thread.ident is not None:
+            self._thread.join()
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        try:
+            with open_buses(self._config) as send_moment:
+                run_robot(self._robot, send_moment, self._stop, _tell)
+        except BaseException as error:
+            self._error = error
+            self._stop.set()
+
+
+def _tell(fault: Fault) -> None:
+    log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))

@@ -159,7 +159,8 @@ class Journal:
         equal: dict[str, _Value] = {"axis = ?": axis, "parameter = ?": parameter}
         within: dict[str, _Value] = {"raised_us >= ?": since_us, "raised_us < ?": until_us}
         given = {text: value for text, value in (equal | within).items() if value is not None}
-        conditions = [*given, *_activity(active)]
+        activity = [] if active is None else ["ended_us IS NULL" if active else "ended_us IS NOT NULL"]
+        conditions = [*given, *activity]
         where = f"WHERE {' AND '.join(conditions)}" if conditions else ""
         values = list(given.values())
         with self._db.read() as connection:
@@ -174,10 +175,6 @@ class Journal:
 
 
 _Value = str | int | float | None
-
-
-def _activity(active: bool | None) -> list[str]:
-    return [] if active is None else ["ended_us IS NULL" if active else "ended_us IS NOT NULL"]
 
 
 def _record(connection: sqlite3.Connection, entry: Entry) -> int:

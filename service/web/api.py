@@ -7,7 +7,7 @@ from fastapi import APIRouter, Path, Query
 from pydantic import AwareDatetime
 
 from service.pipeline.snapshot import AxisSnapshot
-from service.texts.timestamps import microseconds
+from service.texts import microseconds
 from service.web import models, views
 from service.web.app_state import AppState
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
-from fastapi import APIRouter, FastAPI, Request
+from fastapi import APIRouter, FastAPI, Header, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
@@ -12,10 +13,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.store.journal import Journal
-from service.texts.timestamps import now_us
-from service.web import api, health
-from service.web.app_state import VERSION, AppState
-from service.web.models import Problem
+from service.texts import now_us
+from service.web import api, metrics, models
+from service.web.app_state import VERSION, AppState, age_s, is_alive, reasons_not_ready
 
 STATIC = Path(__file__).parent / "static"
 DESCRIPTION = """\
@@ -41,12 +41,42 @@ def create_app(
     # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(api.router(state))
-    app.include_router(health.router(state))
+    app.include_router(_probes(state))
     app.include_router(_pages())
     app.mount("/static", StaticFiles(directory=STATIC))
     app.add_middleware(SecurityHeaders)
     _answer_errors(app)
     return app
+
+
+def _probes(state: AppState) -> APIRouter:
+    """Health for machines: /healthz (alive), /readyz (monitoring, else the reasons), /metrics."""
+    probes = APIRouter(tags=["probes"])
+    registry = metrics.registry(state.snapshot, state.now_us)
+
+    # These two answer on the event loop: they must not wait for a thread.
+    @probes.get("/healthz", summary="Alive?", responses={503: {"model": models.Health}})
+    async def healthz(response: Response) -> models.Health:
+        """200 while the worker reports, 503 when it has not reported for ten seconds."""
+        snapshot, now_us = state.snapshot(), state.now_us()
+        alive = is_alive(snapshot, now_us)
+        response.status_code = 200 if alive else 503
+        return models.Health(alive=alive, snapshot_age_s=age_s(snapshot.taken_us, now_us))
+
+    @probes.get("/readyz", summary="Monitoring?", responses={503: {"model": models.Readiness}})
+    async def readyz(response: Response) -> models.Readiness:
+        """200 while all buses are up and all axes receive samples, else 503 with the reasons."""
+        reasons = list(reasons_not_ready(state.snapshot(), state.now_us()))
+        response.status_code = 503 if reasons else 200
+        return models.Readiness(ready=not reasons, reasons=reasons)
+
+    @probes.get("/metrics", summary="Prometheus metrics", response_class=Response)
+    def scrape(accept: Annotated[str, Header()] = "") -> Response:
+        """The Prometheus text format, or OpenMetrics if the client accepts it."""
+        body, content_type = metrics.render(registry, accept)
+        return Response(body, headers={"Content-Type": content_type})
+
+    return probes
 
 
 def _pages() -> APIRouter:
@@ -90,13 +120,15 @@ def _answer_errors(app: FastAPI) -> None:
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:
-        return _answer(503, Problem(detail=f"the alarm journal cannot be read: {error}"))
+        return _answer(503, models.Problem(detail=f"the alarm journal cannot be read: {error}"))
 
     @app.exception_handler(404)
     async def no_such_path(request: Request, _: HTTPException) -> JSONResponse:
         paths = [*app.openapi()["paths"], "/", "/docs", "/openapi.json"]
-        return _answer(404, Problem(detail=f"there is nothing at {request.url.path}", known=sorted(paths)))
+        return _answer(
+            404, models.Problem(detail=f"there is nothing at {request.url.path}", known=sorted(paths))
+        )
 
 
-def _answer(status: int, problem: Problem) -> JSONResponse:
+def _answer(status: int, problem: models.Problem) -> JSONResponse:
     return JSONResponse(problem.model_dump(), status_code=status)

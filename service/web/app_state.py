@@ -1,12 +1,12 @@
-"""The part of the daemon that the web reads: the newest snapshot, the journal and a clock."""
+"""What the web reads of the daemon: the newest snapshot, the journal and a clock; and whether it is healthy."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
 
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.store.journal import Journal
-from service.texts.timestamps import now_us
+from service.texts import now_us
 
 VERSION = version("axiswatch")
 
@@ -28,3 +28,29 @@ def age_s(t_us: int, now_us: int) -> float:
 def sample_age_s(axis: AxisSnapshot, now_us: int) -> float | None:
     """Age of the last sample of an axis [s]; None before the first sample."""
     return None if axis.status.time_us is None else age_s(axis.status.time_us, now_us)
+
+
+OLDEST_SNAPSHOT_S = 10.0
+"""The worker publishes a snapshot about every second, with or without samples; an older one means that it hangs."""
+
+OLDEST_SAMPLE_S = 5.0
+OLDEST_SAMPLE_INTERVALS = 10
+"""An axis whose last sample is older than both is not being monitored."""
+
+
+def is_alive(snapshot: Snapshot, now_us: int) -> bool:
+    """Whether the worker still publishes snapshots."""
+    return age_s(snapshot.taken_us, now_us) <= OLDEST_SNAPSHOT_S
+
+
+def reasons_not_ready(snapshot: Snapshot, now_us: int) -> Iterator[str]:
+    """Reasons why not every axis is monitored now; none when all are."""
+    if not is_alive(snapshot, now_us):
+        yield f"the worker has not reported for {age_s(snapshot.taken_us, now_us):.0f} s"
+    yield from (f"bus {bus.name}: {bus.state}" for bus in snapshot.buses if not bus.up)
+    for axis in snapshot.axes:
+        age = sample_age_s(axis, now_us)
+        if age is None:
+            yield f"{axis.id}: no sample yet"
+        elif age > max(OLDEST_SAMPLE_S, OLDEST_SAMPLE_INTERVALS * axis.interval_s):
+            yield f"{axis.id}: no sample for {age:.0f} s"

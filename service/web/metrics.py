@@ -198,8 +198,6 @@ def _causes(axis: AxisSnapshot) -> dict[str, float]:
 
 
 def _detectors(axes: _Axes) -> Iterator[Metric]:
-    """Evidence of each detector, whether or not it raises the alarms."""
-
     def gauge(name: str, value: Callable[[DetectorStatus], float]) -> Metric:
         return _family(name, (((a.id, d.name), value(d)) for a in axes for d in a.status.detectors))
 

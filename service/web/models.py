@@ -7,7 +7,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor_core.detection import DetectorName, Doubt, Kind, Stage
 from monitor_core.monitoring import Observation, Status
-from service.texts.timestamps import iso
+from service.texts import iso
 
 
 def _finite(value: float | None) -> float | None:

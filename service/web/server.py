@@ -26,9 +26,7 @@ class _Server(uvicorn.Server):
         yield
 
 
-def serve(
-    app: FastAPI, host: str, port: int, ready: Callable[[int], None] | None, stop: threading.Event
-) -> None:
+def serve(app: FastAPI, host: str, port: int, ready: Callable[[int], None], stop: threading.Event) -> None:
     """Answer requests until ``stop`` is set; ``ready`` is called with the port once requests are answered.
 
     Args:
@@ -52,14 +50,14 @@ def serve(
 async def _serve(
     server: uvicorn.Server,
     listener: socket.socket,
-    ready: Callable[[int], None] | None,
+    ready: Callable[[int], None],
     stop: threading.Event,
 ) -> None:
     port = listener.getsockname()[1]
     serving = asyncio.create_task(server.serve([listener]))
     while not (server.started or serving.done()):
         await asyncio.sleep(0.01)
-    if ready is not None and server.started:
+    if server.started:
         ready(port)
     while not (stop.is_set() or serving.done()):
         await asyncio.sleep(_POLL_S)

@@ -9,12 +9,9 @@ from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from service.pipeline.snapshot import AxisSnapshot, HistoryPoint, Snapshot
 from service.store.journal import RecordedAlarm
-from service.texts.alarm_texts import episode_words
-from service.texts.timestamps import iso
-from service.texts.trend_texts import reach_words, trend_words
+from service.texts import episode_words, iso, reach_words, trend_words
 from service.web import models
-from service.web.app_state import VERSION, sample_age_s
-from service.web.health import reasons_not_ready
+from service.web.app_state import VERSION, reasons_not_ready, sample_age_s
 
 OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 
@@ -63,7 +60,7 @@ def history(
     a: AxisSnapshot, parameter: str | None = None, since_us: int | None = None, limit: int = 3600
 ) -> models.History:
     """The last ``limit`` points of an axis after ``since_us``, of one parameter or of all."""
-    points = [point for point in a.history.points if since_us is None or point.time_us > since_us][-limit:]
+    points = [point for point in a.history if since_us is None or point.time_us > since_us][-limit:]
     wanted = [(i, p) for i, p in enumerate(a.status.parameters) if parameter is None or p.name == parameter]
     return models.History(
         axis=a.id,
@@ -137,7 +134,7 @@ def alarm(a: RecordedAlarm) -> models.Alarm:
 
 def service(snapshot: Snapshot, now_us: int) -> models.Service:
     """The daemon itself."""
-    reasons = reasons_not_ready(snapshot, now_us)
+    reasons = list(reasons_not_ready(snapshot, now_us))
     return _body(
         models.Service,
         snapshot,

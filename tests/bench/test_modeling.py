@@ -33,9 +33,9 @@ from pathlib import Path
 from time import perf_counter
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
-from service.config.drive_sources import model_of_file
+from service.config.drive_sources import model_called
 start = perf_counter()
-space, drive, values = model_of_file(Path(sys.argv[1]))
+space, drive, values = model_called(sys.argv[1])
 model = AxisModel(drive, values, ("1/" + drive.parameters[0].name,))
 Assembly(drive, model.monitored).model_constants(model, 1.0)
 print(perf_counter() - start)

@@ -15,7 +15,7 @@ UNSAVED = "the state of the monitors cannot be saved"
 
 BROKEN = """
 from service.commands.main import main
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import FramePipeline
 
 def update(_):
     raise ZeroDivisionError("division by a fault")

@@ -14,7 +14,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 from service.config import Config, load
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from service.ingest.records import read_record
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "irb.toml"

@@ -24,8 +24,9 @@ from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.config import AxisConfig, NamedAxis
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
 from service.config.base_table import Reading
+from service.config.drives import axis_model
 from service.ingest.identification_records import Loaded
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass

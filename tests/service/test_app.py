@@ -12,7 +12,7 @@ import pytest
 import structlog
 
 from service.commands.daemon import DaemonFailedError, run_daemon
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.warming import CacheFiller
 from service.store.journal import Journal
 from tests.service.pipeline.robots import demo

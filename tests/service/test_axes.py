@@ -11,8 +11,9 @@ import pytest
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.monitoring.recommended_settings import SETTLING_TIME_CONSTANTS
 from service.config import NamedAxis
-from service.config.axis_settings import AxisError, axis_model, axis_settings
-from service.config.schema_signals import SpeedConfig
+from service.config.axis_settings import AxisError, axis_settings
+from service.config.drives import axis_model
+from service.config.schema import SpeedConfig
 from tests.service.pipeline.robots import demo
 
 

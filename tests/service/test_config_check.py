@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 from service.commands.check import check
 from service.config import load
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from service.commands.check import check
 from service.config import load
-from service.config.axis_settings import AxisError, axis_model, axis_settings
-from service.config.detector_choice import Detectors, detectors_of
+from service.config.axis_settings import AxisError, Detectors, axis_settings, detectors_of
+from service.config.drives import axis_model
 from tests.service.calibration.test_thresholds_file import named
 from tests.service.calibration.thresholds_texts import thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot

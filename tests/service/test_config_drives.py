@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from service.config import Config, ConfigErrors
-from service.config.axis_settings import axis_model
+from service.config.drives import axis_model
 from tests.service.config_texts import DRAWN, FILE, HEAD, RIGID, furnish, loaded
 
 MERGED = "Jm + Jl*r^2"

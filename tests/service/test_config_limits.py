@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from service.config import load
-from service.config.axis_settings import axis_model
-from service.config.drives import limits_of
+from service.config.drives import axis_model, limits_of
 from tests.end_to_end.processes import demo_config
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from service.config import ConfigErrors, load
-from service.config.found_file import FoundFileError
-from service.config.nominal_file import read_nominal
+from service.config.found_file import FoundFileError, read_found
+from service.config.nominal_file import NominalFile
 from service.config.validation_messages import RENAMED_KEYS, hint
 from tests.service.config_texts import BASE, CONFIG, furnish
 
@@ -49,4 +49,4 @@ def test_a_parameter_may_have_the_name_of_an_old_key(tmp_path: Path) -> None:
     """What is wrong with this file is something else."""
     (tmp_path / "nominal.toml").write_text("format = 1\n[values]\naveraged = 1.0\n", encoding="utf-8")
     with pytest.raises(FoundFileError, match="required"):
-        read_nominal(tmp_path / "nominal.toml")
+        read_found(NominalFile, tmp_path / "nominal.toml")

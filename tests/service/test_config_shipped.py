@@ -12,7 +12,7 @@ from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from service.can.dbc import find_message, read_dbc
 from service.config import Config, load
 from service.config.base_table import Table
-from service.config.positions import Keys, positions
+from service.config.problems import Keys, positions
 from service.config.validation_messages import table_in
 from tests.service.calibration.thresholds_texts import thresholds_text
 from tests.service.identification.nominal_texts import nominal_text

@@ -14,10 +14,9 @@ from service.commands.demo import with_drive_of
 from service.commands.main import app
 from service.config import Config, drive_of, given_values
 from service.pipeline.alarms import AxisAlarm
-from service.pipeline.frame_pipeline import FramePipeline
-from service.simulation.axis import ControlledAxis
+from service.pipeline.axis_monitors import FramePipeline
+from service.simulation.axis import SPEED_RMS, ControlledAxis
 from service.simulation.demonstration import usual_fault
-from service.simulation.planned_motion import SPEED_RMS
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import blocks, demo, live
 

@@ -16,11 +16,11 @@ from monitor_core.drive.kalman import filter_gain
 from monitor_core.samples import SampleBlock
 from service.commands.main import app
 from service.config import ConfigErrors, load
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from service.config.remarks import remarks_on_encoders
 from service.ingest.identification_records import load as load_record
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import blocks, live

@@ -14,7 +14,8 @@ from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from service.commands.main import app
 from service.config import ConfigErrors, NamedAxis, load
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import ControlledAxis
 from tests.service.test_skew import written

@@ -20,12 +20,11 @@ from service.config import drive_sources as modeling
 from service.config.drive_sources import (
     LIBRARY,
     Modelled,
+    model_called,
     model_of_axis,
     model_of_drawing,
-    model_of_file,
-    model_of_library,
+    shipped,
 )
-from service.config.resources import shipped
 from tests.service.pipeline.robots import demo
 
 MODEL, READ = modeling._model, modelica.read
@@ -62,20 +61,20 @@ COMPONENTS: dict[str, dict[str, object]] = {
 @pytest.mark.parametrize("name", LIBRARY)
 def test_the_files_of_the_library_are_the_drives_drawn_in_python(name: str, output: Output) -> None:
     drawn = eliminate(DRAWINGS[name]().flat(), output)
-    read = model_of_library(name, None, output).space
+    read = model_called(name, None, output).space
     for entries in ("A", "B", "C", "rest", "ratio"):
         assert getattr(read, entries) == getattr(drawn, entries), entries
-    assert model_of_library(name, None, output).drive == drive_of(drawn)
+    assert model_called(name, None, output).drive == drive_of(drawn)
 
 
 def test_the_file_of_three_masses_has_the_values_of_the_reference_experiment() -> None:
-    assert model_of_library("three-mass").values == pytest.approx(dict(REFERENCE_VALUES), rel=1e-14)
+    assert model_called("three-mass").values == pytest.approx(dict(REFERENCE_VALUES), rel=1e-14)
 
 
 def test_what_is_measured_goes_before_what_was_drawn(tmp_path: Path) -> None:
     (tmp_path / "belt.mo").write_text(BELT, encoding="utf-8")
     drawn, speed, angle = (
-        model_of_file(tmp_path / "belt.mo", None, output).space for output in (None, "speed", "angle")
+        model_called(str(tmp_path / "belt.mo"), None, output).space for output in (None, "speed", "angle")
     )
     assert [s.quantity for s in (*drawn.sensors, *speed.sensors, *angle.sensors)] == [
         *("speed", "speed"),
@@ -86,7 +85,7 @@ def test_what_is_measured_goes_before_what_was_drawn(tmp_path: Path) -> None:
 
 def test_components_of_a_configuration_are_the_same_drive_as_a_file(tmp_path: Path) -> None:
     (tmp_path / "belt.mo").write_text(BELT, encoding="utf-8")
-    read, drawn = model_of_file(tmp_path / "belt.mo").space, model_of_drawing(COMPONENTS).space
+    read, drawn = model_called(str(tmp_path / "belt.mo")).space, model_of_drawing(COMPONENTS).space
     assert (read.A, read.C) == (drawn.A, drawn.C)
     assert {str(entry) for entry in drawn.B.values()} == {"torque.kT/Jm"}
 
@@ -124,33 +123,34 @@ def test_a_mistake_is_found_once_and_told_each_time(tmp_path: Path, monkeypatch:
     told = []
     for _ in range(2):
         with pytest.raises(ModelError, match=r"belt\.mo:8: arm\.J: ") as caught:
-            model_of_file(tmp_path / "belt.mo")
+            model_called(str(tmp_path / "belt.mo"))
         told.append(str(caught.value))
     assert told[0] == told[1]
     assert calls == [str(tmp_path / "belt.mo")]
 
 
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "folder.mo").mkdir()
     (tmp_path / "latin.mo").write_bytes(b"model M\n  Real x;\n  // \xe4\nend M;\n")
     cases = {
         "none.mo": r"none\.mo: cannot read the drawing: No such file",
-        ".": "cannot read the drawing: Is a directory",
+        "folder.mo": "cannot read the drawing: Is a directory",
         "latin.mo": r"latin\.mo:3: the file must be UTF-8 text",
         "a\0.mo": "zero byte",
     }
     for name, words in cases.items():
         with pytest.raises(ModelError, match=words):
-            model_of_file(tmp_path / name)
+            model_called(str(tmp_path / name))
 
 
 def test_a_name_that_the_library_does_not_have() -> None:
     with pytest.raises(ModelError, match=r'did you mean "five-mass"\?.*ends with "\.mo"'):
-        model_of_library("five_mass")
+        model_called("five_mass")
 
 
 def test_a_model_that_the_file_does_not_have() -> None:
     with pytest.raises(ModelError, match="ThreeMass"):
-        model_of_file(shipped("drives/three_mass.mo"), "FourMass")
+        model_called(str(shipped("drives/three_mass.mo")), "FourMass")
 
 
 def test_a_drive_of_the_library_needs_no_parser_and_no_algebra() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.drive.operating_conditions import Gate, Term
 from service.config import NamedAxis, conditions_of
-from service.simulation.simulated_conditions import PERIOD_S, SimulatedConditions
+from service.simulation.axis import SIGNAL_PERIOD_S, SimulatedConditions
 from tests.service.ingest.plant import axis1, axis2, make_config
 
 VALUES = {"kT": 1.0, "fm": 0.06, "Jm": 0.006, "Jg": 280.0, "Ja": 96.0, "kg": 3e5, "ka": 3e5, "dg": 870.0}
@@ -50,7 +50,7 @@ def slope(parameter: str, signal: str, reference: float, **more: Any) -> dict[st
 
 def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
     one = SimulatedConditions(axis(tmp_path, [], [slope("fm", "s", 30.0, range=[20.0, 60.0])]))
-    course = [one.signals(t, {})[0] for t in np.linspace(0, PERIOD_S, 200)]
+    course = [one.signals(t, {})[0] for t in np.linspace(0, SIGNAL_PERIOD_S, 200)]
     assert (min(course), max(course)) == pytest.approx((22.0, 58.0), abs=0.1)
 
 

@@ -12,11 +12,10 @@ import pytest
 
 from monitor_core.samples import SampleBlock
 from service.config import Config
-from service.config.schema_signals import SpeedConfig
+from service.config.schema import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import ControlledAxis
-from service.simulation.robot import Fault, Moment, SimulatedRobot
-from service.simulation.sending import run_robot
+from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot
 from tests.service.pipeline.robots import demo
 
 SPEED = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}

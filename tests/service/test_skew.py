@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from service.commands.main import app
 from service.config import ConfigErrors, load
-from service.config.axis_settings import axis_model
+from service.config.drives import axis_model
 from service.simulation.demonstration import watching
 from service.simulation.robot import Fault
-from service.texts.alarm_texts import alarm_words
+from service.texts import alarm_words
 from tests.service.robot_tables import configured, write_table
 
 H, FAULT_S, END_S = 0.005, 14.0, 24.0

@@ -22,7 +22,7 @@ from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest.clocks import CyclicClock
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import FramePipeline
 from tests.end_to_end.processes import demo_config
 from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 

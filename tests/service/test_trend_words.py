@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.trend import trend_of
-from service.texts.alarm_texts import episode_words
-from service.texts.trend_texts import reach_words, trend_words
+from service.texts import episode_words, reach_words, trend_words
 from tests.core.trend.courses_of_months import SIZE, months
 
 DAY_US = 86_400_000_000

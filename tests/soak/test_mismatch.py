@@ -26,10 +26,11 @@ from typer.testing import CliRunner, Result
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from service.commands.configuration import configuration
 from service.commands.main import app
+from service.commands.options import configuration
 from service.config import conditions_of
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from tests.core.mismatch import (
     FAULTS,
     INTERVAL_S,

@@ -18,8 +18,9 @@ from monitor_core.samples import SampleBlock
 from service.can.log_files import FrameRecorder
 from service.commands.main import app
 from service.config import Config, load
-from service.config.nominal_file import read_nominal
-from service.config.resources import shipped
+from service.config.drive_sources import shipped
+from service.config.found_file import read_found
+from service.config.nominal_file import NominalFile
 from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault, Moment, SimulatedRobot
@@ -95,7 +96,7 @@ def test_what_was_identified_is_followed(tmp_path: Path, seed: int) -> None:
     schedule = ("--schedule", "fm: temperature", "--schedule", "Ja: cos(angle2)")
     result = CliRunner().invoke(app, ["identify", str(tmp_path / "healthy.log"), *where, *schedule])
     assert result.exit_code == 0, result.output
-    found = read_nominal(tmp_path / "nominal.toml")
+    found = read_found(NominalFile, tmp_path / "nominal.toml")
     slopes = {v.parameter: v.slope for v in found.schedule}
     print(f"slopes {slopes}, colour {found.predictor.colour:.3g}")
     assert slopes["fm"] == pytest.approx(-0.0012, rel=0.01)

@@ -15,10 +15,9 @@ from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.record_doubts import CalibrationError
 from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
-from service.config.axis_settings import axis_model, axis_settings
-from service.config.detector_choice import detectors_of
-from service.reports.calibration_files import as_json, as_toml
-from service.reports.calibration_html import as_html
+from service.config.axis_settings import axis_settings, detectors_of
+from service.config.drives import axis_model
+from service.reports.calibration_files import as_html, as_json, as_toml
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
 from tests.service.calibration.test_thresholds_file import named

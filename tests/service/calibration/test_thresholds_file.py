@@ -9,7 +9,8 @@ import pytest
 
 from monitor_core.settings import Threshold
 from service.config import Config, load
-from service.config.axis_settings import AxisError, axis_model, axis_settings
+from service.config.axis_settings import AxisError, axis_settings
+from service.config.drives import axis_model
 from tests.service.calibration.thresholds_texts import thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot
 

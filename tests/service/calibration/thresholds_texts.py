@@ -6,7 +6,8 @@ import json
 from typing import Any
 
 from service.config import AxisConfig, NamedAxis
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from service.config.thresholds_file import made_with
 
 

@@ -14,10 +14,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from monitor_core.modeling.simulated_axis import SimulatedAxis
-from service.commands.configuration import configuration
 from service.commands.main import app
+from service.commands.options import configuration
 from service.config import drive_of, given_values
-from service.config.resources import shipped
+from service.config.drive_sources import shipped
 
 DEMO = shipped("demo.toml")
 QUICK = ("--seconds", "2", "--seed", "3")

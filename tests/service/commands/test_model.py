@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from service.commands.main import app
-from service.config.resources import shipped
+from service.config.drive_sources import shipped
 from tests.end_to_end.processes import demo_config
 
 DRAWING = """\
@@ -145,16 +145,6 @@ def test_latex_is_printed() -> None:
     assert "flat equations" not in text
 
 
-def test_the_matlab_function_is_written(drawing: Path, tmp_path: Path) -> None:
-    function = tmp_path / "press.m"
-    assert shown(drawing, "--matlab", function).startswith("Press\n")
-    assert function.read_text(encoding="utf-8").startswith("function [A,B,C,D,K,x0] = press(")
-
-
-def test_the_matlab_function_on_standard_output() -> None:
-    assert shown("two-mass", "--matlab", "-").startswith("function [A,B,C,D,K,x0] = drive(")
-
-
 MISTAKES = [
     (["thre-mass"], ['did you mean "three-mass"?']),
     (["none.mo"], ["none.mo", "No such file"]),
@@ -170,9 +160,6 @@ MISTAKES = [
     (["three-mass", "--output", "torque"], ["torque", "speed", "angle"]),
     (["three-mass", "--latex", "--json"], ["--latex and --json", "standard output"]),
     (["three-mass", "--json=DRAWING"], ["--json", "will not be overwritten"]),
-    (["three-mass", "--matlab", "my-drive.m"], ["my_drive.m"]),
-    (["three-mass", "--matlab", "end.m"], ["call it end_2.m"]),
-    (["three-mass", "--matlab", "drive.txt"], ["drive.m"]),
     (["three-mass", "--json=nowhere/a.json"], ["cannot write nowhere/a.json", "No such file or directory"]),
     (["three-mass", "five-mass"], ["five-mass"]),
     (["three-mass", "--record", "x.csv"], ["--record", "goes with --config"]),

@@ -8,8 +8,7 @@ from typing import Any
 
 from monitor_core.drive.kalman import filter_gain
 from service.config import AxisConfig
-from service.config.axis_settings import axis_model
-from service.config.drives import plain_drive_of
+from service.config.drives import axis_model, plain_drive_of
 from service.config.nominal_file import structure_of
 
 

@@ -7,13 +7,13 @@ import pytest
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
 from monitor_core.identification.problem import IdentificationError
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES
-from service.config.drive_sources import model_of_library
+from service.config.drive_sources import model_called
 
 VALUES = {**REFERENCE_VALUES, "fc": 0.08, "tau0": 0.01}
 
 
 def chosen(*free: str, fix: tuple[str, ...] = (), values: dict[str, float] = VALUES) -> ParameterSelection:
-    model = model_of_library("three-mass", None, "angle")
+    model = model_called("three-mass", None, "angle")
     return select_parameters(model.space, model.drive, values, free, fix)
 
 

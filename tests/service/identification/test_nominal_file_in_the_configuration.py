@@ -16,9 +16,10 @@ from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.operating_conditions import Follow, Term
 from service.commands.check import check
 from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, drive_of, load
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from service.config.remarks import doubtful_nominals
-from service.config.schema_signals import SpeedConfig
+from service.config.schema import SpeedConfig
 from tests.service.identification.nominal_texts import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"

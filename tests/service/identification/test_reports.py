@@ -18,7 +18,8 @@ import pytest
 from rich.console import Console
 
 from service.commands.identification_task import Request, prepare
-from service.config.nominal_file import read_nominal, structure_of
+from service.config.found_file import read_found
+from service.config.nominal_file import NominalFile, structure_of
 from service.reports.formats import percent, plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
@@ -40,13 +41,13 @@ def page(found: IdentificationReport) -> str:
 def test_the_file_says_what_was_found(found: IdentificationReport, tmp_path: Path) -> None:
     path = tmp_path / "nominal.toml"
     path.write_text(as_toml(found), encoding="utf-8")
-    read, e = read_nominal(path), found.result.estimate
+    read, e = read_found(NominalFile, path), found.result.estimate
     assert read.values == pytest.approx(dict(e.values), rel=1e-9)
     assert read.predictor.gain == pytest.approx(e.K.tolist(), rel=1e-9)
     assert read.predictor.innovation_variance == pytest.approx(e.lam0, rel=1e-9)
     coloured = replace(found, result=replace(found.result, colour=7.25))
     path.write_text(as_toml(coloured) + "\n", encoding="utf-8")
-    assert read_nominal(path).predictor.lam0 == pytest.approx(7.25 * e.lam0)
+    assert read_found(NominalFile, path).predictor.lam0 == pytest.approx(7.25 * e.lam0)
     assert (read.predictor.kind, read.predictor.interval_s) == ("innovations", 0.005)
     assert read.drive.structure == structure_of(found.result.start.drive)
     assert (read.axis, read.date) == ("demo.axis1", PROVENANCE.date)
@@ -92,7 +93,7 @@ def test_a_disturbance_and_a_delay_reach_the_file(folder: Path, robot: Any, tmp_
     record = f"{folder / 'healthy.csv'}@0:8"
     other = prepare(robot, robot.axes[0], [record], [], request).run(PROVENANCE)
     (tmp_path / "n.toml").write_text(as_toml(other), encoding="utf-8")
-    read = read_nominal(tmp_path / "n.toml")
+    read = read_found(NominalFile, tmp_path / "n.toml")
     assert read.drive.torque_disturbance
     assert read.values["Td"] == pytest.approx(0.3)
     assert len(read.predictor.gain) == 7

@@ -20,7 +20,8 @@ from monitor_core.identification.problem import IdentificationError
 from service.commands.identification_task import read_schedule
 from service.commands.main import app
 from service.config import Config, load
-from service.config.nominal_file import read_nominal
+from service.config.found_file import read_found
+from service.config.nominal_file import NominalFile
 from service.simulation.axis import ControlledAxis
 from tests.service.identification.conftest import SHIPPED, robot_text
 
@@ -98,7 +99,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: 
     assert abs(inertia["slope"]) < 5 * inertia["standard_deviation"] + 1e-5
     assert inertia["signal"] == "cos(angle2)"
     assert inertia["range"] == pytest.approx([np.cos(2), 1])
-    read = read_nominal(here / "nominal.toml")
+    read = read_found(NominalFile, here / "nominal.toml")
     assert read.predictor.colour < 4, "with the friction held at its middle the errors would be coloured: 17"
     assert read.values["fm"] == pytest.approx(0.06, abs=5 * sd * 12.5 + 0.01 * 0.06)
     assert [v.model_dump() for v in read.schedule] == [

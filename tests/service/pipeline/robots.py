@@ -15,7 +15,7 @@ from service.commands.main import app
 from service.config import Config, load
 from service.ingest.encode import Encoded, FrameEncoder
 from service.pipeline.alarms import AxisAlarm
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import Reading
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from service.pipeline.alarms import AxisAlarm
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault, FaultError, SimulatedRobot
 from tests.service.pipeline.robots import blocks, demo, live
 
@@ -50,7 +50,6 @@ def test_a_fault_is_found_and_named(
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        (Fault("demo.axis9", {"fm": 1.3}, 1), "there is no axis demo.axis9; there is demo.axis1, demo.axis2"),
         (Fault("demo.axis1", {"fn": 1.3}, 1), "no parameter 'fn' in axis demo.axis1; there is Jm, Jg"),
         (Fault("demo.axis1", {"Jm": -1.0}, 1), "inertia of the motor must be finite and greater than zero"),
         (Fault("demo.axis1", {"1/Ja": 0.0}, 1), "fault: "),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.pipeline.restoring import Loss, loss_messages
+from service.pipeline.checkpointing import Loss, loss_messages
 
 A, B = "cell.axis1", "cell.axis2"
 OTHER, DAMAGED = "it was saved with another model", "it is damaged"

@@ -14,14 +14,13 @@ from service.can.frames import Frame
 from service.config import Config
 from service.config.schema_model import DetectorConfig
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.restoring import loss_messages, restore
+from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.checkpointing import Checkpointer, loss_messages, restore
 from service.simulation.axis import Reading
 from service.simulation.robot import Fault, Moment
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
-from service.texts.alarm_texts import episode_words
+from service.texts import episode_words
 from tests.service.pipeline.robots import START_US, blocks, demo, live
 
 BROKEN_S, ENDS_S = 12.0, 20.0

@@ -14,8 +14,7 @@ from service.can.frames import Frame
 from service.can.log_files import FrameRecorder
 from service.config import Config, load
 from service.ingest.records import LogRecord
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.frame_pipeline import FramePipeline
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import DEMO, START_US, cut, live, moments, replayed
 

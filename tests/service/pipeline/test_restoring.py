@@ -11,10 +11,8 @@ import pytest
 from monitor_core.detection import Alarm, Crossing, Name, Recovered
 from monitor_core.monitoring import AxisMonitor
 from service.pipeline.alarms import AxisAlarm
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.restoring import Restored, restore
+from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.checkpointing import Checkpointer, Restored, restore
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, demo

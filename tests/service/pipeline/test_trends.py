@@ -13,8 +13,7 @@ from monitor_core.trend.entries import Reading
 from service.config import Config
 from service.pipeline.alarms import Alarms, AxisAlarm, quantities
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.restoring import restore, restore_trends
+from service.pipeline.checkpointing import Checkpointer, restore, restore_trends
 from service.pipeline.trends import Trends
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal

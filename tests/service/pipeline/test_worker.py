@@ -16,8 +16,8 @@ from service.can.log_files import FrameRecorder
 from service.config import Config
 from service.pipeline import worker as worker_module
 from service.pipeline.alarms import Alarms, quantities
+from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.worker import COMPILING, BusIntake, Recording, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoint, Checkpoints

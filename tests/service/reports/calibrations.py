@@ -17,7 +17,8 @@ from monitor_core.calibration.result import CalibrationResult, MultiModelCalibra
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.settings import Threshold
 from service.config import load
-from service.config.axis_settings import axis_model, axis_settings
+from service.config.axis_settings import axis_settings
+from service.config.drives import axis_model
 from service.ingest.calibration_records import Source
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance

@@ -10,7 +10,7 @@ from monitor_core.drive.structure import Output
 from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
-from service.config.drive_sources import model_of_library
+from service.config.drive_sources import model_called
 
 
 @cache
@@ -18,9 +18,7 @@ def space(output: Output = "speed", name: str = "three-mass") -> StateSpace:
     """The three-mass drive of the paper, with a note and other counts of its elimination."""
     note = "the angle of the whole drive cannot be seen by a speed sensor: it is no state"
     report = Report(flat_equations=71, flat_variables=70, flat_states=11, remaining_equations=6)
-    return replace(
-        model_of_library("three-mass", None, output).space, name=name, notes=(note,), report=report
-    )
+    return replace(model_called("three-mass", None, output).space, name=name, notes=(note,), report=report)
 
 
 def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:

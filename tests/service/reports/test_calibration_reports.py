@@ -15,8 +15,7 @@ from rich.console import Console
 
 from monitor_core.detection import DetectorName
 from monitor_core.detection.multimodel.multimodel_detector import Limit
-from service.reports.calibration_files import as_json, as_toml
-from service.reports.calibration_html import as_html
+from service.reports.calibration_files import as_html, as_json, as_toml
 from service.reports.calibration_report import Calibration, faults, hypotheses, print_text
 from service.reports.formats import Table
 from tests.service.reports.calibrations import OWN, WITHIN_S, by_hand

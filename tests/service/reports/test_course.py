@@ -18,8 +18,7 @@ from monitor_core.monitoring import AxisMonitor, Fleet, standard_deviation
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from service.reports import replay_course as rows
-from service.reports.replay_course import SIGMAS, BankCourse, Course
-from service.reports.timeline import Timeline
+from service.reports.replay_course import SIGMAS, BankCourse, Course, Timeline
 from tests.core.cases import BY_NAME, record
 
 SAMPLES = 3000

@@ -13,8 +13,8 @@ from monitor_core.kernel.state import COUNTERS
 from service.ingest.assemble import REASONS as DROPPED
 from service.ingest.bus_samples import FRAME_REASONS
 from service.ingest.unwrap import AMBIGUOUS
+from service.reports.replay_course import PAUSE_S, Timeline, Times
 from service.reports.replay_result import REASONS, dated, duration, time_unit
-from service.reports.timeline import PAUSE_S, Timeline, Times
 
 S = 1_000_000
 steps = st.lists(

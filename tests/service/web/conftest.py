@@ -22,7 +22,7 @@ from monitor_core.monitoring import (
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
-from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, History, HistoryPoint, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, BusSnapshot, Histogram, HistoryPoint, Snapshot
 from service.store.journal import Journal
 from service.web.app import create_app
 
@@ -146,14 +146,14 @@ DETECTORS = (
 NOMINAL = {"Jm": (5.896e-3, "kg m^2"), "Ja": (95.717, "kg m^2"), "fm": (0.06, "N m s/rad"), "kT": (1.0, "1")}
 
 
-def history(points: int) -> History:
-    course = History()
+def history(points: int) -> tuple[HistoryPoint, ...]:
+    course = list[HistoryPoint]()
     for k in range(points):
         time_us = NOON_US - (points - 1 - k) * 1_000_000
         estimates, nominals = (1.0, 0.01, 0.06 + k * 1e-4), (1.0, 0.01, 0.06)
         point = HistoryPoint(time_us, estimates, (0.1, 0.2, 0.3), (k, 0, 0), (0, k, 0), nominals)
-        course = course.append(point)
-    return course
+        course.append(point)
+    return tuple(course)
 
 
 def monitored_axis(name: str = "axis1") -> AxisSnapshot:
@@ -186,7 +186,7 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     )
     silent = tuple(replace(d, leading="", evidence=0.0) for d in DETECTORS)
     facts = AxisStatus(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
-    axis = replace(monitored_axis(name), bus="can1", status=facts, open_alarms=(), history=History())
+    axis = replace(monitored_axis(name), bus="can1", status=facts, open_alarms=(), history=())
     unknown = tuple(ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS)
     return replace(
         axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN, trends=unknown, histories_lost=1

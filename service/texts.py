@@ -1,0 +1,252 @@
+"""Texts for people that several parts of the service share: alarms and long-term trends in a sentence, times."""
+
+import math
+import time
+from datetime import UTC, datetime, timedelta
+
+from monitor_core.detection import (
+    OUTPUT_NOISE,
+    OUTPUT_OFFSET,
+    OUTPUT_SCALE,
+    OUTPUT_SIGN,
+    OUTPUT_STUCK,
+    TORQUE_LOST,
+    TORQUE_OFFSET,
+    TORQUE_SCALE,
+    TORQUE_SIGN,
+    TORQUE_STUCK,
+    Alarm,
+    Cause,
+    Doubt,
+    Reach,
+)
+from monitor_core.drive import DELAY
+from monitor_core.trend import Trend
+
+# --- An alarm in one sentence -----------------------------------------------------------------------------------------
+
+
+SURE_CAUSE = 0.95
+"""A cause that is likelier needs no second one beside it."""
+
+DOUBTS: dict[Doubt, str] = {
+    "several": "more than one parameter has changed, or none of them; nearest is {parameter}: {fact}",
+    "model": "the model no longer holds, as if a sensor were wrong; nearest is {parameter}: {fact}",
+    "sign": "the motion does not follow the torque, as if one of them had changed its sign or were stuck",
+    "still": "no motion follows the torque: the sensor or the axis is stuck, or the drive is off",
+}
+
+SENSORS = {
+    TORQUE_SIGN: "the measured torque has changed its sign",
+    OUTPUT_SIGN: "the measured motion has changed its sign",
+    TORQUE_STUCK: "the measured torque is stuck: it stays the same while another one acts",
+    TORQUE_LOST: "the torque that acts is not the measured one: its signal is lost, or another one",
+    OUTPUT_STUCK: "the measured motion is stuck: it repeats itself in every digit",
+    TORQUE_SCALE: "the torque that acts is {share} % {more} than the measured one, by its scale",
+    OUTPUT_SCALE: "the measured motion is {share} % {more} than the true one, by its scale",
+    TORQUE_OFFSET: "the torque that acts is {amount} {unit} {more} than the measured one, always",
+    OUTPUT_OFFSET: "the measured motion is {amount} {unit} {more} than the true one, always",
+    OUTPUT_NOISE: "the measured motion is noisier than it was, by {share} %",
+}
+"""Faults of sensors, which the multi-model detector may name."""
+
+
+def episode_words(e: Alarm, nominal: float, unit: str) -> str:
+    """An alarm in words, with its certainty: "something has changed, at first sight fm: fm is .."."""
+    fact = alarm_words(e.parameter, e.size, nominal, unit)
+    if e.reaches:
+        return "; ".join([*(reach_words(r, e.updated_us) for r in e.reaches), f"now {fact}"])
+    if e.stage == "changed":
+        return f"something has changed, at first sight {e.parameter}: {fact}"
+    if e.doubt:
+        return DOUBTS[e.doubt].format(parameter=e.parameter, fact=fact)
+    drifts = f", and drifts {'down' if e.size < 0 else 'up'}" if e.kind == "drift" else ""
+    return f"{_which(e.causes)}{fact}{drifts}{_alike(e.parameter, e.causes)}"
+
+
+def _alike(parameter: str, causes: tuple[Cause, ...]) -> str:
+    alike = next((cause.alike for cause in causes if cause.parameter == parameter), ())
+    return f"; {' or '.join(alike)} would look the same" if alike else ""
+
+
+def _which(causes: tuple[Cause, ...]) -> str:
+    """Empty where the cause is certain, otherwise "kT or fm, 60:40; "."""
+    if not causes or causes[0].probability >= SURE_CAUSE:
+        return ""
+    likely = causes[:3]
+    shares = ":".join(f"{100 * cause.probability:.0f}" for cause in likely)
+    return f"{' or '.join(cause.parameter for cause in likely)}, {shares}; "
+
+
+def alarm_words(parameter: str, size: float, nominal: float, unit: str) -> str:
+    """An alarm in words: "fm is 0.018 N m s/rad (30 %) above its nominal value".
+
+    Args:
+        parameter: its name, or that of a fault of a sensor.
+        size: its estimate minus its nominal value, in ``unit``.
+        nominal: its nominal value, in ``unit``.
+        unit: "1" for a ratio.
+    """
+    if parameter == DELAY:
+        return _skew(size, nominal)
+    amount, more = _digits(abs(size)), "less" if size < 0 else "more"
+    if parameter in SENSORS:
+        share = _digits(abs(100 * size))
+        return SENSORS[parameter].format(share=share, amount=amount, unit=unit, more=more)
+    share = f" ({_digits(abs(100 * size / nominal))} %)" if nominal else ""
+    amount += "" if unit == "1" else f" {unit}"
+    return f"{parameter} is {amount}{share} {'below' if size < 0 else 'above'} its nominal value"
+
+
+def _skew(size: float, nominal: float) -> str:
+    """Torque and motion are no longer synchronous: because of the bus, or of the current loop of the drive."""
+    now = nominal + size
+    if nominal:
+        way, acts = "later than usual" if size > 0 else "earlier than usual", _ms(now)
+    else:
+        way, acts = "late" if size > 0 else "early", "that much"
+    side = "after" if now > 0 else "before"
+    return f"the torque frame is {_ms(size)} {way}: the torque acts {acts} {side} its sample"
+
+
+def _ms(seconds: float) -> str:
+    return f"{_digits(1000 * abs(seconds))} ms"
+
+
+def _digits(value: float) -> str:
+    """Two significant digits, as a size is hardly ever known better; all digits of a whole number."""
+    if not math.isfinite(value):
+        return "?"
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+# --- A long-term trend in a sentence: whether it drifts and when it reaches a limit, always with an interval ----------
+
+
+SURE_COURSE = 0.9
+"""A kind of course that is likelier is told as it is; less likely ones with their shares."""
+
+_DAY_S = 86400.0
+_UNITS = (
+    (1.0, "second", 120.0),
+    (60.0, "minute", 7200.0),
+    (3600.0, "hour", 72 * 3600.0),
+    (_DAY_S, "day", 730 * _DAY_S),
+)
+"""Each with the longest time that is told in it [s]."""
+_YEAR_S = 365.25 * _DAY_S
+DATED_US = 10**15
+"""Earlier times are those of a record without dates."""
+
+
+def trend_words(name: str, unit: str, t: Trend | None) -> str:
+    """fm drifts up by 0.0012 +- 0.0001 N m s/rad per day; or that it is steady, has changed, or is undecided."""
+    if t is None:
+        return f"{name}: too little data yet to detect a drift"
+    p = t.probability
+    drift = p["drift"] + p["both"]
+    per_day = f"{_amount(abs(t.slope) * _DAY_S, unit, 2)} ± {_amount(t.slope_sd * _DAY_S, '1', 2)} per day"
+    way = "up" if t.slope > 0 else "down"
+    if drift >= SURE_COURSE:
+        after = f" since it changed {_when(t)}" if p["both"] > p["drift"] else ""
+        return f"{name} drifts {way} by {per_day}{after}"
+    if p["steady"] >= SURE_COURSE:
+        return f"{name} is steady: {_amount(t.level, unit)} ± {_amount(t.level_sd, '1', 2)}"
+    if p["step"] >= SURE_COURSE:
+        change = "rose" if t.change > 0 else "fell"
+        size = f"{_amount(abs(t.change), unit, 2)} ± {_amount(t.change_sd, '1', 2)}"
+        return f"{name} {change} at once by {size}, {_when(t)}"
+    shares = sorted({"steady": p["steady"], "drift": drift, "step": p["step"]}.items(), key=lambda s: -s[1])
+    likely = [(kind, share) for kind, share in shares if share >= 0.05]
+    kinds, parts = (
+        " or ".join(kind for kind, _ in likely),
+        ":".join(f"{100 * share:.0f}" for _, share in likely),
+    )
+    return f"{name}: {kinds}, {parts}; {way} by {per_day} in the mean"
+
+
+def reach_words(r: Reach, now_us: int) -> str:
+    """fm reaches 0.09 N m s/rad in 12 to 20 days.
+
+    Args:
+        r: the limit, and when it is reached.
+        now_us: the time from which to count.
+    """
+    limit = _amount(r.limit, r.unit)
+    low_s = max(0.0, (r.low_us - now_us) / 1e6)
+    if r.state == "beyond":
+        side = "above" if r.above else "below"
+        return f"{r.name} has been {side} {limit} {_since(r, now_us)}"
+    if r.state == "far":
+        return f"{r.name} = {limit} is not in sight: not within {_times(low_s)}"
+    if r.high_us is None:
+        return f"{r.name} reaches {limit} in {_times(low_s)} or later, perhaps never"
+    high_s = max(low_s, (r.high_us - now_us) / 1e6)
+    return f"{r.name} reaches {limit} in {_times(low_s, high_s)}"
+
+
+def _since(r: Reach, now_us: int) -> str:
+    ends = [r.low_us, r.low_us if r.high_us is None else r.high_us]
+    if ends[0] >= DATED_US:
+        first, last = (_date(t) for t in ends)
+        return f"since {first}" if first == last else f"since a time between {first} and {last}"
+    later, sooner = (max(0.0, (now_us - t) / 1e6) for t in ends)
+    return f"for {_times(sooner, later)}"
+
+
+def _when(t: Trend) -> str:
+    if t.change_us >= DATED_US:
+        return f"about {_date(t.change_us)}"
+    return f"about {_times((t.time_us - t.change_us) / 1e6)} before the end"
+
+
+def _date(t_us: int) -> str:
+    return datetime.fromtimestamp(t_us / 1e6, UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def _times(*seconds: float) -> str:
+    """12 to 20 days, 12 days: in the unit of the last."""
+    scale, name = _unit(seconds[-1])
+    return f"{' to '.join(_round(s / scale) for s in seconds)} {name}s"
+
+
+def _unit(seconds: float) -> tuple[float, str]:
+    return next(((s, name) for s, name, most in _UNITS if seconds <= most), (_YEAR_S, "year"))
+
+
+def _round(value: float) -> str:
+    if value >= 9.95:
+        return f"{value:.0f}"
+    return f"{value:.1f}".removesuffix(".0")
+
+
+def _amount(value: float, unit: str, digits: int = 4) -> str:
+    """Four digits of a level or a limit, two digits of an uncertain value."""
+    return f"{value:.{digits}g}" if unit == "1" else f"{value:.{digits}g} {unit}"
+
+
+# --- Times at the interfaces: microseconds since 1970 inside, ISO 8601 in UTC outside ---------------------------------
+
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND = timedelta(microseconds=1)
+
+
+def now_us() -> int:
+    """The time now, microseconds since 1970."""
+    return time.time_ns() // 1000
+
+
+def iso(t_us: int) -> str:
+    """ISO 8601 with microseconds and Z, e.g. 2026-03-01T12:00:00.000000Z."""
+    return (_EPOCH + t_us * _MICROSECOND).isoformat(timespec="microseconds").replace("+00:00", "Z")
+
+
+def maybe_iso(t_us: int | None) -> str | None:
+    """``iso``, or None for a time that is not known."""
+    return None if t_us is None else iso(t_us)
+
+
+def microseconds(moment: datetime | None) -> int | None:
+    """Microseconds since 1970 of a datetime with a time zone."""
+    return None if moment is None else (moment - _EPOCH) // _MICROSECOND
