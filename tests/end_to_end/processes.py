@@ -1,7 +1,5 @@
 """The program as its users run it: processes, their logs, their answers."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

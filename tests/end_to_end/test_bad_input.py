@@ -1,7 +1,5 @@
 """What a daemon makes of values and files that are not as they should be."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct

@@ -1,7 +1,5 @@
 """The daemon from outside: frames on a real bus between processes in, answers and files out."""
 
-from __future__ import annotations
-
 import json
 import random
 import signal

@@ -1,7 +1,5 @@
 """The multi-model detector in the daemon, from outside: named, on the page's API and in the metrics, over a restart."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

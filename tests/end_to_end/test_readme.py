@@ -1,7 +1,5 @@
 """Every command and program that README and docs show, run as it stands there."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

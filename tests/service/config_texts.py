@@ -1,7 +1,5 @@
 """Right configurations that the tests change: on a bus, with operating conditions, with a drive drawn, of tables."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from functools import cache

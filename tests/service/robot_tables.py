@@ -1,7 +1,5 @@
 """A configuration of the demo's first axes with columns for tables, and tables of its simulated robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The daemon as a whole, inside this process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

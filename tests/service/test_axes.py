@@ -1,7 +1,5 @@
 """From the configuration to the engine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

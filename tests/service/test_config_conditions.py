@@ -1,7 +1,5 @@
 """Operating conditions in the configuration: what they mean, and what `axiswatch check` says of them."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which detector alarms: as said, else the bank where it has thresholds of its own; refused by line where it cannot."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The drive of an axis by name, as a Modelica file, or drawn in the configuration: what loads, and what is said."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Limits in the configuration: of what is monitored, on the right side, and as the engine takes them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

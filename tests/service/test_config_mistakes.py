@@ -4,8 +4,6 @@ The files config_mistakes/*.golden are the table: a text of config_texts.py by t
 in a line, `old => new`, and below them all that is reported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A configuration without any bus: for tables that are to be identified; nothing can be watched with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

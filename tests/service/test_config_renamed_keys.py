@@ -1,7 +1,5 @@
 """Keys of earlier versions are errors that name the new key, with file and line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The demo with any drive: how it moves, what is watched, what breaks and is named."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Encoders as they are: angles that start again, steps, angles of the arm behind a gear that turns the other way."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Files become records for identification: ranges, torn rows, further signals, where they come from."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Where the compiled kernel is kept."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Drives by what a user calls them."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Sequence

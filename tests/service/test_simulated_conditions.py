@@ -1,7 +1,5 @@
 """What a simulated robot sends opens its gates, lies where it is followed, and is what its drives follow."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The simulated robot: kinds of axes, order of samples, pace."""
 
-from __future__ import annotations
-
 import itertools
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A torque that acts late: watched by the configuration's word, named as what it is, all the way to the user."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

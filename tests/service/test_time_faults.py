@@ -1,7 +1,5 @@
 """Lost, repeated and backward samples and clocks that are set: each counted by its reason, live as in a replay."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the jitter of receipt costs, and what is left of that where the controller's clock is fitted to it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

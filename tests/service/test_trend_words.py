@@ -1,7 +1,5 @@
 """The slow course and the limits in words: never a time without an interval."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a healthy record to thresholds that the daemon's own pipeline uses, and reports about them."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

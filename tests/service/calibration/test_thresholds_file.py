@@ -1,7 +1,5 @@
 """A file of thresholds is used by the monitor that it was made for, and by no other."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files of thresholds for the axes of configurations."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``axiswatch excite``: file, pictures and table; every mistake with what would be right."""
 
-from __future__ import annotations
-
 import csv
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Every mistake of a user: one message that names the thing, the documented exit code, no traceback."""
 
-from __future__ import annotations
-
 import socket
 from pathlib import Path
 

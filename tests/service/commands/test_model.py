@@ -1,7 +1,5 @@
 """``axiswatch model``: files, the library and configured axes, in all forms; every mistake with what would be right."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

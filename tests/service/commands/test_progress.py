@@ -1,7 +1,5 @@
 """Work beside the caller's: what comes of it, how far it is, and that it ends when the caller fails."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """``axiswatch replay`` over tables and logs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

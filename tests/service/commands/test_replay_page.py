@@ -1,7 +1,5 @@
 """``axiswatch replay --report``: one page that needs nothing else."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

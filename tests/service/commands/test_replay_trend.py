@@ -1,7 +1,5 @@
 """A drift of months, compressed: an entry each three seconds, from the record to the forecast."""
 
-from __future__ import annotations
-
 import json
 from html import escape
 from typing import Any

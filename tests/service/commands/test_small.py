@@ -1,7 +1,5 @@
 """Commands that say or prepare something."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 
 import pytest

@@ -1,7 +1,5 @@
 """``axiswatch warm`` leaves nothing for identify and excite to compile."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

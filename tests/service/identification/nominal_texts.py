@@ -1,7 +1,5 @@
 """Files of nominal values for the axes of configurations."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

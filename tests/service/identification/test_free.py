@@ -1,7 +1,5 @@
 """Which parameters are free: all that can be told, or what the user says, if that makes sense."""
 
-from __future__ import annotations
-
 import pytest
 
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters

@@ -1,7 +1,5 @@
 """``axiswatch identify`` as its users call it: files, exit codes, words."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """``--masses``: rows of masses beside the drive, and what the reports say of them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

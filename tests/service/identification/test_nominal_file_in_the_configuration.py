@@ -1,7 +1,5 @@
 """nominal_file: what the daemon takes from it; what it refuses is in config_mistakes/found.golden."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """nominal.toml, the page, the JSON and the terminal say what was found."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

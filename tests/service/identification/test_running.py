@@ -1,7 +1,5 @@
 """What is found in a record of a known drive, and what the parts of it mean."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

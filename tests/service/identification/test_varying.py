@@ -1,7 +1,5 @@
 """Parameters that follow signals: what the user writes, what is found, and what the files and reports say of it."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

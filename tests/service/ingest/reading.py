@@ -1,7 +1,5 @@
 """A reader at work, and waiting for what it does."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

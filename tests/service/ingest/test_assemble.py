@@ -1,7 +1,5 @@
 """Torque and motion are paired by time; whatever happens, nothing is mixed up or lost uncounted."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """The reader of a bus, on python-can's buses in the process and over the network stack."""
 
-from __future__ import annotations
-
 import random
 import time
 from pathlib import Path

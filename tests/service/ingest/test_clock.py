@@ -1,7 +1,5 @@
 """A sample counter becomes time: whole intervals, whatever the jitter of receipt."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections.abc import Iterable

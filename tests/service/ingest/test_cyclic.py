@@ -1,7 +1,5 @@
 """The clock of a controller that sends in cycles, fitted to times of receipt."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections.abc import Callable, Iterable, Sequence

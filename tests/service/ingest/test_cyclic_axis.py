@@ -1,7 +1,5 @@
 """Axes whose controller sends in cycles: frames in, samples at whole cycles out."""
 
-from __future__ import annotations
-
 import random
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Further signals come with the samples: the last value received by then, if it is not too old."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Frames of a bus become samples of its axes."""
 
-from __future__ import annotations
-
 import math
 import struct
 from pathlib import Path

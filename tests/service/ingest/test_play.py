@@ -1,7 +1,5 @@
 """Records on a bus: what is played is what is read again."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

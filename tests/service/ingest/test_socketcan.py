@@ -1,7 +1,5 @@
 """The reader on real SocketCAN devices: filters, buffers, drops, and devices that come and go."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import struct

@@ -1,7 +1,5 @@
 """How far stamps scatter, and what that says."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """Tables as records: columns become samples, and faults are named by file, line and column."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

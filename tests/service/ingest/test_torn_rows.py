@@ -1,7 +1,5 @@
 """Damaged tables: every torn row is refused, no sound one, whatever the torn ones hold."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Angles that start again are made whole: by the truth, whatever the blocks, and refused where two would do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

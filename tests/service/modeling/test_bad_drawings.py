@@ -1,7 +1,5 @@
 """Drawings that are wrong, through the command itself: one line with file, line and component, exit code 2."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import NamedTuple

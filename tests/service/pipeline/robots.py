@@ -1,7 +1,5 @@
 """Frames of a simulated robot, without real time, and what the daemon and a replay make of them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path

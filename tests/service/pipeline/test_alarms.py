@@ -1,7 +1,5 @@
 """Alarms are on the disk before they are shown, whatever the disk says."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Points of the history."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from monitor_core.modeling.standard_drives import reference_model

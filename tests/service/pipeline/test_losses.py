@@ -1,7 +1,5 @@
 """Report of saved states that could not be used: one message for each axis."""
 
-from __future__ import annotations
-
 from service.pipeline.restoring import Loss, loss_messages
 
 A, B = "cell.axis1", "cell.axis2"

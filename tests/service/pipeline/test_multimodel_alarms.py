@@ -1,7 +1,5 @@
 """The multi-model detector in the daemon: faults of axes and of sensors named, in the journal, over a restart."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Operating conditions from the frames to the alarms: live, replayed from a CAN log, and from a table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """After a restart: estimates from the checkpoint, open alarms from the journal."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Slow histories in the daemon: fed, saved, put back, and the alarms about limits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The kernel compiled in a process of its own: only where it must be, never a hindrance."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from pathlib import Path

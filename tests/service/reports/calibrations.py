@@ -1,7 +1,5 @@
 """A calibration made by hand, in which every number is another: what reports say of it can be told beforehand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

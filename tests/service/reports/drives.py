@@ -1,7 +1,5 @@
 """Drives for reports: the three-mass one of the library, and the same with other parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache

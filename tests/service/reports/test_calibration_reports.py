@@ -1,7 +1,5 @@
 """What the reports of a calibration say, of one made by hand: each detector its own, and first the one that alarms."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """The course of an axis, decimated while it runs, against all of its values at once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

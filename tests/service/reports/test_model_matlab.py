@@ -1,7 +1,5 @@
 """The idgrey file, read back: its matrices are those of the drive."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Mapping

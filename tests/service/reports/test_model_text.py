@@ -1,7 +1,5 @@
 """The report for people: whole at any width, matrices and equations that say what A, B and C are."""
 
-from __future__ import annotations
-
 import io
 import random
 import re

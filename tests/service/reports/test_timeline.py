@@ -1,7 +1,5 @@
 """The line of times that a replay is drawn on; times and reasons in words."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
