@@ -43,6 +43,16 @@ def demo_config(folder: Path, bus: str | None = None, axes: int = 2, service: st
     return file
 
 
+def edit(file: Path, *changes: tuple[str, str]) -> Path:
+    """The file, in which each text that is there has become another."""
+    text = file.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
 def run_program(
     *arguments: str | Path, patience_s: float = PATIENCE_S, under: Sequence[str] = ()
 ) -> subprocess.CompletedProcess[str]:

@@ -1,4 +1,4 @@
-"""Which detector alarms: as said, else the bank where it has thresholds of its own; refused by line where it cannot."""
+"""Thresholds from a file, and which detector alarms; refused by line where they cannot be used."""
 
 import json
 import re
@@ -9,12 +9,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from monitor_core.settings import Threshold
 from service.commands.check import check
-from service.config import load
+from service.config import Config, load
 from service.config.axis_settings import AxisError, axis_model, axis_settings
 from service.config.detector_choice import Detectors, detectors_of
-from tests.service.calibration.test_thresholds_file import named
-from tests.service.calibration.thresholds_texts import thresholds_text
+from tests.service.found_files import named, thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot
 
 app = typer.Typer()
@@ -131,3 +131,58 @@ def test_where_nominal_values_vary_the_bank_looks_on_unless_it_is_asked_for(robo
     assert one.alarm_source == "cusum"
     assert one.multimodel is not None
     assert found(detector(robot, 'alarm_source = "multimodel"')).alarm_source == "multimodel"
+
+
+# --- a file of thresholds is used by the monitor that it was made for, and by no other ----------------------
+
+
+@pytest.fixture
+def thresholded(tmp_path: Path) -> Path:
+    path = write_robot(tmp_path)
+    (tmp_path / "thresholds.toml").write_text(
+        thresholds_text(load(path, {}).axes[0].config, 1.5, 7.0, 0.02), encoding="utf-8"
+    )
+    path.write_text(named(robot_text()), encoding="utf-8")
+    return path
+
+
+def settings(config: Config) -> tuple[Threshold, ...]:
+    axis = config.axes[0]
+    return axis_settings(axis, axis_model(axis.config)).thresholds
+
+
+def test_a_file_of_thresholds_is_used(thresholded: Path) -> None:
+    assert settings(load(thresholded, {})) == (Threshold(1.5, 7.0, 0.02),) * 3
+
+
+def test_to_calibrate_it_is_passed_over(thresholded: Path) -> None:
+    (thresholded.parent / "thresholds.toml").write_text("no thresholds", encoding="utf-8")
+    assert settings(load(thresholded, {}, thresholds=False)) == ()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "reason"),
+    [
+        (r"^fm = .*", "fm = 0.05", "fm = 0.06, now it is 0.05"),
+        (r"^torque_noise = .*", "torque_noise = 0.2", "innovation_variance = "),
+        (
+            r"^\[robot.axis.estimator\]",
+            "[robot.axis.estimator]\nmin_excitation = 0.1",
+            "min_excitation = 0.05",
+        ),
+    ],
+)
+def test_of_another_monitor_it_is_refused(
+    thresholded: Path, pattern: str, replacement: str, reason: str
+) -> None:
+    text = re.sub(pattern, replacement, thresholded.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    thresholded.write_text(text, encoding="utf-8")
+    with pytest.raises(AxisError, match=rf"thresholds\.toml was made with {reason}.*calibrate"):
+        settings(load(thresholded, {}))
+
+
+def test_what_is_said_twice_may_be_the_same(thresholded: Path) -> None:
+    text = thresholded.read_text(encoding="utf-8")
+    said = text.replace("[robot.axis.detector]\n", "[robot.axis.detector]\nalpha_1 = 1.5\n")
+    thresholded.write_text(said, encoding="utf-8")
+    assert settings(load(thresholded, {}))

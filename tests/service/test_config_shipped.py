@@ -14,8 +14,7 @@ from service.config import Config, load
 from service.config.base_table import Table
 from service.config.positions import Keys, positions
 from service.config.validation_messages import table_in
-from tests.service.calibration.thresholds_texts import thresholds_text
-from tests.service.identification.nominal_texts import nominal_text
+from tests.service.found_files import nominal_text, thresholds_text
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")

@@ -1,7 +1,5 @@
 """Drives by what a user calls them."""
 
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -149,24 +147,3 @@ def test_a_name_that_the_library_does_not_have() -> None:
 def test_a_model_that_the_file_does_not_have() -> None:
     with pytest.raises(ModelError, match="ThreeMass"):
         model_of_file(shipped("drives/three_mass.mo"), "FourMass")
-
-
-def test_a_drive_of_the_library_needs_no_parser_and_no_algebra() -> None:
-    code = """
-import sys
-from collections.abc import Sequence
-from pathlib import Path
-from service.config import load
-from service.pipeline.axis_monitors import AxisMonitors
-AxisMonitors(load(Path(sys.argv[1]), {}).axes)
-print(sorted({"sympy", "pymoca", "antlr4"} & {name.split(".")[0] for name in sys.modules}))
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", code, shipped("demo.toml")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-        cwd=shipped("demo.toml").parents[1],
-    )
-    assert done.stdout == "[]\n"

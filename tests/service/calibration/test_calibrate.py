@@ -19,7 +19,7 @@ from service.reports.calibration_files import as_json, as_toml
 from service.reports.calibration_html import as_html
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
-from tests.service.calibration.test_thresholds_file import named
+from tests.service.found_files import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")

@@ -17,7 +17,7 @@ from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions
 from service.config.axis_settings import axis_model, axis_settings
 from service.config.remarks import doubtful_nominals
 from service.config.schema_signals import SpeedConfig
-from tests.service.identification.nominal_texts import nominal_text
+from tests.service.found_files import nominal_text
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
 DEMO = (SHIPPED / "demo.toml").read_text(encoding="utf-8").split("[[robot.axis]]")

@@ -1,4 +1,4 @@
-"""After a restart: estimates from the checkpoint, open alarms from the journal."""
+"""After a restart: estimates from the checkpoint, open alarms from the journal, and what is said of losses."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from service.pipeline.alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.frame_pipeline import FramePipeline
-from service.pipeline.restoring import Restored, restore
+from service.pipeline.restoring import Loss, Restored, loss_messages, restore
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, demo
@@ -168,3 +168,40 @@ def test_alarms_of_what_is_no_longer_monitored(
     )
     assert found[AXIS].open_alarms == ()
     assert journal.query(active=True)[1] == 1
+
+
+# --- what is lost: one message for each axis ----------------------------------------------------------------
+
+
+A, B = "cell.axis1", "cell.axis2"
+OTHER, DAMAGED = "it was saved with another model", "it is damaged"
+
+
+def test_nothing_lost_is_no_message() -> None:
+    assert list(loss_messages([])) == []
+
+
+def test_one_message_names_all_that_is_lost() -> None:
+    losses = [Loss(A, "history", OTHER, parameter) for parameter in ("kT", "1/Ja", "fm", "")]
+    (message,) = loss_messages([Loss(A, "estimates", OTHER), *losses, Loss(A, "multimodel", OTHER)])
+    assert message == (
+        "cell.axis1: its checkpoint is not used and was quarantined: it was saved with another model (restarted: the"
+        " estimates, the evidence of the multi-model detector and the long-term history of kT, 1/Ja and fm)"
+    )
+
+
+def test_axes_and_reasons_are_kept_apart() -> None:
+    losses = [
+        Loss(A, "estimates", DAMAGED),
+        Loss(B, "multimodel", OTHER),
+        Loss(A, "history", OTHER, "fm"),
+        Loss("cell.axis3", "history", DAMAGED),
+    ]
+    assert list(loss_messages(losses)) == [
+        "cell.axis1: its checkpoint is not used and was quarantined: it is damaged (restarted: the estimates); it was"
+        " saved with another model (restarted: the long-term history of fm)",
+        "cell.axis2: part of its checkpoint is not used and was quarantined: it was saved with another model"
+        " (restarted: the evidence of the multi-model detector)",
+        "cell.axis3: part of its checkpoint is not used and was quarantined: it is damaged (restarted: the long-term"
+        " history)",
+    ]

@@ -17,7 +17,7 @@ from service.reports.calibration_files import as_json, as_toml
 from service.reports.calibration_html import as_html
 from service.reports.calibration_report import Calibration, faults, hypotheses, print_text
 from service.reports.formats import Table
-from tests.service.reports.calibrations import OWN, WITHIN_S, by_hand
+from tests.service.reports.made import OWN, WITHIN_S, by_hand
 
 GOLDEN = Path(__file__).parent / "golden"
 BOTH: list[DetectorName] = ["multimodel", "cusum"]

@@ -1,0 +1,349 @@
+"""The reports of a drive: JSON, the idgrey file read back, and the text for people, whole at any width."""
+
+import io
+import json
+import random
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from monitor_core.drive.structure import Output, Quantity
+from monitor_core.modeling.flat import FlatParameter
+from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.standard_drives import REFERENCE_VALUES
+from monitor_core.modeling.statespace import Entries, StateSpace
+from monitor_core.modeling.symbolic import shapes
+from service.reports.model_facts import as_json, facts_of
+from service.reports.model_matlab import KEYWORDS, as_matlab, matlab_name, matlab_names
+from service.reports.model_text import elimination_words, equations, matrix, matrix_lines, print_text
+from tests.service.reports.made import merged, renamed, space
+
+
+def document(**changes: Any) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(as_json(facts_of(replace(space(), **changes))))
+    return found
+
+
+def test_the_three_mass_drive_as_json() -> None:
+    found = document()
+    assert found["states"][0] == {"name": "r*motor.phi - gearbox.phi", "unit": "rad"}
+    assert [u["kind"] for u in found["inputs"]] == ["torque", "direction", "one"]
+    assert found["outputs"] == [{"name": "encoder", "quantity": "speed", "unit": "rad/s"}]
+    assert found["parameters"][0] == {
+        "name": "Jm",
+        "unit": "kg m^2",
+        "meaning": "inertia of the motor",
+        "nominal": 5.896e-3,
+    }
+    assert found["A"] == [
+        ["0", "0", "r", "-1", "0"],
+        ["0", "0", "0", "1", "-1"],
+        ["-kg*r/Jm", "0", str(space().A[2, 2]), "dg*r/Jm", "0"],
+        ["kg/Jg", "-ka/Jg", "dg*r/Jg", "-(da + dg)/Jg", "da/Jg"],
+        ["0", "ka/Ja", "0", "da/Ja", "-da/Ja"],
+    ]
+    assert found["B"][2] == ["kT/Jm", "-fc/Jm", "tau0/Jm"]
+    assert found["C"] == [["0", "0", "1", "0", "0"]]
+    assert (found["flat_equations"], found["flat_states"], found["remaining_equations"]) == (71, 11, 6)
+    assert (found["merged"], found["missing_nominal"]) == ([], [])
+    assert found["notes"] == list(space().notes)
+    assert found["identifiability"]
+
+
+def test_numbers_at_nominal() -> None:
+    found = document()
+    A = space()
+    assert len(found["poles"]) == 5
+    trace = sum(float(A.A[i, i].value(REFERENCE_VALUES)) for i in (2, 3, 4))
+    assert sum(p["re"] for p in found["poles"]) == pytest.approx(trace)
+    assert sum(p["im"] for p in found["poles"]) == pytest.approx(0, abs=1e-9)
+    assert found["resonances_hz"] == pytest.approx([9.161, 11.31], rel=1e-3)
+    assert found["antiresonances_hz"] == pytest.approx([4.228, 10.39], rel=1e-3)
+
+
+def test_without_nominal_values() -> None:
+    drawn = tuple(replace(p, value=None) for p in space().drawn)
+    found = document(drawn=drawn, parameters=drawn)
+    assert {found[key] for key in ("poles", "resonances_hz", "antiresonances_hz")} == {None}
+    assert found["missing_nominal"] == [p.name for p in drawn]
+    assert found["parameters"][0]["nominal"] is None
+
+
+def test_merged_parameters_as_json() -> None:
+    found = json.loads(as_json(facts_of(merged(space()))))
+    assert found["merged"] == [{"name": "Jm", "definition": "J1 + J2*n^2"}]
+    assert found["parameters"][0]["nominal"] == pytest.approx(0.005 + 0.25 * 0.001)
+
+
+def test_values_go_before_those_of_the_drawing() -> None:
+    found = json.loads(as_json(facts_of(space(), {"Jm": 1.0})))
+    assert found["parameters"][0]["nominal"] == 1.0
+    assert found["poles"] != document()["poles"]
+
+
+def test_what_would_take_minutes_is_left_out() -> None:
+    found = document(states=(*space().states, *(Quantity(f"x{i}", "rad") for i in range(96))))
+    assert found["identifiability"] == ["Not examined: the drive has more than 100 states."]
+
+
+# --- MATLAB -------------------------------------------------------------------------------------------------
+
+
+def called(text: str, *given: float) -> dict[str, np.ndarray]:
+    """What MATLAB would return: the function's six matrices at these arguments."""
+    lines = text.splitlines()
+    head = re.fullmatch(r"function \[A,B,C,D,K,x0\] = (\w+)\((.*)\)", lines[0])
+    assert head
+    assert lines[-1] == "end"
+    values = dict(zip(head[2].split(", "), given, strict=True))
+    found: dict[str, np.ndarray] = {}
+    for line in lines[1:-1]:
+        if line.startswith("%"):
+            continue
+        if zeros := re.fullmatch(r"(\w+) = zeros\((\d+),(\d+)\);", line):
+            found[zeros[1]] = np.zeros((int(zeros[2]), int(zeros[3])))
+            continue
+        entry = re.fullmatch(r"(\w)\((\d+),(\d+)\) = ([\w\s*^/().+-]+);", line)
+        assert entry, line
+        formula = entry[4].replace("^", "**")
+        found[entry[1]][int(entry[2]) - 1, int(entry[3]) - 1] = eval(
+            formula, {"__builtins__": {}}, dict(values)
+        )
+    return found
+
+
+def numeric(entries: Entries, shape: tuple[int, int], values: Mapping[str, float]) -> np.ndarray:
+    out = np.zeros(shape)
+    for place, value in entries.items():
+        out[place] = value.value(values)
+    return out
+
+
+AWKWARD = {
+    "Jm": "motor.J",
+    "Jg": "motor_J",
+    "kg": "end",
+    "ka": "1x",
+    "dg": "Ts",
+    "da": "A",
+    "fm": "f m's",
+    "r": "drive",
+}
+
+
+@pytest.mark.parametrize("output", ["speed", "angle"])
+@pytest.mark.parametrize("names", [{}, AWKWARD], ids=["plain", "awkward"])
+def test_matrices_are_those_of_the_drive(output: Output, names: dict[str, str], seed: int) -> None:
+    drive, source = renamed(space(output), names), random.Random(seed)
+    values = {p.name: source.uniform(0.1, 10) for p in drive.parameters}
+    found = called(as_matlab(drive, {}), *values.values(), 0.0)
+    for letter, entries, shape in zip("ABC", (drive.A, drive.B, drive.C), shapes(drive), strict=True):
+        np.testing.assert_allclose(found[letter], numeric(entries, shape, values), rtol=1e-12)
+    n = len(drive.states)
+    shown = {name: found[name].shape for name in ("D", "K", "x0")}
+    assert shown == {"D": (1, 3), "K": (n, 1), "x0": (n, 1)}
+    assert not any(found[name].any() for name in ("D", "K", "x0"))
+
+
+def test_the_call_of_idgrey_stands_in_a_comment() -> None:
+    text = as_matlab(space(), {**REFERENCE_VALUES}, "axis1")
+    assert text.startswith(
+        "function [A,B,C,D,K,x0] = axis1(Jm, Jg, Ja, kg, ka, dg, da, fm, fc, tau0, kT, r, Ts)\n"
+    )
+    assert "%   model = idgrey('axis1', parameters, 'c');" in text
+    pairs = re.findall(r"^%     '(\w+)', ([^;]+);", text, re.M)
+    assert {name: float(value) for name, value in pairs} == pytest.approx(dict(REFERENCE_VALUES), rel=1e-11)
+
+
+def test_what_has_no_value_is_nan() -> None:
+    assert "%     'kg', NaN; ..." in as_matlab(space(), {"Jm": 1.0})
+
+
+@pytest.mark.parametrize("name", ["my-drive", "3mass", "end", "", "_x", "ä"])
+def test_a_function_needs_a_name(name: str) -> None:
+    with pytest.raises(ValueError, match="no name for a MATLAB function"):
+        as_matlab(space(), {}, name)
+
+
+@given(st.lists(st.text(min_size=1, max_size=70), unique=True, max_size=6))
+def test_every_name_is_one_for_matlab(names: list[str]) -> None:
+    found = matlab_names(
+        [*names, "motor.J", "motor_J"] if not {"motor.J", "motor_J"} & set(names) else names, {"drive"}
+    )
+    assert len(set(found.values())) == len(found)
+    for name in found.values():
+        assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", name)
+        assert name not in KEYWORDS | {"drive", "Ts", "A", "x0"}
+        assert matlab_name(name) == name
+
+
+def test_a_comment_stays_a_comment() -> None:
+    drive = space(name="two\nlines")
+    assert all(
+        line.startswith(("%", "function", "A", "B", "C", "D", "K", "x0", "end"))
+        for line in as_matlab(drive, {}).splitlines()
+    )
+
+
+def test_merged_parameters_have_names_and_are_explained() -> None:
+    text = as_matlab(merged(space(), "J1 + J2*n^2"), {})
+    assert text.startswith("function [A,B,C,D,K,x0] = drive(J1_J2_n_2, Jg,")
+    assert "%   J1_J2_n_2 stands for J1 + J2*n^2\n" in text
+    assert "A(3,1) = -kg*r/J1_J2_n_2;" in text
+
+
+# --- text ---------------------------------------------------------------------------------------------------
+
+
+def shown(drive: StateSpace, width: int = 100, encoding: str = "utf-8") -> str:
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding=encoding)
+    print_text(facts_of(drive), Console(file=stream, width=width, highlight=False))
+    stream.flush()
+    return raw.getvalue().decode(encoding)
+
+
+def words_of(text: str) -> str:
+    """Without what folding adds."""
+    return re.sub(r"\s+", "", text)
+
+
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_nothing_is_cut_at_any_width(width: int) -> None:
+    drive = space("angle")
+    text = shown(drive, width)
+    assert "…" not in text
+    assert "\x1b" not in text
+    assert max(map(len, text.splitlines())) <= width
+    assert not any(line != line.rstrip() for line in text.splitlines())
+    told = {p.name for p in drive.parameters} | {s.name for s in drive.states} | set(drive.notes)
+    for what in told | set(facts_of(drive).identifiability):
+        assert words_of(what) in words_of(text)
+
+
+def test_the_three_mass_drive() -> None:
+    """Up to what can be identified."""
+    text, golden = shown(space()), Path(__file__).parent / "golden" / "three_mass.txt"
+    assert text.split("\nIdentifiability")[0] == golden.read_text(encoding="utf-8")
+
+
+def test_without_damping_there_is_no_minus_zero() -> None:
+    drawn = tuple(replace(p, value=0.0) if p.name in ("dg", "da", "fm") else p for p in space().drawn)
+    text = shown(replace(space(), drawn=drawn, parameters=drawn))
+    assert not re.search(r"-0\b(?!\.)", text)
+
+
+def test_what_the_elimination_did() -> None:
+    assert (
+        elimination_words(space(name="mine")) == "flat equations 71, states 11 -> minimal 5, equations left 6"
+    )
+    assert elimination_words(space("angle", "three-mass")) == (
+        "flat equations 71, states 11 -> minimal 6, equations left 6; the paper counts for its tool and library "
+        "55, 9, 6 and 5 with the speed as the output, 6 with the angle"
+    )
+
+
+def test_missing_values_are_named() -> None:
+    drive = space()
+    drawn = tuple(replace(p, value=None) if p.name in ("kg", "da") else p for p in drive.drawn)
+    text = shown(replace(drive, drawn=drawn, parameters=drawn))
+    assert "not known: no nominal value for kg, da" in text
+    assert "Resonances" not in text
+
+
+def test_merged_parameters_are_told() -> None:
+    assert "  Jm = J1 + J2*n^2\n" in shown(merged(space()))
+    for drive in (space(), merged(space(), "J1 + J2*n^2")):
+        assert "Merged" not in shown(drive)
+    assert "  J1 + J2*n^2 " in shown(merged(space(), "J1 + J2*n^2"))
+
+
+def test_markup_in_names_is_text() -> None:
+    odd = FlatParameter("[red]x[/]", "N m", "[bold]no markup[/bold]", 1.0)
+    drive = space(name="[b]name[/b]")
+    text = shown(replace(drive, parameters=(*drive.parameters, odd), drawn=(*drive.drawn, odd)), 120)
+    assert text.startswith("[b]name[/b]\n")
+    assert "[red]x[/]" in text
+    assert "[bold]no markup[/bold]" in text
+
+
+def test_a_terminal_without_unicode() -> None:
+    text = shown(space(), 120, "ascii")
+    assert "-4.262 +- 57.4i" in text
+    assert "A = [ -kg*r/Jm" in text
+
+
+def test_colour_on_a_terminal() -> None:
+    stream = io.StringIO()
+    print_text(
+        facts_of(space()), Console(file=stream, force_terminal=True, width=80, color_system="standard")
+    )
+    assert "\x1b[1mthree-mass" in stream.getvalue()
+
+
+# --- A, B, C ------------------------------------------------------------------------------------------
+
+
+def test_a_matrix() -> None:
+    entries = [["k", "0"], ["0", "-1/Jm"], ["0", "0"]]
+    assert matrix("A", entries) == ["    ⎡ k     0   ⎤", "A = ⎢ 0   -1/Jm ⎥", "    ⎣ 0     0   ⎦"]
+    assert matrix("C", [["0", "1"]]) == ["C = [ 0   1 ]"]
+    assert matrix("B", [["0"], ["0"]], ascii_only=True) == ["B = [ 0 ]", "    [ 0 ]"]
+
+
+def test_equations_where_the_matrices_do_not_fit() -> None:
+    lines = matrix_lines(space(), 60)
+    assert lines == [
+        "x1' = r*x3 - x4",
+        "x2' = x4 - x5",
+        f"x3' = -kg*r/Jm*x1 - {-space().A[2, 2]}*x3 + dg*r/Jm*x4",
+        "      + kT/Jm*u1 - fc/Jm*u2 + tau0/Jm*u3",
+        "x4' = kg/Jg*x1 - ka/Jg*x2 + dg*r/Jg*x3 - (da + dg)/Jg*x4",
+        "      + da/Jg*x5",
+        "x5' = ka/Ja*x2 + da/Ja*x4 - da/Ja*x5",
+        "y1 = x3",
+    ]
+    assert matrix_lines(space(), 100)[2].startswith("A = ⎢ -kg*r/Jm")
+
+
+def test_sums_stand_in_brackets() -> None:
+    drive = space()
+    total = Laurent.symbol("a") - Laurent.symbol("b")
+    found = list(equations(replace(drive, A={(0, 0): total, (1, 0): -total}, B={})))
+    assert found[0] == ["x1' =", "(a - b)*x1"]
+    assert found[1] == ["x2' =", "(b - a)*x1"]
+    assert found[2] == ["x3' =", "0"]
+
+
+def test_equations_are_the_matrices(seed: int) -> None:
+    source = random.Random(seed)
+    drive = space("angle")
+    values: dict[str, float] = {p.name: source.uniform(0.5, 2) for p in drive.parameters}
+    signals = {f"x{i}": source.uniform(-1, 1) for i in range(1, 7)} | {
+        f"u{i}": source.uniform(-1, 1) for i in range(1, 4)
+    }
+    (n, _), _, _ = shapes(drive)
+
+    def row(entries: Entries, number: int, letter: str) -> float:
+        return sum(
+            float(v.value(values)) * signals[f"{letter}{c + 1}"]
+            for (r, c), v in entries.items()
+            if r == number
+        )
+
+    for number, equation in enumerate(equations(drive)):
+        text = " ".join(equation[1:]).replace("^", "**")
+        expected = (
+            row(drive.A, number, "x") + row(drive.B, number, "u")
+            if number < n
+            else row(drive.C, number - n, "x")
+        )
+        assert eval(text, {"__builtins__": {}}, values | signals) == pytest.approx(expected, rel=1e-12)
