@@ -6,19 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
 from monitor_core.settings import Threshold
-from service.commands.check import check
 from service.config import Config, load
 from service.config.axis_settings import AxisError, axis_model, axis_settings
 from service.config.detector_choice import Detectors, detectors_of
+from tests.end_to_end.processes import edit
+from tests.service.command_line import shown
 from tests.service.found_files import named, thresholds_text
 from tests.service.identification.conftest import robot_text, write_robot
-
-app = typer.Typer()
-app.command()(check)
 
 OWN = [
     {"cause": "kT", "size": 0.2, "h": 9.0, "allowance": 0.01, "alike": ["torque scale"]},
@@ -37,12 +33,7 @@ def robot(tmp_path: Path) -> Path:
 
 
 def detector(path: Path, *rows: str) -> Path:
-    text = path.read_text(encoding="utf-8")
-    path.write_text(
-        text.replace("[robot.axis.detector]\n", "\n".join(["[robot.axis.detector]", *rows, ""])),
-        encoding="utf-8",
-    )
-    return path
+    return edit(path, ("[robot.axis.detector]\n", "\n".join(["[robot.axis.detector]", *rows, ""])))
 
 
 def calibrated(path: Path, entries: list[dict[str, object]]) -> Path:
@@ -61,9 +52,7 @@ def found(path: Path) -> Detectors:
 
 
 def checked(path: Path) -> str:
-    result = CliRunner().invoke(app, ["--config", str(path)], env={"COLUMNS": "300"})
-    assert result.exit_code == 0, result.stderr
-    return re.sub(r"\s+", " ", result.stdout)
+    return re.sub(r"\s+", " ", shown("check", "--config", path))
 
 
 def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None:

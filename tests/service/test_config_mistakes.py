@@ -13,9 +13,9 @@ import pytest
 from service.config import ConfigErrors, load
 from service.config.found_file import FoundFileError
 from service.config.nominal_file import read_nominal
-from service.config.validation_messages import RENAMED_KEYS, hint
+from service.config.validation_messages import RENAMED_KEYS
 from tests import golden
-from tests.service.config_texts import BASE, CONFIG, TEXTS, furnish, loaded
+from tests.service.config_texts import CONFIG, TEXTS, furnish, loaded
 
 FOLDER = Path(__file__).parent / "config_mistakes"
 
@@ -62,31 +62,6 @@ def test_without_a_mistake_the_texts_load(name: str, tmp_path: Path) -> None:
 
 
 EXAMPLE = (CONFIG / "axiswatch.toml").read_text(encoding="utf-8")
-SECTION = {
-    "averaged": "[robot.axis.angle]",
-    "least_excitation": "[robot.axis.estimator]",
-    "least_information": "[robot.axis.estimator]",
-    "least_speed": "[[robot.axis]]",
-    "maximum_gap_s": "[[robot.axis]]",
-    "speed_noise": "[robot.axis.estimator]",
-    "varying": "[robot.axis.model]",
-    "widening": "[robot.axis.detector]",
-    "wraps_at": "[robot.axis.angle]",
-}
-
-
-@pytest.mark.parametrize("key", SECTION)
-def test_an_old_key_names_the_new_one(key: str, tmp_path: Path) -> None:
-    furnish(tmp_path)
-    header = SECTION[key]
-    text = BASE if header in BASE else f"{BASE}\n{header}\n"
-    at = text.index(header) + len(header)
-    file = tmp_path / "a.toml"
-    file.write_text(f"{text[:at]}\n{key} = 1\n{text[at:]}", encoding="utf-8")
-    with pytest.raises(ConfigErrors) as caught:
-        load(file, {})
-    problem = next(p for p in caught.value.problems if p.key.endswith(key))
-    assert (problem.line, problem.message) == (text[:at].count("\n") + 2, hint(key))
 
 
 @pytest.mark.parametrize("key", RENAMED_KEYS.values())

@@ -11,7 +11,6 @@ import pytest
 
 from monitor_core.identification.records import Known, suspicions
 from service.can.user_errors import RecordError
-from service.config.condition_rules import sources as signal_sources
 from service.config.schema import Config
 from service.ingest.identification_records import Loaded, Wanted, load, wanted
 from service.ingest.records import read_record
@@ -225,23 +224,6 @@ def test_a_signal_that_never_comes(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1(signal=[{"name": "x", "message": "Other", "signal": "Something"}]))
     found = load(str(log_of(tmp_path / "a.log")), config, "r.one")
     assert np.isnan(found.record.signals["x"]).all()
-
-
-@pytest.mark.parametrize(
-    ("signals", "problem"),
-    [
-        ([{"name": "a", "column": "x"}, {"name": "a", "column": "y"}], "must differ from the name of"),
-        ([{"name": "a", "message": "Both2"}], "missing: message and signal go together"),
-        ([{"name": "a", "signal": "Speed", "column": "x"}], "missing: message and signal go together"),
-        ([{"name": "a"}], "missing: it is either in a column or in a message and signal"),
-        ([{"name": "a", "column": "x"}, SPEED], None),
-    ],
-)
-def test_rules_of_further_signals(tmp_path: Path, signals: list[dict[str, Any]], problem: str | None) -> None:
-    config = make_config(tmp_path, axis1(signal=signals))
-    axis = config.axes[0].config
-    found = [finding.message for finding in signal_sources(axis)]
-    assert found == ([] if problem is None else [problem])
 
 
 def real(

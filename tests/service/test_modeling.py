@@ -21,8 +21,7 @@ from service.config.drive_sources import (
     model_of_file,
     model_of_library,
 )
-from service.config.resources import shipped
-from tests.service.pipeline.robots import demo
+from tests.service.pipeline.robots import changed, demo
 
 MODEL, READ = modeling._model, modelica.read
 DRAWINGS = {"two-mass": library.two_mass, "three-mass": library.three_mass, "five-mass": library.five_mass}
@@ -89,9 +88,7 @@ def test_components_of_a_configuration_are_the_same_drive_as_a_file(tmp_path: Pa
 
 def test_axes_with_one_drive_read_it_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "belt.mo").write_text(BELT.replace("Belt", "Once"), encoding="utf-8")
-    axis = demo(tmp_path, 1).axes[0].config
-    model = axis.model.model_copy(update={"drive": str(tmp_path / "belt.mo")})
-    axis = axis.model_copy(update={"model": model})
+    axis = changed(demo(tmp_path, 1), model={"drive": str(tmp_path / "belt.mo")}).axes[0].config
     calls: list[Output | None] = []
 
     def counted(flat: FlatModel, output: Output | None, called: str | None) -> Modelled:
@@ -137,13 +134,3 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     for name, words in cases.items():
         with pytest.raises(ModelError, match=words):
             model_of_file(tmp_path / name)
-
-
-def test_a_name_that_the_library_does_not_have() -> None:
-    with pytest.raises(ModelError, match=r'did you mean "five-mass"\?.*ends with "\.mo"'):
-        model_of_library("five_mass")
-
-
-def test_a_model_that_the_file_does_not_have() -> None:
-    with pytest.raises(ModelError, match="ThreeMass"):
-        model_of_file(shipped("drives/three_mass.mo"), "FourMass")

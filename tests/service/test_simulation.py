@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.drive.operating_conditions import Gate, Term
 from monitor_core.samples import SampleBlock
-from service.config import Config, NamedAxis, conditions_of
+from service.config import NamedAxis, conditions_of
 from service.config.schema_signals import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import ControlledAxis
@@ -19,7 +19,7 @@ from service.simulation.robot import Fault, Moment, SimulatedRobot
 from service.simulation.sending import run_robot
 from service.simulation.simulated_conditions import PERIOD_S, SimulatedConditions
 from tests.service.ingest.plant import axis1, axis2, make_config
-from tests.service.pipeline.robots import demo
+from tests.service.pipeline.robots import changed, demo
 
 SPEED_ONLY = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
 OUTPUT_ERROR = {"predictor": "output-error", "output_noise": 0.2, "torque_noise": None}
@@ -36,9 +36,8 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
-    (estimator, changes), one = KINDS[kind], demo(tmp_path, 1).axes[0]
-    parts = one.config.estimator.model_copy(update={"initial_p": {}, **estimator})
-    one = one._replace(config=one.config.model_copy(update={"estimator": parts, **changes}))
+    estimator, changes = KINDS[kind]
+    (one,) = changed(demo(tmp_path, 1), estimator={"initial_p": {}, **estimator}, **changes).axes
     robot = ControlledAxis(one, np.random.default_rng(seed))
     n = round(40 / robot.interval_s)
     readings = [robot.sample(k) for k in range(n)]
@@ -52,21 +51,14 @@ def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Pa
 
 
 def test_axes_of_different_intervals_come_in_the_order_of_time(tmp_path: Path, seed: int) -> None:
-    config = demo(tmp_path, 2)
-    fast, slow = config.robot[0].axis
-    slow = slow.model_copy(update={"sample_interval_s": 0.012})
-    robot = config.robot[0].model_copy(update={"axis": (fast, slow)})
-    moments = list(itertools.islice(SimulatedRobot(_with(config, robot), seed).moments(), 300))
+    config = changed(demo(tmp_path, 2), "axis2", sample_interval_s=0.012)
+    moments = list(itertools.islice(SimulatedRobot(config, seed).moments(), 300))
     times = [m.time_s for m in moments]
     assert times == sorted(times)
     for axis_id, interval_s in (("demo.axis1", 0.005), ("demo.axis2", 0.012)):
         own = [m for m in moments if axis_id in m.readings]
         assert [m.number for m in own] == list(range(len(own)))
         np.testing.assert_allclose([m.time_s for m in own], np.arange(len(own)) * interval_s)
-
-
-def _with(config: Config, robot: Any) -> Config:
-    return config.model_copy(update={"robot": (robot,)})
 
 
 def test_faults_happen_once_and_in_time(tmp_path: Path, seed: int) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
@@ -17,11 +16,11 @@ from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from service.can.frames import Frame
 from service.can.log_files import FrameRecorder
-from service.commands.main import app
 from service.config import Config, load
 from service.ingest.clocks import CyclicClock
 from service.pipeline.frame_pipeline import FramePipeline
-from tests.end_to_end.processes import demo_config
+from tests.end_to_end.processes import demo_config, edit
+from tests.service.command_line import shown
 from tests.service.pipeline.robots import START_US, cut, live, moments, replayed
 
 Times = NDArray[np.int64]
@@ -92,9 +91,7 @@ def configured(folder: Path, clock: str) -> tuple[Path, Config]:
     """An axis of the demo, without its counter."""
     folder.mkdir()
     file = demo_config(folder, 'interface = "virtual"\nchannel = "stamps"', axes=1)
-    text = file.read_text(encoding="utf-8")
-    assert text.count(COUNTER) == 1
-    file.write_text(text.replace(COUNTER, f'clock = "{clock}"'), encoding="utf-8")
+    edit(file, (COUNTER, f'clock = "{clock}"'))
     return file, load(file, {})
 
 
@@ -146,9 +143,9 @@ def test_through_a_log_to_the_estimates_and_live_to_the_last_bit(tmp_path: Path,
 def test_what_the_stamps_say_is_said(tmp_path: Path, seed: int) -> None:
     file, config = configured(tmp_path / "receipt", "receipt")
     log = write(tmp_path / "a.log", frames_of(config, np.random.default_rng(seed), 4.0, JITTER_US))
-    result = CliRunner().invoke(app, ["replay", "--config", str(file), str(log)])
-    assert "demo.axis1: stamps scatter by" in result.stdout
-    assert 'set clock = "cyclic" in [robot.axis.time]' in result.stdout
+    said = shown("replay", "--config", file, log)
+    assert "demo.axis1: stamps scatter by" in said
+    assert 'set clock = "cyclic" in [robot.axis.time]' in said
 
 
 # --- each fault has its counter -----------------------------------------------------------------------------
@@ -160,10 +157,7 @@ CYCLE_US = 5000
 
 def faulty_robot(folder: Path, clock: str) -> Path:
     file = demo_config(folder, 'interface = "virtual"\nchannel = "faults"', axes=1)
-    text = file.read_text(encoding="utf-8")
-    assert COUNTER in text
-    file.write_text(text.replace(COUNTER, CLOCKS[clock]), encoding="utf-8")
-    return file
+    return edit(file, (COUNTER, CLOCKS[clock]))
 
 
 def sent(config: Config, seed: int, samples: int) -> list[Frame]:

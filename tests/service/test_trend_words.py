@@ -1,4 +1,4 @@
-"""The slow course and the limits in words: never a time without an interval."""
+"""Alarms, the slow course and the limits in words: never a time without an interval."""
 
 import re
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.trend import trend_of
-from service.texts.alarm_texts import episode_words
+from service.texts.alarm_texts import alarm_words, episode_words
 from service.texts.trend_texts import reach_words, trend_words
 from tests.core.trend.courses_of_months import SIZE, months
 
@@ -80,3 +80,26 @@ def test_an_alarm_about_a_limit() -> None:
         "fm", "up", NOW_US, NOW_US, NOW_US, None, 0.02, 0.001, 1, "named", kind="forecast", reaches=reaches
     )
     assert episode_words(forecast, 0.06, UNIT) == words
+
+
+LATE = "the torque frame is 0.5 ms late: the torque acts that much after its sample"
+EARLY = "the torque frame is 1.2 ms early: the torque acts that much before its sample"
+USUAL = "the torque frame is {} than usual: the torque acts {} its sample"
+
+
+@pytest.mark.parametrize(
+    ("alarm", "words"),
+    [
+        (("delay", 0.0005, 0.0, "s"), LATE),
+        (("delay", -0.00123, 0.0, "s"), EARLY),
+        (("delay", 0.0005, 0.001, "s"), USUAL.format("0.5 ms later", "1.5 ms after")),
+        (("delay", -0.002, 0.001, "s"), USUAL.format("2 ms earlier", "1 ms before")),
+        (("delay", -0.0005, 0.001, "s"), USUAL.format("0.5 ms earlier", "0.5 ms after")),
+        (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
+        (("kT", -0.1, 1.0, "1"), "kT is 0.1 (10 %) below its nominal value"),
+        (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
+        (("fm", float("nan"), 0.06, "N m s/rad"), "fm is ? N m s/rad (? %) above its nominal value"),
+    ],
+)
+def test_alarms(alarm: tuple[str, float, float, str], words: str) -> None:
+    assert alarm_words(*alarm) == words

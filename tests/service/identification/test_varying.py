@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
@@ -16,10 +16,10 @@ from monitor_core.identification.parameter_selection import (
 )
 from monitor_core.identification.problem import IdentificationError
 from service.commands.identification_task import read_schedule
-from service.commands.main import app
 from service.config import Config, load
 from service.config.nominal_file import read_nominal
 from service.simulation.axis import ControlledAxis
+from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import SHIPPED, robot_text
 
 SIGNALS = """
@@ -77,11 +77,8 @@ def here(warm: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return warm
 
 
-def identify(*words: str) -> Result:
-    line = ["identify", "warm.csv", "--config", "robot.toml", "--start", "values", "--force", *words]
-    result = CliRunner().invoke(app, line)
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result
+def identify(*words: str, record: str = "warm.csv") -> Result:
+    return axiswatch("identify", record, "--config", "robot.toml", "--start", "values", "--force", *words)
 
 
 def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(here: Path) -> None:
@@ -162,8 +159,7 @@ def test_names_are_those_of_what_is_free() -> None:
 def test_a_signal_that_stays_as_it_is_tells_nothing(here: Path) -> None:
     rows = (here / "warm.csv").read_text(encoding="utf-8").splitlines()
     (here / "cold.csv").write_text("\n".join(rows[:400]) + "\n", encoding="utf-8")
-    line = ["identify", "cold.csv", "--config", "robot.toml", "--schedule", "fm: temperature", "--force"]
-    result = CliRunner().invoke(app, line)
+    result = identify("--schedule", "fm: temperature", record="cold.csv")
     assert result.exit_code == 2
     assert "temperature is 20 throughout the records" in result.stderr
 

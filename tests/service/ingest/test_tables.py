@@ -223,18 +223,3 @@ def test_a_configuration_without_columns(tmp_path: Path, seed: int) -> None:
         read_record(tmp_path / "a.csv", make_config(tmp_path, axis))
     del axis["torque"]["column"]
     assert "no axis says where it is in a table" in fault(tmp_path / "a.csv", axis)
-
-
-@pytest.mark.records
-def test_the_records_of_real_axes(tmp_path: Path, records_dir: Path) -> None:
-    axis = axis2(sample_interval_s=0.0005, pairing_tolerance_s=0.0002)
-    axis["torque"]["column"], axis["speed"]["column"] = "torque", "speed"
-    block, dropped = samples_of(records_dir / "irb" / "robot_arm.mat", tmp_path, axis)
-    assert len(block.t_us) == 19838
-    assert dropped == {}
-
-    axis = axis1(time={"column": "0"}, sample_interval_s=0.0105, pairing_tolerance_s=0.004)
-    axis["torque"]["column"], axis["angle"]["column"] = "13", "1"
-    block, dropped = samples_of(records_dir / "ur10e" / "ur-20_01_22-joint_1.csv", tmp_path, axis)
-    assert len(block.t_us) == 5889
-    assert set(dropped) <= {"missing"}

@@ -15,7 +15,7 @@ from service.pipeline.frame_pipeline import FramePipeline
 from service.pipeline.restoring import Loss, Restored, loss_messages, restore
 from service.store.checkpoints import AxisState, Checkpoints
 from service.store.journal import Journal
-from tests.service.pipeline.robots import blocks, demo
+from tests.service.pipeline.robots import blocks, changed, demo
 
 NOW_US = 1_760_000_100_000_000
 AXIS = "demo.axis1"
@@ -131,16 +131,13 @@ def test_a_checkpoint_of_another_model_is_quarantined_and_said(
     monitors[AXIS].batch.state.theta[:, monitors[AXIS].lane] = np.array([1.1, 0.01, 0.07])
     save(monitors, checkpoints)
     config = demo(tmp_path, 2)
-    axis = config.robot[0].axis[0]
-    nominal = axis.model.model_copy(update={"nominal": {**axis.model.nominal, "fm": 0.061}})
-    other = axis.model_copy(update={"model": nominal})
-    robot = config.robot[0].model_copy(update={"axis": (other, config.robot[0].axis[1])})
-    changed = AxisMonitors(config.model_copy(update={"robot": (robot,)}).axes).by_id
-    restored = restore(changed, checkpoints, journal, NOW_US)
+    nominal = {**config.robot[0].axis[0].model.nominal, "fm": 0.061}
+    found = AxisMonitors(changed(config, "axis1", model={"nominal": nominal}).axes).by_id
+    restored = restore(found, checkpoints, journal, NOW_US)
     assert restored.messages == ()
     (loss,) = restored.losses
     assert (loss.axis_id, loss.part) == (AXIS, "estimates")
-    assert changed[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
+    assert found[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
     assert [quarantined.axis for quarantined in checkpoints.quarantined()] == [AXIS]
     assert restored.checkpoint_us == NOW_US  # that of the other axis
 

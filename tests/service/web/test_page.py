@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import Status
 from service.web.server import serve
-from tests.service.web.conftest import Stage
+from tests.service.web.conftest import PARAMETERS, Stage, with_status
 
 pytestmark = pytest.mark.browser
 
@@ -114,16 +114,8 @@ def test_it_shows_alarms_active_first(page: Page, stage: Stage, fm_alarm: Alarm)
 
 
 def test_an_alarm_is_named_when_the_evidence_is_in(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
-    changed = replace(
-        fm_alarm,
-        parameter="kT",
-        stage="changed",
-        causes=(),
-        kind="",
-        past=(),
-        onset_low_us=None,
-        onset_high_us=None,
-    )
+    changed = replace(fm_alarm, parameter="kT", stage="changed", causes=(), kind="", past=())
+    changed = replace(changed, onset_low_us=None, onset_high_us=None)
     page.goto("/")
     expect(page.get_by_text("No alarm has been raised.")).to_be_visible()
     stage.journal.record("demo.axis1", "1", 1.0, changed)
@@ -143,13 +135,9 @@ def test_it_follows_the_estimates(page: Page, stage: Stage) -> None:
     page.goto("/")
     row = page.get_by_role("article", name="demo.axis1").get_by_role("row", name="kT")
     expect(row).to_contain_text("0.993 ± 0.018")
-    axis = stage.snapshot.axes[0]
-    kT, *others = axis.status.parameters
-    facts = replace(
-        axis.status,
-        parameters=(replace(kT, estimate=0.8, standard_deviation=0.01, status=Status.ALARM), *others),
-    )
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
+    kT, *others = PARAMETERS
+    kT = replace(kT, estimate=0.8, standard_deviation=0.01, status=Status.ALARM)
+    with_status(stage, parameters=(kT, *others))
     expect(row).to_contain_text("0.800 ± 0.010")
     expect(row).to_contain_text("−20.0 %")
     expect(page.get_by_role("article")).to_have_count(1)
@@ -205,11 +193,8 @@ def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> N
 
 
 def test_values_that_are_no_numbers_are_dashes(page: Page, stage: Stage) -> None:
-    axis = stage.snapshot.axes[0]
-    broken = replace(axis.status.parameters[0], estimate=math.nan, standard_deviation=math.nan, g_up=math.inf)
-    zero = replace(axis.status.parameters[1], nominal=0.0, estimate=0.0)
-    facts = replace(axis.status, parameters=(broken, zero))
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=facts),))
+    broken = replace(PARAMETERS[0], estimate=math.nan, standard_deviation=math.nan, g_up=math.inf)
+    with_status(stage, parameters=(broken, replace(PARAMETERS[1], nominal=0.0, estimate=0.0)))
     page.goto("/")
     cells = page.get_by_role("row", name="kT").get_by_role("cell")
     expect(cells.nth(1)).to_have_text("–")
