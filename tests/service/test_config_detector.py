@@ -60,9 +60,6 @@ def test_unless_said_the_paper_alarms_and_the_bank_looks_on(robot: Path) -> None
     assert one.alarm_source == "cusum"
     assert one.multimodel is not None
     assert "alarms: cusum (multimodel in shadow mode)" in checked(robot)
-
-
-def test_alone(robot: Path) -> None:
     assert found(detector(robot, "shadow = false")) == Detectors("cusum", None, "")
     assert "multimodel" not in checked(robot)
 
@@ -87,11 +84,8 @@ def test_with_thresholds_of_its_own_the_bank_alarms(robot: Path) -> None:
     assert found(detector(robot, 'alarm_source = "cusum"')).alarm_source == "cusum"
 
 
-def test_a_file_of_thresholds_without_the_bank(robot: Path) -> None:
+def test_a_file_of_thresholds_without_the_bank_or_for_other_causes(robot: Path) -> None:
     assert found(calibrated(robot, [])).alarm_source == "cusum"
-
-
-def test_a_file_for_other_causes(robot: Path) -> None:
     calibrated(robot, [{"cause": "fc", "size": 0.2, "h": 9.0}])
     with pytest.raises(AxisError, match="limits of fc, which the axis does not have"):
         found(robot)

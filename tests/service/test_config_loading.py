@@ -83,6 +83,7 @@ def test_an_interface_that_is_near(file: Path) -> None:
 
 
 def test_the_environment_wins(file: Path) -> None:
+    """A number may be a name; no section is needed in the file; a mistake beside it is not hidden."""
     environ = {
         "AXISWATCH_WEB__PORT": "9000",
         "axiswatch_web__host": "0.0.0.0",
@@ -96,15 +97,11 @@ def test_the_environment_wins(file: Path) -> None:
     assert config.service.state_dir == file.parent / "elsewhere"
     assert config.service.history_interval_s == 2.5
     assert config.service.history_length_s == 3600
-
-
-def test_a_number_in_the_environment_may_be_a_name(file: Path) -> None:
     assert load(file, {"AXISWATCH_SERVICE__STATE_DIR": "2026"}).service.state_dir.name == "2026"
-
-
-def test_the_environment_needs_no_section_in_the_file(file: Path) -> None:
     file.write_text(BASE.replace("[web]\nport = 8080\n", ""), encoding="utf-8")
     assert load(file, {"AXISWATCH_WEB__PORT": "1234"}).web.port == 1234
+    file.write_text(BASE.replace("[web]\nport = 8080", "web = 3"), encoding="utf-8")
+    assert len(messages(file, {"AXISWATCH_WEB__PORT": "1"})) == 1
 
 
 @pytest.mark.parametrize(
@@ -126,8 +123,3 @@ def test_problems_of_the_environment_name_the_variable(
     (message,) = messages(file, {variable: value})
     assert message.startswith(f"environment: {variable} = {value}: ")
     assert words in message
-
-
-def test_an_override_does_not_hide_the_mistake_beside_it(file: Path) -> None:
-    file.write_text(BASE.replace("[web]\nport = 8080", "web = 3"), encoding="utf-8")
-    assert len(messages(file, {"AXISWATCH_WEB__PORT": "1"})) == 1

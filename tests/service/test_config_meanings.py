@@ -49,18 +49,12 @@ def told(folder: Path, model: str, head: str = HEAD) -> list[str]:
     ]
 
 
-def test_a_file_beside_the_configuration_brings_its_own_values(folder: Path) -> None:
+def test_values_of_a_file_of_the_configuration_and_of_merged_parameters(folder: Path) -> None:
     model = axis_model(read(folder, FILE).axes[0].config)
     assert model.drive.name == "Rigid"
     assert model.nominal == pytest.approx({MERGED: 0.001 + 0.02**2 * 2, "f": 0.004})
-
-
-def test_values_of_the_configuration_go_before_those_of_the_file(folder: Path) -> None:
     model = axis_model(read(folder, FILE + "nominal = { Jl = 3, f = 0.005 }").axes[0].config)
     assert model.nominal == pytest.approx({MERGED: 0.001 + 0.02**2 * 3, "f": 0.005})
-
-
-def test_a_merged_parameter_may_be_given_and_watched_itself(folder: Path) -> None:
     text = f'drive = "rigid.mo"\nmonitor = ["1/({MERGED})"]\n[robot.axis.model.nominal]\n"{MERGED}" = 0.002\n'
     model = axis_model(read(folder, text).axes[0].config)
     assert model.theta0.tolist() == [500]
@@ -70,6 +64,7 @@ def test_components_are_a_drive(folder: Path) -> None:
     model = axis_model(read(folder, DRAWN).axes[0].config)
     assert model.nominal == {"J": 0.01, "f": 0.03, "motor.kT": 1.0}
     assert [state.unit for state in model.drive.states] == ["rad/s", "rad"]
+    assert axis_model(read(folder, DRAWN + WEIGHT).axes[0].config).drive.output == "angle"
 
 
 def test_which_model_of_a_file(folder: Path) -> None:
@@ -86,18 +81,11 @@ def test_a_mistake_in_a_file_has_the_line_of_the_file_too(folder: Path) -> None:
     (folder / "rigid.mo").write_text(RIGID.replace("J = Jl", "J = Jx"), encoding="utf-8")
     (problem,) = told(folder, FILE)
     assert re.search(r"^1 model\.drive: \S*rigid\.mo:12: load", problem)
-
-
-def test_a_value_of_the_file_that_makes_no_sense(folder: Path) -> None:
     (folder / "rigid.mo").write_text(
         RIGID.replace("Jm(unit", "Jm(unit").replace("0.001", "-0.001"), encoding="utf-8"
     )
     (problem,) = told(folder, FILE)
     assert re.search(r"model\.drive: .*rigid\.mo:\d+: .*greater than zero", problem)
-
-
-def test_weights_need_the_angle(folder: Path) -> None:
-    assert axis_model(read(folder, DRAWN + WEIGHT).axes[0].config).drive.output == "angle"
 
 
 def test_every_axis_is_checked_at_once(folder: Path) -> None:
@@ -109,7 +97,7 @@ def test_every_axis_is_checked_at_once(folder: Path) -> None:
 # --- operating conditions, and what `axiswatch check` says of them ------------------------------------------
 
 
-def test_all_that_may_be_said(folder: Path) -> None:
+def test_all_that_may_be_said_and_nothing(folder: Path) -> None:
     config = loaded(
         folder,
         with_conditions(model='conditions = "followed"\n').replace(
@@ -133,9 +121,6 @@ def test_all_that_may_be_said(folder: Path) -> None:
     ]
     assert not conditions_of(second)
     assert needed(second) == ()
-
-
-def test_what_is_absent_changes_nothing(folder: Path) -> None:
     config = loaded(folder, BASE)
     assert not any(conditions_of(axis) for axis in config.axes)
 

@@ -74,7 +74,7 @@ def test_people_read_it_in_words(tmp_path: Path, seed: int) -> None:
     assert all(word in shown for word in ("delay", "torque", "frame", "late:")), shown
 
 
-def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
+def test_nominal_value_scale_and_bounds_and_the_demo_can_watch_it(tmp_path: Path) -> None:
     plain = axis_model(load(written(tmp_path), {}).axes[0].config)
     assert (plain.nominal["delay"], plain.scale[3]) == (0.0, H / 2)
     np.testing.assert_array_equal(plain.limits[:, 3], [-H, H])
@@ -84,9 +84,6 @@ def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
     given = axis_model(load(written(tmp_path, own), {}).axes[0].config)
     assert given.scale[3] == 0.001
     np.testing.assert_array_equal(given.limits[:, 3], [-0.002, 0.003])
-
-
-def test_the_demo_can_watch_it(tmp_path: Path) -> None:
     axis = watching(load(written(tmp_path), {}).axes[0].config, ("fm", "delay"))
     assert axis_model(axis).monitored == ("fm", "delay")
     with pytest.raises(KeyError):

@@ -49,7 +49,7 @@ def test_a_time_ahead_always_has_two_ends_in_order(low: float, more: float) -> N
     assert float(found[1]) <= float(found[2])
 
 
-def test_courses() -> None:
+def test_courses_and_their_shares_where_they_are_not_sure() -> None:
     rng = np.random.default_rng(1)
     courses = {
         r"fm is steady: 0\.0(6|59)\d* N m s/rad ± \S+": lambda t: SIZE + 0 * t,
@@ -62,9 +62,6 @@ def test_courses() -> None:
         trend = trend_of(months(rng, 200, course, 0.0005), SIZE, 3600.0)
         assert re.fullmatch(pattern, trend_words("fm", UNIT, trend)), trend_words("fm", UNIT, trend)
     assert trend_words("fm", UNIT, None) == "fm: too little data yet to detect a drift"
-
-
-def test_what_is_not_sure_is_told_with_its_shares() -> None:
     trend = trend_of(months(np.random.default_rng(1), 200, lambda t: SIZE + 0 * t, 0.0005), SIZE, 3600.0)
     assert trend is not None
     unsure = trend._replace(probability={"steady": 0.3, "drift": 0.6, "step": 0.08, "both": 0.02})

@@ -31,7 +31,7 @@ def as_json(folder: Path, *records: str) -> dict[str, Any]:
     return found
 
 
-def test_estimates_and_the_alarm_as_json(folder: Path) -> None:
+def test_estimates_and_the_alarm_as_json_and_the_same_again_and_tables_for_people(folder: Path) -> None:
     (axis,) = as_json(folder, "a.csv")["axes"]
     assert (axis["id"], axis["samples"]) == ("demo.axis1", 2401)
     assert axis["last_sample"] == "2025-10-09T08:53:32.000000Z"
@@ -52,15 +52,9 @@ def test_estimates_and_the_alarm_as_json(folder: Path) -> None:
     assert alarm["crossings"] >= 1
     assert sum(axis["counters"].values()) == 2401
     assert axis["dropped"]["missing"] == 0
-
-
-def test_tables_for_people(folder: Path) -> None:
+    assert as_json(folder, "a.csv") == as_json(folder, "a.csv")
     shown = replay(folder, str(folder / "a.csv"))
     assert all(words in shown for words in ("demo.axis1", "Alarms", "fm"))
-
-
-def test_the_same_record_twice_is_the_same_to_the_bit(folder: Path) -> None:
-    assert as_json(folder, "a.csv") == as_json(folder, "a.csv")
 
 
 def test_records_one_after_the_other(folder: Path) -> None:
@@ -100,29 +94,20 @@ def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]
     return {**axis, "shown": text, "page": page}
 
 
-def test_the_drift_has_its_slope(found: dict[str, Any]) -> None:
+def test_the_drift_has_its_slope_and_the_limit_is_foretold(found: dict[str, Any]) -> None:
     fm = found["trends"][2]
     assert fm["entries"] > 90
     assert fm["probability"]["drift"] + fm["probability"]["both"] > 0.9
     slope = 0.06 * PER_S * 86400
     assert fm["slope_per_day"] == pytest.approx(slope, abs=6 * fm["slope_per_day_sd"])
     assert fm["slope_per_day_sd"] < 0.3 * slope
-
-
-def test_the_others_do_not_drift(found: dict[str, Any]) -> None:
     for parameter in found["trends"][:2]:
         assert abs(parameter["slope_per_day"]) < 6 * parameter["slope_per_day_sd"]
-
-
-def test_the_limit_is_foretold_in_an_interval(found: dict[str, Any]) -> None:
     (limit,) = found["trends"][2]["limits"]
     assert limit["state"] in ("ahead", "open")
     assert limit["words"].startswith("fm reaches 0.09 N m s/rad in ")
     assert "Trend: demo.axis1: fm " in found["shown"]
     assert "fm reaches 0.09 N m s/rad in " in found["shown"].replace("\n", " ")
-
-
-def test_an_alarm_of_its_own_kind_is_raised_beside_that_of_the_change(found: dict[str, Any]) -> None:
     kinds = [alarm["kind"] for alarm in found["alarms"] if alarm["parameter"] == "fm"]
     assert kinds.count("forecast") == 1
     assert len(kinds) >= 2

@@ -164,16 +164,13 @@ def test_a_signal_that_stays_as_it_is_tells_nothing(here: Path) -> None:
     assert "temperature is 20 throughout the records" in result.stderr
 
 
-def test_a_configuration_without_signals_says_how_to_add_one(warm: Path) -> None:
+def test_what_the_user_writes_is_read(warm: Path) -> None:
     (axis,) = load(warm / "robot.toml", {}).axes
     none = axis.config.model_copy(update={"signal": ()})
     with pytest.raises(
         IdentificationError, match=r'add \[\[robot\.axis\.signal\]\] with name = "temperature"'
     ):
         read_schedule(("fm: temperature",), none)
-
-
-def test_terms_are_read_with_blanks_or_without(warm: Path) -> None:
     (axis,) = load(warm / "robot.toml", {}).axes
     found = read_schedule(("1/Ja:cos( angle2 ),temperature", "fm : square(angle2)"), axis.config)
     assert found == {"1/Ja": ("cos(angle2)", "temperature"), "fm": ("square(angle2)",)}

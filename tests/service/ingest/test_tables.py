@@ -87,15 +87,12 @@ def test_the_order_of_times_counts_across_blocks(tmp_path: Path, seed: int) -> N
     assert dropped == {"out_of_order": 1, "missing": 1}
 
 
-def test_two_axes_in_one_table(tmp_path: Path, seed: int) -> None:
+def test_axes_in_a_table_and_axes_without_columns(tmp_path: Path, seed: int) -> None:
     table = columns(seed, 5)
     write_table(tmp_path / "a.csv", {**table, "torque_two": np.ones(5), "speed_two": np.ones(5)})
     (step,) = read_record(tmp_path / "a.csv", make_config(tmp_path, timed(), axis2())).steps()
     assert step.samples["r.one"].t_us[0] == 100_000_000
     assert step.samples["r.two"].y.tolist() == [1.0] * 5
-
-
-def test_an_axis_without_columns_is_left_out(tmp_path: Path, seed: int) -> None:
     write_table(tmp_path / "a.csv", columns(seed, 5))
     other = axis2()
     del other["torque"]["column"], other["speed"]["column"]

@@ -13,18 +13,12 @@ from service.pipeline.warming import CacheFiller, compile_kernel
 from tests.end_to_end.processes import wait_for
 
 
-def test_it_lies_below_the_folder_that_is_set(tmp_path: Path) -> None:
+def test_it_lies_below_the_folder_that_is_set_or_the_users_cache(tmp_path: Path) -> None:
     environ = {VARIABLE: str(tmp_path)}
     assert choose(environ) == tmp_path / f"kernel-{fingerprint()}"
     assert Path(environ[VARIABLE]).is_dir()
-
-
-def test_a_child_process_uses_the_same_folder(tmp_path: Path) -> None:
     environ = {VARIABLE: str(tmp_path)}
     assert choose(environ) == choose(environ)
-
-
-def test_else_below_the_users_cache(tmp_path: Path) -> None:
     assert choose({"XDG_CACHE_HOME": str(tmp_path)}).parent == tmp_path / "axiswatch"
 
 

@@ -121,21 +121,16 @@ def times(keeper: RecentHistory) -> list[int]:
     return [point.time_us for point in keeper.history.points]
 
 
-def test_a_point_each_interval_of_the_samples_time() -> None:
+def test_points_of_the_history() -> None:
+    """One each interval of the samples' time, no hole after a clock set back, and not much more than the length."""
     keeper = RecentHistory(1.0, 3600.0)
     for t_us in (None, 0, 400_000, 999_999, 1_000_000, 1_100_000, 5_000_000):
         keeper.add(at(t_us))
     assert times(keeper) == [0, 1_000_000, 5_000_000]
-
-
-def test_a_clock_set_back_leaves_no_hole() -> None:
     keeper = RecentHistory(1.0, 3600.0)
     for t_us in (10_000_000, 2_000_000, 2_500_000, 3_000_000):
         keeper.add(at(t_us))
     assert times(keeper) == [10_000_000, 2_000_000, 3_000_000]
-
-
-def test_the_length_is_there_and_not_much_more() -> None:
     keeper = RecentHistory(0.5, 100.0)
     for k in range(1000):
         keeper.add(at(k * 500_000))

@@ -174,20 +174,15 @@ A, B = "cell.axis1", "cell.axis2"
 OTHER, DAMAGED = "it was saved with another model", "it is damaged"
 
 
-def test_nothing_lost_is_no_message() -> None:
+def test_losses_in_words() -> None:
+    """One message names all that an axis lost; axes and reasons are kept apart."""
     assert list(loss_messages([])) == []
-
-
-def test_one_message_names_all_that_is_lost() -> None:
     losses = [Loss(A, "history", OTHER, parameter) for parameter in ("kT", "1/Ja", "fm", "")]
     (message,) = loss_messages([Loss(A, "estimates", OTHER), *losses, Loss(A, "multimodel", OTHER)])
     assert message == (
         "cell.axis1: its checkpoint is not used and was quarantined: it was saved with another model (restarted: the"
         " estimates, the evidence of the multi-model detector and the long-term history of kT, 1/Ja and fm)"
     )
-
-
-def test_axes_and_reasons_are_kept_apart() -> None:
     losses = [
         Loss(A, "estimates", DAMAGED),
         Loss(B, "multimodel", OTHER),

@@ -204,12 +204,6 @@ def test_the_bank_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
     assert max(found.largest(group.cause) for group in found.groups) == share.max() > 1
 
 
-def test_nothing_came() -> None:
-    case = BY_NAME["paper"]
-    empty = Course(AxisMonitor(case.model, case.settings()))
-    assert (empty.used, empty.middles.size, empty.largest_g(0)) == (0, 0, 0.0)
-
-
 # --- the line of times --------------------------------------------------------------------------------------
 
 
@@ -246,7 +240,7 @@ def test_it_goes_on_whatever_the_times_do(steps: list[int], cuts: list[int], sta
         assert found * 1e6 >= last - 0.5 >= at - 0.5  # the latest place of that time
 
 
-def test_times_that_were_not_are_nowhere() -> None:
+def test_what_a_line_of_times_does_not_have() -> None:
     timeline, _ = line(np.array([0, S, 100 * S, 101 * S]), [])
     assert [timeline.find(t) for t in (None, -1, S // 2, 50 * S, 100 * S, 102 * S)] == [
         *(None, None, 0.5),
@@ -254,15 +248,18 @@ def test_times_that_were_not_are_nowhere() -> None:
     ]
     assert [round(one.pause_s) for one in timeline.stretches] == [0, 99]
     assert Timeline().find(0) is None
-
-
-def test_only_so_many_stretches_are_known() -> None:
     timeline, where = line(np.arange(10_000) * 100 * S, [1234])
     assert (timeline.pauses, len(timeline.stretches), where[-1]) == (9_999, 4096, 0)
+    case = BY_NAME["paper"]
+    empty = Course(AxisMonitor(case.model, case.settings()))
+    assert (empty.used, empty.middles.size, empty.largest_g(0)) == (0, 0, 0.0)
 
 
-def test_every_reason_has_words() -> None:
+def test_reasons_and_times_in_words() -> None:
     assert {*COUNTERS, *DROPPED, *FRAME_REASONS, AMBIGUOUS} <= REASONS.keys()
+    assert [time_unit(s).name for s in (1, 600, 601, 86_400, 1e6)] == ["s", "s", "min", "h", "d"]
+    assert [time_unit(9000).written(s) for s in (90.0, None)] == ["1.50 min", ""]
+    assert [dated(t) for t in (None, 5_000_000, 1_760_000_000_123_456)] == ["", "", "2025-10-09 08:53:20.1"]
 
 
 @pytest.mark.parametrize(
@@ -271,9 +268,3 @@ def test_every_reason_has_words() -> None:
 )
 def test_durations(s: float, words: str) -> None:
     assert duration(s) == words
-
-
-def test_times_in_the_unit_of_the_record() -> None:
-    assert [time_unit(s).name for s in (1, 600, 601, 86_400, 1e6)] == ["s", "s", "min", "h", "d"]
-    assert [time_unit(9000).written(s) for s in (90.0, None)] == ["1.50 min", ""]
-    assert [dated(t) for t in (None, 5_000_000, 1_760_000_000_123_456)] == ["", "", "2025-10-09 08:53:20.1"]

@@ -56,9 +56,6 @@ def test_the_three_mass_drive_as_json() -> None:
     assert (found["merged"], found["missing_nominal"]) == ([], [])
     assert found["notes"] == list(space().notes)
     assert found["identifiability"]
-
-
-def test_numbers_at_nominal() -> None:
     found = document()
     A = space()
     assert len(found["poles"]) == 5
@@ -69,21 +66,15 @@ def test_numbers_at_nominal() -> None:
     assert found["antiresonances_hz"] == pytest.approx([4.228, 10.39], rel=1e-3)
 
 
-def test_without_nominal_values() -> None:
+def test_values_that_are_missing_merged_or_given() -> None:
     drawn = tuple(replace(p, value=None) for p in space().drawn)
     found = document(drawn=drawn, parameters=drawn)
     assert {found[key] for key in ("poles", "resonances_hz", "antiresonances_hz")} == {None}
     assert found["missing_nominal"] == [p.name for p in drawn]
     assert found["parameters"][0]["nominal"] is None
-
-
-def test_merged_parameters_as_json() -> None:
     found = json.loads(as_json(facts_of(merged(space()))))
     assert found["merged"] == [{"name": "Jm", "definition": "J1 + J2*n^2"}]
     assert found["parameters"][0]["nominal"] == pytest.approx(0.005 + 0.25 * 0.001)
-
-
-def test_values_go_before_those_of_the_drawing() -> None:
     found = json.loads(as_json(facts_of(space(), {"Jm": 1.0})))
     assert found["parameters"][0]["nominal"] == 1.0
     assert found["poles"] != document()["poles"]
@@ -161,10 +152,12 @@ def test_the_call_of_idgrey_stands_in_a_comment() -> None:
     assert "%   model = idgrey('axis1', parameters, 'c');" in text
     pairs = re.findall(r"^%     '(\w+)', ([^;]+);", text, re.M)
     assert {name: float(value) for name, value in pairs} == pytest.approx(dict(REFERENCE_VALUES), rel=1e-11)
-
-
-def test_what_has_no_value_is_nan() -> None:
     assert "%     'kg', NaN; ..." in as_matlab(space(), {"Jm": 1.0})
+    drive = space(name="two\nlines")
+    assert all(
+        line.startswith(("%", "function", "A", "B", "C", "D", "K", "x0", "end"))
+        for line in as_matlab(drive, {}).splitlines()
+    )
 
 
 @pytest.mark.parametrize("name", ["my-drive", "3mass", "end", "", "_x", "ä"])
@@ -183,14 +176,6 @@ def test_every_name_is_one_for_matlab(names: list[str]) -> None:
         assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", name)
         assert name not in KEYWORDS | {"drive", "Ts", "A", "x0"}
         assert matlab_name(name) == name
-
-
-def test_a_comment_stays_a_comment() -> None:
-    drive = space(name="two\nlines")
-    assert all(
-        line.startswith(("%", "function", "A", "B", "C", "D", "K", "x0", "end"))
-        for line in as_matlab(drive, {}).splitlines()
-    )
 
 
 def test_merged_parameters_have_names_and_are_explained() -> None:
@@ -275,13 +260,10 @@ def test_markup_in_names_is_text() -> None:
     assert "[bold]no markup[/bold]" in text
 
 
-def test_a_terminal_without_unicode() -> None:
+def test_terminals_with_colours_or_without_unicode() -> None:
     text = shown(space(), 120, "ascii")
     assert "-4.262 +- 57.4i" in text
     assert "A = [ -kg*r/Jm" in text
-
-
-def test_colour_on_a_terminal() -> None:
     stream = io.StringIO()
     print_text(
         facts_of(space()), Console(file=stream, force_terminal=True, width=80, color_system="standard")
@@ -292,11 +274,17 @@ def test_colour_on_a_terminal() -> None:
 # --- A, B, C ------------------------------------------------------------------------------------------
 
 
-def test_a_matrix() -> None:
+def test_a_matrix_and_sums_in_brackets() -> None:
     entries = [["k", "0"], ["0", "-1/Jm"], ["0", "0"]]
     assert matrix("A", entries) == ["    ⎡ k     0   ⎤", "A = ⎢ 0   -1/Jm ⎥", "    ⎣ 0     0   ⎦"]
     assert matrix("C", [["0", "1"]]) == ["C = [ 0   1 ]"]
     assert matrix("B", [["0"], ["0"]], ascii_only=True) == ["B = [ 0 ]", "    [ 0 ]"]
+    drive = space()
+    total = Laurent.symbol("a") - Laurent.symbol("b")
+    found = list(equations(replace(drive, A={(0, 0): total, (1, 0): -total}, B={})))
+    assert found[0] == ["x1' =", "(a - b)*x1"]
+    assert found[1] == ["x2' =", "(b - a)*x1"]
+    assert found[2] == ["x3' =", "0"]
 
 
 def test_equations_where_the_matrices_do_not_fit() -> None:
@@ -312,15 +300,6 @@ def test_equations_where_the_matrices_do_not_fit() -> None:
         "y1 = x3",
     ]
     assert matrix_lines(space(), 100)[2].startswith("A = ⎢ -kg*r/Jm")
-
-
-def test_sums_stand_in_brackets() -> None:
-    drive = space()
-    total = Laurent.symbol("a") - Laurent.symbol("b")
-    found = list(equations(replace(drive, A={(0, 0): total, (1, 0): -total}, B={})))
-    assert found[0] == ["x1' =", "(a - b)*x1"]
-    assert found[1] == ["x2' =", "(b - a)*x1"]
-    assert found[2] == ["x3' =", "0"]
 
 
 def test_equations_are_the_matrices(seed: int) -> None:

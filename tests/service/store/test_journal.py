@@ -339,12 +339,22 @@ def test_a_damaged_log_goes_with_its_file(tmp_path: Path, seed: int) -> None:
     assert len(quarantined.read_bytes()) == 100
 
 
-def test_an_empty_file_is_a_new_journal(tmp_path: Path) -> None:
+def test_files_that_are_empty_closed_or_cannot_be(tmp_path: Path) -> None:
     path = tmp_path / "alarms.sqlite"
     path.touch()
     journal = Journal(path)
     assert (journal.messages, journal.query()) == ((), ([], 0))
     journal.close()
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match=r"file/alarms\.sqlite"):
+        Journal(tmp_path / "file" / "alarms.sqlite")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(StoreError, match="folder: unable to open"):
+        Journal(tmp_path / "folder")
+    journal = Journal(tmp_path / "alarms.sqlite")
+    journal.close()
+    with pytest.raises(StoreError, match="closed"):
+        journal.record("a", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))
 
 
 def test_a_newer_schema_is_refused_and_left_alone(tmp_path: Path) -> None:
@@ -356,19 +366,3 @@ def test_a_newer_schema_is_refused_and_left_alone(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"newer version of axiswatch .*99"):
         Journal(path)
     assert list(tmp_path.glob("*.damaged-*")) == []
-
-
-def test_a_path_that_cannot_be_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(StoreError, match=r"file/alarms\.sqlite"):
-        Journal(tmp_path / "file" / "alarms.sqlite")
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(StoreError, match="folder: unable to open"):
-        Journal(tmp_path / "folder")
-
-
-def test_a_closed_journal_says_so(tmp_path: Path) -> None:
-    journal = Journal(tmp_path / "alarms.sqlite")
-    journal.close()
-    with pytest.raises(StoreError, match="closed"):
-        journal.record("a", "1", 1.0, Alarm("kT", "up", 1, 1, 1, None, 0.5, 0.1, 1))

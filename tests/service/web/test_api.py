@@ -92,6 +92,12 @@ def test_history_comes_in_columns(client: TestClient) -> None:
     assert Ja["cusum_down"] == list(range(100))
     assert kT["standard_deviation"] == [0.1] * 100
     assert Ja["nominals"] == [0.01] * 100
+    path = "/api/v1/axes/demo.axis1/history?parameter=1/Ja&since=2026-03-01T11:59:57Z"
+    body = get(client, path)
+    assert [t[17:19] for t in body["time"]] == ["58", "59", "00"]
+    assert [course["name"] for course in body["parameters"]] == ["1/Ja"]
+    assert get(client, f"{path}&limit=1")["time"] == ["2026-03-01T12:00:00.000000Z"]
+    assert get(client, "/api/v1/axes/demo.axis2/history")["time"] == []
 
 
 def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: TestClient) -> None:
@@ -108,9 +114,6 @@ def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: T
     assert len(fm["time"]) == len(fm["mean"]) == len(fm["standard_deviation"]) == len(fm["operating_s"]) == 50
     assert fm["standard_deviation"][-1] == pytest.approx(1e-4)  # of four hours, each 2e-4
     assert sum(fm["operating_s"]) == pytest.approx(200 * 3600)
-
-
-def test_the_slow_course_of_one_parameter_and_of_none(client: TestClient) -> None:
     found = client.get("/api/v1/axes/demo.axis1/trend?parameter=fm").json()
     assert [p["name"] for p in found["parameters"]] == ["fm"]
     assert len(found["parameters"][0]["time"]) == 200
@@ -129,15 +132,6 @@ def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alar
         "fm reaches 0.09 N m s/rad in 24 hours or later, perhaps never; now fm is "
     )
     assert [(r["state"], r["high"]) for r in alarm["reaches"]] == [("open", None)]
-
-
-def test_history_of_one_parameter_since_a_time(client: TestClient) -> None:
-    path = "/api/v1/axes/demo.axis1/history?parameter=1/Ja&since=2026-03-01T11:59:57Z"
-    body = get(client, path)
-    assert [t[17:19] for t in body["time"]] == ["58", "59", "00"]
-    assert [course["name"] for course in body["parameters"]] == ["1/Ja"]
-    assert get(client, f"{path}&limit=1")["time"] == ["2026-03-01T12:00:00.000000Z"]
-    assert get(client, "/api/v1/axes/demo.axis2/history")["time"] == []
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def page(browser: Browser, daemon: Daemon) -> Iterator[Page]:
     assert complaints == []
 
 
-def test_it_shows_axes_with_estimates(page: Page) -> None:
+def test_it_shows_axes_with_estimates_and_the_long_term_trend_where_it_is_known(page: Page) -> None:
     page.goto("/")
     card = page.get_by_role("article", name="demo.axis1")
     row = card.get_by_role("row", name="fm")
@@ -75,10 +75,6 @@ def test_it_shows_axes_with_estimates(page: Page) -> None:
     headers = card.get_by_role("columnheader").all_inner_texts()
     assert headers == ["Parameter", "Nominal", "Estimate", "Deviation", "CUSUM", "Status"]
     expect(page.get_by_role("article", name="demo.axis2")).to_contain_text("no sample yet")
-
-
-def test_it_shows_the_long_term_trend_where_it_is_known(page: Page) -> None:
-    page.goto("/")
     courses = page.get_by_role("list", name="Long-term trend of demo.axis1").get_by_role("listitem")
     expect(courses).to_have_count(1)
     drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
@@ -177,12 +173,6 @@ def test_it_fits_the_screen(width: int, page: Page, stage: Stage, fm_alarm: Alar
     assert outside == 0
 
 
-def test_the_documentation_needs_no_other_host(page: Page) -> None:
-    page.goto("/docs")
-    page.get_by_text("GET /api/v1/axes/{axis}/history").click()
-    expect(page.get_by_text("maximum number of points; the last ones are returned")).to_be_visible()
-
-
 def test_the_gate_that_pauses_estimation_is_shown(page: Page, stage: Stage) -> None:
     axis = stage.snapshot.axes[0]
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, gated_by="temperature is not known"),))
@@ -228,8 +218,11 @@ FORMATS = [
 ]
 
 
-def test_numbers_are_written_as_people_read_them(page: Page) -> None:
+def test_the_documentation_needs_no_other_host_and_numbers_are_as_people_read_them(page: Page) -> None:
     page.goto("/docs")
     expressions = ",".join(f"f.{expression}" for expression, _ in FORMATS)
     written = page.evaluate(f"import('/static/format.js').then((f) => [{expressions}])")
     assert written == [text for _, text in FORMATS]
+    page.goto("/docs")
+    page.get_by_text("GET /api/v1/axes/{axis}/history").click()
+    expect(page.get_by_text("maximum number of points; the last ones are returned")).to_be_visible()
