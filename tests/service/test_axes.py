@@ -40,7 +40,7 @@ def test_what_is_given_goes_before_what_is_computed(tmp_path: Path) -> None:
     model = axis_model(demo(tmp_path, 1).axes[0].config)
     K, lam0 = filter_gain(model, 0.005, 0.1, 1e-4)
     gain = tuple(float(k) for k in K)
-    given = changed(
+    given = with_estimator(
         tmp_path, {"gain": gain, "innovation_variance": 1e-7, "torque_noise": None}, settling_time_s=3.0
     )
     settings = axis_settings(given, model)
