@@ -70,14 +70,12 @@ def test_no_dbc(text: str, tmp_path: Path) -> None:
     assert str(caught.value).startswith(f"{file} is no valid DBC: ")
 
 
-def test_no_file(tmp_path: Path) -> None:
+def test_no_file_and_a_file_that_changes(tmp_path: Path) -> None:
+    """A file is read again when it changes."""
     with pytest.raises(DbcError, match=r"none\.dbc: No such file"):
         read_dbc(tmp_path / "none.dbc")
     with pytest.raises(DbcError, match="Is a directory"):
         read_dbc(tmp_path)
-
-
-def test_a_file_is_read_again_when_it_changes(tmp_path: Path) -> None:
     file = write(tmp_path, GOOD)
     first = read_dbc(file)
     assert read_dbc(file) is first

@@ -134,16 +134,6 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     assert "3 missing, 3 ahead" in found.source.words
 
 
-def test_a_signal_that_a_table_lacks_or_that_no_table_has(tmp_path: Path, seed: int) -> None:
-    columns = table(seed, 100)
-    del columns["w"]
-    path = write_table(tmp_path / "a.csv", columns)
-    with pytest.raises(RecordError, match=r'no column "w" for the signal speed of axis r\.one'):
-        load(str(path), timed(tmp_path), "r.one")
-    only_on_the_bus = make_config(tmp_path, axis1(signal=[{**SPEED, "column": None}]))
-    assert load(str(path), only_on_the_bus, "r.one").record.signals == {}
-
-
 @pytest.mark.parametrize(
     ("name", "axis", "problem"),
     [
@@ -220,10 +210,17 @@ def test_the_motion_of_another_axis_is_a_signal(tmp_path: Path, seed: int) -> No
     assert found.tolist() == [2.0 * k + 1 for k in range(50)]
 
 
-def test_a_signal_that_never_comes(tmp_path: Path) -> None:
+def test_a_signal_that_never_comes_or_is_in_no_table(tmp_path: Path, seed: int) -> None:
     config = make_config(tmp_path, axis1(signal=[{"name": "x", "message": "Other", "signal": "Something"}]))
     found = load(str(log_of(tmp_path / "a.log")), config, "r.one")
     assert np.isnan(found.record.signals["x"]).all()
+    columns = table(seed, 100)
+    del columns["w"]
+    path = write_table(tmp_path / "a.csv", columns)
+    with pytest.raises(RecordError, match=r'no column "w" for the signal speed of axis r\.one'):
+        load(str(path), timed(tmp_path), "r.one")
+    only_on_the_bus = make_config(tmp_path, axis1(signal=[{**SPEED, "column": None}]))
+    assert load(str(path), only_on_the_bus, "r.one").record.signals == {}
 
 
 def real(

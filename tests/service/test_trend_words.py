@@ -1,6 +1,7 @@
 """Alarms, the slow course and the limits in words: never a time without an interval."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,14 +70,13 @@ def test_courses_and_their_shares_where_they_are_not_sure() -> None:
 
 
 def test_an_alarm_about_a_limit() -> None:
-    words = (
-        "fm reaches 0.09 N m s/rad in 12 to 20 days; now fm is 0.02 N m s/rad (33 %) above its nominal value"
+    found = Alarm("fm", "up", NOW_US, NOW_US, NOW_US, None, 0.02, 0.001, 1, "named")
+    forecast = replace(found, kind="forecast", reaches=(reach("ahead", 12.2, 19.8),))
+    said = episode_words(forecast, 0.06, UNIT)
+    assert (
+        said
+        == "fm reaches 0.09 N m s/rad in 12 to 20 days; now fm is 0.02 N m s/rad (33 %) above its nominal value"
     )
-    reaches = (reach("ahead", 12.2, 19.8),)
-    forecast = Alarm(
-        "fm", "up", NOW_US, NOW_US, NOW_US, None, 0.02, 0.001, 1, "named", kind="forecast", reaches=reaches
-    )
-    assert episode_words(forecast, 0.06, UNIT) == words
 
 
 LATE = "the torque frame is 0.5 ms late: the torque acts that much after its sample"

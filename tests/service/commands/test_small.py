@@ -17,12 +17,9 @@ from service.config import load
 from tests.service.identification.conftest import write_record, write_robot
 
 
-def test_version() -> None:
+def test_version_and_warm() -> None:
     result = CliRunner().invoke(app, ["version"])
     assert (result.exit_code, result.stdout) == (0, f"axiswatch {version('axiswatch')}\n")
-
-
-def test_warm_compiles_the_kernel() -> None:
     result = CliRunner().invoke(app, ["warm"])
     assert result.exit_code == 0
     assert result.stdout.startswith("the kernel is ready (")
