@@ -105,8 +105,8 @@ def test_noises_may_be_held(folder: Path, robot: Config) -> None:
 
 
 def test_requests_that_contradict_and_records_that_are_refused(folder: Path, robot: Config) -> None:
-    for wish in ({"hold_noise": True}, {"disturbance_s": 1.0}):
-        request = Request(start="values", predictor="output-error", **wish)
+    contradiction = Request(start="values", predictor="output-error")
+    for request in (replace(contradiction, hold_noise=True), replace(contradiction, disturbance_s=1.0)):
         with pytest.raises(IdentificationError, match="no noise"):
             task(folder, robot, "healthy.csv", request=request)
     with pytest.raises(IdentificationError, match=r"(?s)refused.*healthy.csv: only 41 .*second.csv: only 21"):

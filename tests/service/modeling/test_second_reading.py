@@ -97,7 +97,7 @@ def test_every_input_acts_alike_and_the_functions_are_of_the_same_motion(
     ss = eliminate(read([Source("drive.mo", text)], model), output)
     drive, values, flat = drive_of(ss), nominal_of(ss, DRY), FlatText(text, model, DRY)
     given, functions = numbers(flat, "tau"), {f.known: f for f in flat.functions}
-    A, B, C = (drive.matrix(name, values) for name in "ABC")
+    A, B, C = drive.matrix("A", values), drive.matrix("B", values), drive.matrix("C", values)
     kinds = {
         known: KINDS[functions[known].function if known in functions else known] for known in given.knowns
     }
